@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""The bodies without contact: residual and tangent from UFL, and prescribed displacements."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import ufl
+
+from fenics_mortar import compat
+from fenics_mortar.surfaces import Array
+
+
+class Bulk:
+    """Residual r = f_int - f_ext and tangent K of the bodies, assembled by dolfinx.
+
+    Args:
+        residual: UFL form, linear in a test function of the space of ``u``.
+        u: Displacement.
+        bcs: Dirichlet conditions of dolfinx.
+        jacobian: UFL form of the tangent; the derivative of ``residual`` by default.
+
+    Attributes:
+        K: Tangent without boundary conditions, shape (N, N) [stress].
+        r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
+        prescribed: Whether a local dof, ghosts included, has a prescribed value.
+    """
+
+    def __init__(self, residual: Any, u: Any, bcs: list[Any], jacobian: Any | None = None) -> None:
+        self.u, self.V, self.bcs = u, u.function_space, list(bcs)
+        self.comm: MPI.Comm = self.V.mesh.comm
+        if jacobian is None:
+            jacobian = ufl.derivative(residual, u, ufl.TrialFunction(self.V))
+        self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
+        self.K: PETSc.Mat = compat.create_matrix(self._tangent)
+        self.r: PETSc.Vec = compat.create_vector(self.V)
+        self.num_owned = 2 * self.V.dofmap.index_map.size_local
+        self.first = 2 * self.V.dofmap.index_map.local_range[0]
+        self.prescribed: npt.NDArray[np.bool_] = np.zeros(u.x.array.size, bool)
+        for bc in self.bcs:
+            self.prescribed[bc.dof_indices()[0]] = True
+
+    @property
+    def held(self) -> npt.NDArray[np.int32]:
+        """Local numbers of the owned dofs with prescribed values."""
+        return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
+
+    def assemble_residual(self) -> None:
+        """Assemble ``r`` at the present displacement (collective)."""
+        compat.assemble_vector(self.r, self._residual)
+
+    def assemble_tangent(self) -> None:
+        """Assemble ``K`` at the present displacement (collective)."""
+        compat.assemble_matrix(self.K, self._tangent)
+
+    def distance_to_prescribed(self) -> Array:
+        """Prescribed value minus present displacement of the ``held`` dofs (local)."""
+        values = self.u.x.array.copy()
+        compat.set_prescribed(values, self.bcs)
+        return (values - self.u.x.array)[self.held]
+
+    def move(self, step: PETSc.Vec) -> None:
+        """Add a displacement increment (collective)."""
+        self.u.x.array[: self.num_owned] += step.array_r
+        self.u.x.scatter_forward()
+
+    def inverted_cells(self) -> tuple[int, Array]:
+        """Number of inverted cells and the reference position of one of them (collective)."""
+        num_cells = self.V.mesh.topology.index_map(2).size_local
+        dofs = compat.dofmap(self.V)[:num_cells]
+        X = self.V.tabulate_dof_coordinates()[:, :2]
+        x = X + self.u.x.array.reshape(-1, 2)
+        inverted = (_corner_areas(X[dofs]) * _corner_areas(x[dofs]) <= 0.0).any(axis=1)
+        found = self.comm.allgather(X[dofs[inverted]].mean(axis=1)[:1])
+        places = np.concatenate(found)
+        count = self.comm.allreduce(int(inverted.sum()))
+        return count, places[0] if count else np.full(2, np.nan)
+
+
+def _corner_areas(x: Array) -> Array:
+    """Twice the area spanned at each corner of triangles or tensor-ordered quadrilaterals."""
+    around = [0, 1, 2] if x.shape[1] == 3 else [0, 1, 3, 2]
+    x = x[:, around]
+    after, before = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    return after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0]

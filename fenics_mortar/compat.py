@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: MIT
+"""Every difference between dolfinx 0.5.2, 0.9 and 0.11, and nothing else.
+
+Each function asks for the shape of the interface (``hasattr``, ``callable``) and never for a
+version number, so that releases in between and after work as far as they look alike. The
+docstrings name the release that made the difference. No other module knows of any.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+from typing import Any, Callable
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+import dolfinx.fem.petsc  # must be explicit in every release
+import ufl
+from dolfinx import fem, la
+from dolfinx import mesh as dmesh
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
+
+
+def scalar_is_complex() -> bool:
+    """Tell whether PETSc was built with complex scalars."""
+    return np.issubdtype(PETSc.ScalarType, np.complexfloating)
+
+
+def cell_name(mesh: dmesh.Mesh) -> str:
+    """Return ``"triangle"`` or ``"quadrilateral"``.
+
+    ``mesh.ufl_cell().cellname`` became a property in 0.10; the enumeration did not change.
+    """
+    return mesh.topology.cell_type.name
+
+
+# Function spaces, functions and expressions
+
+
+def scalar_space(mesh: dmesh.Mesh, degree: int, family: str = "Lagrange") -> fem.FunctionSpace:
+    """Create a scalar space, e.g. ``family="DG"`` of degree 0 (collective).
+
+    ``fem.FunctionSpace(mesh, element)`` became ``fem.functionspace`` in 0.7.
+    """
+    create = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
+    return create(mesh, (family, degree))
+
+
+def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
+    """Create the Lagrange space of plane vectors (collective).
+
+    ``VectorFunctionSpace`` was removed in 0.8; the shape went into the element.
+    """
+    if hasattr(fem, "functionspace"):
+        return fem.functionspace(mesh, ("Lagrange", degree, (2,)))
+    return fem.VectorFunctionSpace(mesh, ("Lagrange", degree), dim=2)
+
+
+def petsc_vec(function: fem.Function) -> PETSc.Vec:
+    """Return the PETSc vector, with ghosts, that shares the memory of ``function``.
+
+    ``Function.vector`` became ``Function.x.petsc_vec`` in 0.9. The vector lives as long as the
+    function does: do not destroy it.
+    """
+    return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
+
+
+def interpolate_expression(function: fem.Function, expression: ufl.core.expr.Expr) -> None:
+    """Interpolate a UFL expression into ``function`` and update its ghosts (collective).
+
+    ``element.interpolation_points`` became a property in 0.10. The expression has to know its
+    mesh, that is, hold at least one function, constant or coordinate of it.
+    """
+    points = function.function_space.element.interpolation_points
+    points = points() if callable(points) else points
+    function.interpolate(fem.Expression(expression, points, **_own_options(fem.Expression)))
+    function.x.scatter_forward()
+
+
+def dofmap(V: fem.FunctionSpace) -> Indices:
+    """Return the blocked local dofs of all local cells, ghosts too, shape (num_cells, num_dofs).
+
+    The list became a two-dimensional array in 0.7.
+    """
+    return _as_table(V.dofmap.list, V.dofmap.dof_layout)
+
+
+def geometry_dofmap(mesh: dmesh.Mesh) -> Indices:
+    """Return the local geometry nodes of all local cells, shape (num_cells, num_nodes).
+
+    The list became a two-dimensional array in 0.7, one of several (``dofmaps``) in 0.11.
+    """
+    geometry = mesh.geometry
+    if hasattr(geometry, "dofmaps") and not callable(geometry.dofmaps):
+        return np.asarray(geometry.dofmaps[0])
+    return _as_table(geometry.dofmap, geometry.cmap.create_dof_layout())
+
+
+def _as_table(table: Any, layout: Any) -> Indices:
+    """View an adjacency list (until 0.6) as an array, also on a rank without cells."""
+    if isinstance(table, np.ndarray):
+        return table
+    return table.array.reshape(table.num_nodes, layout.num_dofs)
+
+
+# Forms, matrices and vectors
+
+
+def form(ufl_form: ufl.Form) -> fem.Form:
+    """Compile a UFL form for PETSc's scalar type (collective).
+
+    0.5 writes into its default option dictionaries, so each form gets its own.
+    """
+    return fem.form(ufl_form, **_own_options(fem.form))
+
+
+def create_matrix(a: fem.Form) -> PETSc.Mat:
+    """Create the sparse matrix of a bilinear form, with the form's pattern (collective)."""
+    return dolfinx.fem.petsc.create_matrix(a)
+
+
+def assemble_matrix(A: PETSc.Mat, a: fem.Form) -> None:
+    """Assemble a bilinear form into ``A`` without boundary conditions; collective."""
+    A.zeroEntries()
+    dolfinx.fem.petsc.assemble_matrix(A, a)
+    A.assemble()
+
+
+def create_vector(V: fem.FunctionSpace) -> PETSc.Vec:
+    """Create a vector of zeros with ghosts and the layout of ``V`` (collective).
+
+    ``la.create_petsc_vector`` became ``la.petsc.create_vector`` of a list in 0.10.
+    """
+    layout = V.dofmap.index_map, V.dofmap.index_map_bs
+    if hasattr(la, "create_petsc_vector"):
+        b = la.create_petsc_vector(*layout)
+    else:
+        b = importlib.import_module("dolfinx.la.petsc").create_vector([layout])
+    with b.localForm() as local:
+        local.set(0.0)
+    return b
+
+
+def assemble_vector(b: PETSc.Vec, L: fem.Form) -> None:
+    """Assemble a linear form into ``b``; owned entries are complete, ghosts stale; collective."""
+    with b.localForm() as local:
+        local.set(0.0)
+    dolfinx.fem.petsc.assemble_vector(b, L)
+    b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+
+
+def _own_options(function: Callable) -> dict[str, dict]:
+    """Give ``function`` fresh dictionaries; ``..._params`` became ``..._options`` in 0.6."""
+    names = ("form_compiler_params", "form_compiler_options", "jit_params", "jit_options")
+    return {name: {} for name in names if name in inspect.signature(function).parameters}
+
+
+# Meshes
+
+
+def create_mesh(
+    comm: MPI.Comm, cells: npt.ArrayLike, x: npt.ArrayLike, cell_name: str, degree: int = 1
+) -> dmesh.Mesh:
+    """Create a plane mesh from arrays (collective).
+
+    ``ufl.VectorElement`` gave way to ``basix.ufl.element``, and in 0.10 element and ``x`` changed
+    places.
+
+    Args:
+        comm: Communicator of the mesh.
+        cells: Global numbers of the nodes in basix order, shape (num_cells, nodes per cell); each
+            rank gives its part, possibly of shape (0, nodes per cell).
+        x: Coordinates of this rank's part of the nodes, shape (num_nodes, 2) [length]; the parts
+            are numbered one rank after the other.
+        cell_name: ``"triangle"`` or ``"quadrilateral"``.
+        degree: Degree of the geometry.
+    """
+    cells = np.ascontiguousarray(cells, dtype=np.int64)
+    x = np.ascontiguousarray(x, dtype=np.float64).reshape(-1, 2)
+    if hasattr(ufl, "VectorElement"):
+        element = ufl.VectorElement("Lagrange", cell_name, degree)
+        return dmesh.create_mesh(comm, cells, x, ufl.Mesh(element))
+    basix_ufl = importlib.import_module("basix.ufl")
+    element = basix_ufl.element("Lagrange", cell_name, degree, shape=(2,))
+    return dmesh.create_mesh(comm, cells, x=x, e=ufl.Mesh(element))
+
+
+def model_to_mesh(
+    model: Any, comm: MPI.Comm, rank: int = 0
+) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
+    """Distribute the plane gmsh model of rank ``rank`` as (mesh, cell tags, facet tags); collective.
+
+    ``io.gmshio`` became ``io.gmsh`` in 0.10 and its triple a tuple with names, in which tags can
+    be missing; here they are empty then. With 0.5 the mesh has ghost cells.
+
+    Args:
+        model: The module ``gmsh.model`` on rank ``rank``, anything on the others.
+        comm: Communicator of the mesh.
+        rank: The rank that has the model.
+    """
+    new = importlib.util.find_spec("dolfinx.io.gmsh") is not None
+    gmshio = importlib.import_module("dolfinx.io.gmsh" if new else "dolfinx.io.gmshio")
+    mesh, *tags = gmshio.model_to_mesh(model, comm, rank, gdim=2)[:3]
+    mesh.topology.create_entities(1)
+    none = np.empty(0, dtype=np.int32)
+    tags = [dmesh.meshtags(mesh, d, none, none) if t is None else t for d, t in zip((2, 1), tags)]
+    return mesh, tags[0], tags[1]
+
+
+def gmsh_is_initialized(gmsh: Any) -> bool:
+    """Tell whether the module ``gmsh`` has been initialized; 4.8 has no ``isInitialized``."""
+    if hasattr(gmsh, "isInitialized"):
+        return bool(gmsh.isInitialized())
+    try:
+        return gmsh.logger.getWallTime() >= 0.0
+    except Exception:  # gmsh knows no other
+        return False
+
+
+# Boundary conditions
+
+
+def set_prescribed(values: Array, bcs: list[Any]) -> None:
+    """Write the prescribed values of ``bcs`` into a local array of all dofs (local).
+
+    ``fem.set_bc`` on arrays became ``DirichletBC.set`` in 0.10.
+    """
+    if hasattr(fem, "set_bc"):
+        fem.set_bc(values, bcs)
+    else:
+        for bc in bcs:
+            bc.set(values)

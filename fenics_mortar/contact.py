@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: MIT
+"""Contact pairs: weighted gap, active set, complementarity, and the rows of the multiplier.
+
+The complementarity function of slave node j is (Popp, Gee & Wall 2009; Foltyn & Vlach 2016, eq. 6)
+
+    C_j = z_n - max(0, z_n - c_j g_j / D_jj),    z_n = n_j . z_j,
+
+with g_j the weighted gap; the node is active where z_n - c_j g_j / D_jj > 0. Its two rows in the
+linear system, for the increment dd of the displacement and the new multiplier z, read
+
+    active:     G_j dd = -g_j,     d(tau_j) . z_j^k + tau_j . z_j = 0
+    inactive:   z_j = 0.
+
+c_j = c k_j / l_j with k_j the mean diagonal entry of the bulk tangent at the node (about Young's
+modulus), l_j its length and c a plain number: nothing depends on units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.errors import SurfaceError, raise_together
+from fenics_mortar.mesh import MeshData
+from fenics_mortar.mortar import (
+    Basis,
+    Block,
+    Linearization,
+    MortarOperators,
+    MortarOptions,
+    Weighting,
+    dofs_of,
+    evaluate_mortar,
+    evaluate_normals,
+)
+from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
+
+# A node counts as covered if the diagonal of D is above this part of its length.
+LEAST_NODE_COVER = 1e-10
+# Before the first solve a node is active if it touches: gap below this part of its length.
+TOUCHING = 1e-8
+
+
+class ContactPair:
+    """Frictionless contact of a slave with a master surface.
+
+    Args:
+        data: Mesh, tags and names.
+        slave: Name or tag of the side that carries the multiplier (the finer or softer one).
+        master: Name or tag of the other side.
+        basis: "dual" (diagonal D, can be condensed) or "standard" multipliers.
+        normals: Weights of the facet normals at a slave node: "opposite" (length of the other
+            facet: exact on circles), "unit" (the choice of most codes) or "own" length.
+        points: Gauss points per segment.
+        search_radius: Farthest distance along the slave normal at which a partner is looked for
+            [length]; half the diagonal of the smaller surface's box by default.
+        max_angle: Largest angle between the slave normal and the reversed master normal [degree].
+        c_n: Weight of the gap in the active-set test, a plain number.
+
+    Raises:
+        ValueError: If an option is not one of those named.
+        MeshError: If a name or tag is unknown.
+    """
+
+    def __init__(
+        self,
+        data: MeshData,
+        slave: str | int,
+        master: str | int,
+        *,
+        basis: Basis = "dual",
+        normals: Weighting = "opposite",
+        points: int = 5,
+        search_radius: float | None = None,
+        max_angle: float = 84.0,
+        c_n: float = 1.0,
+    ) -> None:
+        for what, value, allowed in (
+            ("basis", basis, get_args(Basis)),
+            ("normals", normals, get_args(Weighting)),
+        ):
+            if value not in allowed:
+                raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
+        if points < 2:
+            raise ValueError(f"points={points}: at least 2 Gauss points per segment")
+        if search_radius is not None and not search_radius > 0.0:
+            raise ValueError(f"search_radius={search_radius}: a positive length, or None")
+        if not 0.0 < max_angle < 90.0:
+            raise ValueError(f"max_angle={max_angle}: between 0 and 90 degrees")
+        if not c_n > 0.0:
+            raise ValueError(f"c_n={c_n}: a positive number")
+        self.data = data
+        self.slave_name, self.master_name = str(slave), str(master)
+        self.slave_tag, self.master_tag = data.boundary_tag(slave), data.boundary_tag(master)
+        self.basis, self.normals, self.points = basis, normals, points
+        self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of the multipliers: blocks . dd + A_z z = rhs, in force units.
+
+    Attributes:
+        blocks: Blocks with rows 2 j + component and displacement dofs as columns.
+        A_z: Shape (slave nodes, 2, 2) [length].
+        rhs: Shape (slave nodes, 2) [stress length].
+    """
+
+    blocks: list[Block]
+    A_z: Array
+    rhs: Array
+
+
+class Contact:
+    """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
+
+    Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
+
+    Attributes:
+        slave, master: The surfaces.
+        z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
+        active: Active set, shape (slave nodes,), bool.
+        operators: D, M, gap and derivatives at the last evaluated state.
+        free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+    """
+
+    def __init__(self, pair: ContactPair, V: Any, prescribed: npt.NDArray[np.bool_]) -> None:
+        """Extract the surfaces (collective); ``prescribed``: local dofs with Dirichlet values."""
+        self.pair = pair
+        tags = pair.data.facet_tags
+        self.slave: Surface = extract_surface(V, tags, pair.slave_tag, pair.slave_name)
+        self.master: Surface = extract_surface(V, tags, pair.master_tag, pair.master_name)
+        self._check_sides()
+        self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
+        normals, _ = evaluate_normals(self.slave, self.slave.X, pair.normals)
+        self._plane_normals = self._normals_on_planes(normals)
+        on_plane = np.isfinite(self._plane_normals[:, 0])
+        self.carries = (self.free.sum(axis=1) == 2.0) | on_plane
+        if not self.carries.any():
+            raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
+        extents = [np.ptp(side.X, axis=0) for side in (self.slave, self.master)]
+        self.options = MortarOptions(
+            pair.basis,
+            pair.normals,
+            pair.points,
+            pair.search_radius or 0.5 * min(float(np.hypot(*extent)) for extent in extents),
+            float(np.cos(np.radians(pair.max_angle))),
+        )
+        self.z: Array = np.zeros((self.slave.num_nodes, 2))
+        self.active = np.zeros(self.slave.num_nodes, bool)
+        self.stiffness: Array = np.ones(self.slave.num_nodes)
+        self.operators: MortarOperators
+
+    def _check_sides(self) -> None:
+        both = np.intersect1d(self.slave.nodes, self.master.nodes)
+        error = None
+        if both.size:
+            where = self.slave.X[np.flatnonzero(self.slave.nodes == both[0])[0]]
+            error = SurfaceError(
+                f"slave '{self.pair.slave_name}' and master '{self.pair.master_name}' share "
+                f"{both.size} nodes, one at {where}; the two sides must be different surfaces "
+                "that are not joined in the mesh"
+            )
+        raise_together(self.slave.comm, error)
+
+    def _normals_on_planes(self, normals: Array) -> Array:
+        """Normal of slave nodes held in one component, along the free one; nan elsewhere.
+
+        Such a node lies on a symmetry plane: by symmetry its normal has no component across it.
+        A node held along its normal gets nan as well: it carries no multiplier.
+        """
+        half_free = (self.free.sum(axis=1) == 1.0) & (np.abs(normals * self.free).max(axis=1) > 0.5)
+        planes = np.full_like(normals, np.nan)
+        planes[half_free] = (np.sign(normals) * self.free)[half_free]
+        return planes
+
+    @property
+    def nodal_lengths(self) -> Array:
+        """Length of slave surface that belongs to each node, shape (slave nodes,) [length]."""
+        return self.slave.nodal_lengths
+
+    @property
+    def covered(self) -> npt.NDArray[np.bool_]:
+        """Whether a slave node has a multiplier and a partner at the last evaluated state."""
+        enough = self.operators.diagonal > LEAST_NODE_COVER * self.nodal_lengths
+        return self.carries & enough
+
+    @property
+    def gap(self) -> Array:
+        """Mean gap g_j / D_jj of every covered slave node, nan elsewhere, (slave nodes,)."""
+        gap = np.full(self.slave.num_nodes, np.nan)
+        on = self.covered
+        gap[on] = self.operators.gap[on] / self.operators.diagonal[on]
+        return gap
+
+    @property
+    def pressure(self) -> Array:
+        """Contact pressure z_n of every slave node, shape (slave nodes,) [stress]."""
+        return np.einsum("jc,jc->j", self.operators.n, self.z)
+
+    @property
+    def active_nodes(self) -> Indices:
+        """Numbers of the active slave nodes along the surface."""
+        return np.flatnonzero(self.active)
+
+    @property
+    def total_force(self) -> Array:
+        """Total contact force on the slave body, shape (2,) [stress length] (collective)."""
+        return self.operators.force(self.z)[0].sum(axis=0)
+
+    def evaluate(self, u: Array, linearization: Linearization) -> None:
+        """Evaluate the operators at the displacement ``u``, a local array (collective)."""
+        x = self.slave.X + self.slave.gather(u)
+        m = self.master.X + self.master.gather(u)
+        planes = self._plane_normals
+        self.operators = evaluate_mortar(
+            self.slave, self.master, x, m, self.carries, planes, self.options, linearization
+        )
+
+    def update_active(self, *, start: bool = False) -> int:
+        """Set the active set from the complementarity function; return how many nodes changed.
+
+        With ``start`` nodes that touch join it, since before the first solve there is no pressure
+        that could tell.
+        """
+        gap, on = self.gap, self.covered
+        weight = self.pair.c_n * self.stiffness / self.nodal_lengths
+        trial = np.where(on, self.pressure - weight * np.where(on, gap, 0.0), 0.0)
+        active = trial > 0.0
+        if start:
+            active |= on & (np.where(on, gap, np.inf) <= TOUCHING * self.nodal_lengths)
+        changed = int((active != self.active).sum())
+        self.active = active
+        self.z[~active] = 0.0
+        return changed
+
+    def rows(self) -> Rows:
+        """Rows of the multipliers, the law of frictionless contact.
+
+        The normal row is weighted by k_j / D_jj, the tangential one by D_jj, so that both read
+        like rows of the bulk; the two are then turned back to Cartesian components:
+        n (normal row) - tau (tangential row).
+        """
+        o, active = self.operators, self.active
+        n, tau = o.n, o.tau
+        diagonal = np.where(active, o.diagonal, self.nodal_lengths)
+        weight = np.where(active, self.stiffness / diagonal, 0.0)
+        project = np.where(active[:, None, None], np.einsum("ja,jb->jab", tau, tau), np.eye(2))
+        blocks = [_normal_rows(block, n * weight[:, None]) for block in o.gap_derivative()]
+        blocks.append(self._tangential_rows(tau * (diagonal * active)[:, None]))
+        return Rows(
+            blocks,
+            -diagonal[:, None, None] * project,
+            -n * (weight * o.gap)[:, None],
+        )
+
+    def _tangential_rows(self, scaled_tau: Array) -> Block:
+        """-tau_j D_jj (d(tau_j) . z_j) from the nodes that this rank owns."""
+        j = self.slave.owned[self.active[self.slave.owned]]
+        change = self.operators.tangential_derivative(self.z)
+        rows = 2 * j[:, None] + np.arange(2)
+        values = -scaled_tau[j][:, :, None] * change[j][:, None, :]
+        return Block(rows, self.operators.normal_columns()[j], values)
+
+    def force_blocks(self) -> list[Block]:
+        """B^T: contact force by the multipliers; columns 2 j + component, active nodes only."""
+        o, s = self.operators, self.operators.segments
+        eye = np.eye(2)
+        blocks = []
+        for surface, rows, nodes, values in (
+            (self.slave, o.facet_nodes, o.facet_nodes, o.D),
+            (self.master, s.master, s.slave, -o.M),
+        ):
+            values = np.where(self.active[nodes][:, :, None], values, 0.0)
+            block = np.einsum("sjk,ab->skajb", values, eye).reshape(-1, 4, 4)
+            columns = (2 * nodes[:, :, None] + np.arange(2)).reshape(-1, 4)
+            blocks.append(Block(dofs_of(surface.nodes, rows), columns, block))
+        return blocks
+
+
+def _normal_rows(block: Block, direction: Array) -> Block:
+    """Turn rows of the weighted gap into two rows a node, along ``direction`` (slave nodes, 2)."""
+    values = np.einsum("bja,bjq->bjaq", direction[block.rows], block.values)
+    rows = (2 * block.rows[:, :, None] + np.arange(2)).reshape(len(block.rows), -1)
+    return Block(rows, block.columns, values.reshape(*rows.shape, -1))

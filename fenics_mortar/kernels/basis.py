@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: MIT
+"""Multiplier basis of a slave facet, and the mortar integrals made from segment moments.
+
+The covered part S of a facet is the union of its segments. With |S| = int_S dxi, mean
+xm = int_S xi / |S| and variance v = int_S (xi - xm)^2 / |S|, every basis used here reads
+
+    Phi_1 = a - F (xi - xm),    Phi_2 = 1 - Phi_1,
+
+=================  ====================  ====================  =======================
+basis              a                     F                     w = F v
+=================  ====================  ====================  =======================
+dual               (1 - xm) / 2          (1 - xm^2) / (2 v)    (1 - xm^2) / 2
+standard           (1 - xm) / 2          1 / 2                 v / 2
+only node 1 left   1                     0                     0
+only node 2 left   0                     0                     0
+=================  ====================  ====================  =======================
+
+The dual row is the closed form of A = D_e M_e^-1 for any number of covered pieces: biorthogonal on
+the covered part, hence "consistent" (Cichosz & Bischoff 2011; Popp, Seitz, Gee & Wall 2013). On a
+fully covered facet xm = 0, v = 1/3: Phi = (1 -+ 3 xi) / 2. The last two rows hand the weight of a
+node that carries no multiplier (its displacement is prescribed) to its neighbour.
+
+With m = J |S|, N1 = (1 - xm)/2, N2 = (1 + xm)/2 the slave-side matrix is exact:
+
+    D_11 = m (a N1 + w/2), D_12 = m (a N2 - w/2), D_21 = m ((1-a) N1 - w/2), D_22 = ...
+
+Derivatives by the positions of a segment's nodes have 12 columns (see ``segment``). Those of M on
+segment i also depend on the ends of the facet's other segments, through xm and F, unless the
+facet is fully covered: hence pairs (i, k) of segments.
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+
+DUAL, STANDARD = 0, 1
+BOTH, ONLY_FIRST, ONLY_SECOND = 0, 1, 2
+
+
+@kernel
+def cover_of(ends):
+    """|S|, mean and variance of the union of disjoint intervals ``ends`` (n, 2)."""
+    size, mean = 0.0, 0.0
+    for i in range(ends.shape[0]):
+        size += ends[i, 1] - ends[i, 0]
+        mean += 0.5 * (ends[i, 1] - ends[i, 0]) * (ends[i, 1] + ends[i, 0])
+    mean /= size
+    variance = 0.0
+    for i in range(ends.shape[0]):
+        c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
+        variance += 2.0 * h * ((c - mean) ** 2 + h * h / 3.0)
+    return size, mean, variance / size
+
+
+@kernel
+def coefficients(basis, left, mean, variance):
+    """The table above and its derivatives: (a, da/dxm, F, dF/dxm, dF/dv, w, dw/dxm, dw/dv)."""
+    if left == ONLY_FIRST:
+        return 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if left == ONLY_SECOND:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    a = 0.5 * (1.0 - mean)
+    if basis == STANDARD:
+        return a, -0.5, 0.5, 0.0, 0.0, 0.5 * variance, 0.0, 0.5
+    w = 0.5 * (1.0 - mean * mean)
+    F = w / variance
+    return a, -0.5, F, -mean / variance, -F / variance, w, -mean, 0.0
+
+
+@kernel
+def cover_derivative(ends, dends, size, mean, variance, dsize, dmean, dvariance):
+    """Fill the share of one segment, ``ends`` (2,), in d|S|, dxm, dv, each of shape (12,)."""
+    c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
+    for k in range(dsize.size):
+        dc, dh = 0.5 * (dends[0, k] + dends[1, k]), 0.5 * (dends[1, k] - dends[0, k])
+        dsize[k] = 2.0 * dh
+        dmean[k] = 2.0 * (h * dc + (c - mean) * dh) / size
+        dvariance[k] = (
+            2.0 * (2.0 * h * (c - mean) * dc + ((c - mean) ** 2 + h * h - variance) * dh) / size
+        )
+
+
+@kernel
+def slave_matrix(table, size, mean, J, D):
+    """Fill ``D`` (2, 2) of one facet."""
+    a, w, m = table[0], table[5], J * size
+    N1, N2 = 0.5 * (1.0 - mean), 0.5 * (1.0 + mean)
+    D[0, 0] = m * (a * N1 + 0.5 * w)
+    D[0, 1] = m * (a * N2 - 0.5 * w)
+    D[1, 0] = m * ((1.0 - a) * N1 - 0.5 * w)
+    D[1, 1] = m * ((1.0 - a) * N2 + 0.5 * w)
+
+
+@kernel
+def slave_matrix_derivative(table, size, mean, J, dJ, dsize, dmean, dvariance, dD):
+    """Fill the share of one segment in ``dD`` (2, 2, 12); ``dJ`` (12,) comes weighted by it."""
+    a, da, w, dw_dmean, dw_dv = table[0], table[1], table[5], table[6], table[7]
+    m, N1, N2 = J * size, 0.5 * (1.0 - mean), 0.5 * (1.0 + mean)
+    for k in range(dsize.size):
+        dm = dJ[k] + J * dsize[k]
+        dA = m * da * dmean[k]
+        half_dw = 0.5 * m * (dw_dmean * dmean[k] + dw_dv * dvariance[k])
+        half_dN = 0.5 * m * dmean[k]
+        dD[0, 0, k] = dm * (a * N1 + 0.5 * w) + dA * N1 - a * half_dN + half_dw
+        dD[0, 1, k] = dm * (a * N2 - 0.5 * w) + dA * N2 + a * half_dN - half_dw
+        dD[1, 0, k] = dm * ((1.0 - a) * N1 - 0.5 * w) - dA * N1 - (1.0 - a) * half_dN - half_dw
+        dD[1, 1, k] = dm * ((1.0 - a) * N2 + 0.5 * w) - dA * N2 + (1.0 - a) * half_dN + half_dw
+
+
+@kernel
+def facet_values(table, segments, size, mean, J, D, M, g):
+    """Fill D (2, 2), M (n, 2, 2) and g (2,) of one facet from the moments of its segments."""
+    ends, _, Mp, _, gp, _ = segments
+    slave_matrix(table, size, mean, J, D)
+    a, F = table[0], table[2]
+    g[:] = 0.0
+    for i in range(ends.shape[0]):
+        b0 = a - F * (0.5 * (ends[i, 0] + ends[i, 1]) - mean)
+        b1 = -0.5 * F * (ends[i, 1] - ends[i, 0])
+        for l in range(2):
+            M[i, 0, l] = b0 * Mp[i, 0, l] + b1 * Mp[i, 1, l]
+            M[i, 1, l] = Mp[i, 0, l] - M[i, 0, l]
+        g_first = b0 * gp[i, 0] + b1 * gp[i, 1]
+        g[0] += g_first
+        g[1] += gp[i, 0] - g_first
+
+
+@kernel
+def own_derivative(table, segments, i, mean, dM, dg):
+    """Fill dM (2, 2, 12) and dg (2, 12) of segment ``i`` by its own nodes, xm and F fixed."""
+    ends, dends, Mp, dMp, gp, dgp = segments
+    F = table[2]
+    b0 = table[0] - F * (0.5 * (ends[i, 0] + ends[i, 1]) - mean)
+    b1 = -0.5 * F * (ends[i, 1] - ends[i, 0])
+    for q in range(12):
+        db0 = -0.5 * F * (dends[i, 0, q] + dends[i, 1, q])
+        db1 = -0.5 * F * (dends[i, 1, q] - dends[i, 0, q])
+        for l in range(2):
+            first = db0 * Mp[i, 0, l] + db1 * Mp[i, 1, l]
+            first += b0 * dMp[i, 0, l, q] + b1 * dMp[i, 1, l, q]
+            dM[0, l, q] = first
+            dM[1, l, q] = dMp[i, 0, l, q] - first
+        first = db0 * gp[i, 0] + db1 * gp[i, 1] + b0 * dgp[i, 0, q] + b1 * dgp[i, 1, q]
+        dg[0, q] = first
+        dg[1, q] = dgp[i, 0, q] - first
+
+
+@kernel
+def add_cover_derivative(table, segments, i, mean, dmean, dF, dM, dg):
+    """Add what segment ``i`` changes by dxm and dF (12,): to dM (2, 2, 12) and dg (2, 12)."""
+    ends, _, Mp, _, gp, _ = segments
+    c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
+    for q in range(12):
+        db0 = (table[1] + table[2]) * dmean[q] - (c - mean) * dF[q]
+        db1 = -h * dF[q]
+        for l in range(2):
+            change = db0 * Mp[i, 0, l] + db1 * Mp[i, 1, l]
+            dM[0, l, q] += change
+            dM[1, l, q] -= change
+        change = db0 * gp[i, 0] + db1 * gp[i, 1]
+        dg[0, q] += change
+        dg[1, q] -= change
+
+
+@kernel
+def facet_derivatives(table, segments, size, mean, variance, edge, coupled, dD, dM, dg):
+    """Fill dD (n, 2, 2, 12), dM (pairs, 2, 2, 12) and dg (n, 2, 12) of one facet."""
+    ends, dends = segments[0], segments[1]
+    count = ends.shape[0]
+    dJ, dsize, dF = np.zeros(12), np.zeros(12), np.empty(12)
+    dmean, dvariance = np.zeros(12), np.zeros(12)
+    ex, ey = 0.5 * edge[0], 0.5 * edge[1]
+    J = np.sqrt(ex * ex + ey * ey)
+    for k in range(count):
+        own = k * count + k if coupled else k
+        own_derivative(table, segments, k, mean, dM[own], dg[k])
+        share = 0.5 * (ends[k, 1] - ends[k, 0]) / J
+        dJ[2], dJ[3], dJ[4], dJ[5] = -share * ex, -share * ey, share * ex, share * ey
+        if coupled:
+            cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
+        slave_matrix_derivative(table, size, mean, J, dJ, dsize, dmean, dvariance, dD[k])
+    if not coupled:
+        return
+    for k in range(count):
+        cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
+        dF[:] = table[3] * dmean + table[4] * dvariance
+        for i in range(count):
+            add_cover_derivative(table, segments, i, mean, dmean, dF, dM[i * count + k], dg[k])
+
+
+@kernel
+def tabulate_facets(
+    edges, left, basis, offsets, pair_offsets, segments, D, dD, M, dM, g, dg, cover
+):
+    """Make D, M and the weighted gap of all facets from the moments of their segments.
+
+    ``edges`` (f, 2): vector from the first to the second node of each facet; ``left`` (f,): which
+    nodes carry a multiplier; facet e owns the segments offsets[e]:offsets[e+1] and the pairs
+    pair_offsets[e]:pair_offsets[e+1] of them: (i, k), k running fastest, or only i = k where the
+    facet is fully covered. ``segments`` = (ends, dends, M, dM, g, dg) of ``tabulate_segments``.
+    Fills D (f, 2, 2), dD (n, 2, 2, 12), M (n, 2, 2), dM (pairs, 2, 2, 12), g (f, 2),
+    dg (n, 2, 12) and cover (f, 2), the integrals of N_1 and N_2 over the covered part. ``dM`` must
+    come zeroed; rows of facets without segments are left as they are.
+    """
+    ends, dends, Mp, dMp, gp, dgp = segments
+    for e in range(edges.shape[0]):
+        i, j, p, q = offsets[e], offsets[e + 1], pair_offsets[e], pair_offsets[e + 1]
+        if i == j:
+            continue
+        own = (ends[i:j], dends[i:j], Mp[i:j], dMp[i:j], gp[i:j], dgp[i:j])
+        size, mean, variance = cover_of(own[0])
+        J = 0.5 * np.sqrt(edges[e, 0] * edges[e, 0] + edges[e, 1] * edges[e, 1])
+        cover[e, 0] = 0.5 * J * size * (1.0 - mean)
+        cover[e, 1] = 0.5 * J * size * (1.0 + mean)
+        table = coefficients(basis, left[e], mean, variance)
+        facet_values(table, own, size, mean, J, D[e], M[i:j], g[e])
+        if basis == DUAL and left[e] == BOTH:
+            D[e, 0, 1] = 0.0
+            D[e, 1, 0] = 0.0
+        facet_derivatives(
+            table, own, size, mean, variance, edges[e], q - p > j - i, dD[i:j], dM[p:q], dg[i:j]
+        )

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: MIT
+"""Which slave facet meets which master facet: a tree of boxes, exact sign tests, intervals.
+
+The boxes of the master facets, taken in the order of the curve, are the leaves of a complete
+binary tree in heap layout (children of node i: 2i and 2i + 1, root 1). A slave facet asks for the
+boxes that its strip meets: the quadrilateral x_k -+ radius n_k. So the search costs
+O(log N + hits) per facet, whatever the radius and the direction of the interface.
+
+Whether a master node lies ahead of the ray of a slave node is one expression,
+tau . (x_m - x_s), evaluated the same way for all facets that share the two nodes: neighbours
+never disagree about it, so no part of a facet is lost or counted twice, also where nodes meet
+exactly. A segment end is a slave node if its ray hits the master facet, else the partner of a
+master node, which then lies strictly between the two rays: q changes its sign once and the
+quadratic of ``projection`` has just one root there.
+
+Slivers stay, down to length zero: where a master node is about to pass a slave node, their value
+is nothing, but the motion of their ends is part of the derivative. Only a facet that is covered
+by next to nothing in all is left out.
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.projection import master_to_slave, side_of_ray, slave_to_master
+from fenics_mortar.kernels.segment import local_coordinates
+
+
+@kernel
+def build_tree(x, facets):
+    """Boxes (2P, 4) = (xmin, ymin, xmax, ymax) over ``facets`` (m, 2) of the curve ``x``."""
+    leaves = 1
+    while leaves < facets.shape[0]:
+        leaves *= 2
+    boxes = np.empty((2 * leaves, 4))
+    boxes[:, :2] = np.inf
+    boxes[:, 2:] = -np.inf
+    for f in range(facets.shape[0]):
+        a, b = x[facets[f, 0]], x[facets[f, 1]]
+        for d in range(2):
+            boxes[leaves + f, d] = min(a[d], b[d])
+            boxes[leaves + f, 2 + d] = max(a[d], b[d])
+    for i in range(leaves - 1, 0, -1):
+        for d in range(2):
+            boxes[i, d] = min(boxes[2 * i, d], boxes[2 * i + 1, d])
+            boxes[i, 2 + d] = max(boxes[2 * i, 2 + d], boxes[2 * i + 1, 2 + d])
+    return boxes
+
+
+@kernel
+def misses(box, strip):
+    """Whether ``box`` and the strip (6,) = (its box, range along the facet) are apart."""
+    return box[0] > strip[2] or box[2] < strip[0] or box[1] > strip[3] or box[3] < strip[1]
+
+
+@kernel
+def misses_along(box, tx, ty, low, high):
+    """The same along the direction of the facet, where the strip is thin."""
+    middle = 0.5 * ((box[0] + box[2]) * tx + (box[1] + box[3]) * ty)
+    half = 0.5 * ((box[2] - box[0]) * abs(tx) + (box[3] - box[1]) * abs(ty))
+    return middle - half > high or middle + half < low
+
+
+@kernel
+def query_tree(boxes, a, b, na, nb, radius, stack, hits):
+    """Fill ``hits`` with the facets whose boxes meet the strip of one slave facet; their number.
+
+    The number may exceed the size of ``hits``: then call again with a larger one.
+    """
+    tx, ty = b[0] - a[0], b[1] - a[1]
+    strip = np.array([np.inf, np.inf, -np.inf, -np.inf])
+    low, high = np.inf, -np.inf
+    for k in range(4):
+        base, normal = (a, na) if k < 2 else (b, nb)
+        r = radius if k % 2 == 0 else -radius
+        px, py = base[0] + r * normal[0], base[1] + r * normal[1]
+        strip[0], strip[1] = min(strip[0], px), min(strip[1], py)
+        strip[2], strip[3] = max(strip[2], px), max(strip[3], py)
+        low, high = min(low, px * tx + py * ty), max(high, px * tx + py * ty)
+    length = abs(tx) + abs(ty)
+    strip[:2] -= 1e-9 * length
+    strip[2:] += 1e-9 * length
+    low, high = low - 1e-9 * length * length, high + 1e-9 * length * length
+    leaves = boxes.shape[0] // 2
+    count, top = 0, 1
+    stack[0] = 1
+    while top > 0:
+        top -= 1
+        i = stack[top]
+        if misses(boxes[i], strip) or misses_along(boxes[i], tx, ty, low, high):
+            continue
+        if i >= leaves:
+            if count < hits.size:
+                hits[count] = i - leaves
+            count += 1
+        else:
+            stack[top], stack[top + 1] = 2 * i, 2 * i + 1
+            top += 2
+    return count
+
+
+@kernel
+def find_interval(y, is_node):
+    """Whether a slave facet meets a master facet, and on which (xi_a, xi_b); fills ``is_node``."""
+    first_1 = side_of_ray(y[0:2], y[4:6], y[8:10])
+    first_2 = side_of_ray(y[0:2], y[4:6], y[10:12])
+    second_1 = side_of_ray(y[2:4], y[6:8], y[8:10])
+    second_2 = side_of_ray(y[2:4], y[6:8], y[10:12])
+    is_node[0], is_node[1] = first_2 <= 0.0, second_1 >= 0.0
+    if (not is_node[0] and second_2 >= 0.0) or (not is_node[1] and first_1 <= 0.0):
+        return False, 1.0, -1.0
+    if (is_node[0] and first_1 <= 0.0) or (is_node[1] and second_2 >= 0.0):
+        return False, 1.0, -1.0
+    lower = -1.0 if is_node[0] else master_to_slave(y, 1)
+    upper = 1.0 if is_node[1] else master_to_slave(y, 0)
+    return True, lower, upper
+
+
+@kernel
+def distance_if_facing(y, xi, least_cosine):
+    """|g| at ``xi``, or inf where the normals of slave and master are not opposed enough."""
+    nx = 0.5 * (1.0 - xi) * y[4] + 0.5 * (1.0 + xi) * y[6]
+    ny = 0.5 * (1.0 - xi) * y[5] + 0.5 * (1.0 + xi) * y[7]
+    ax, ay = y[10] - y[8], y[11] - y[9]
+    size = np.sqrt(nx * nx + ny * ny)
+    if -(nx * ay - ny * ax) < least_cosine * size * np.sqrt(ax * ax + ay * ay):
+        return np.inf
+    return abs(slave_to_master(y, xi)[1]) * size
+
+
+@kernel
+def keep_nearest(found, count, tolerance):
+    """Order the first ``count`` rows of ``found`` by distance, drop overlaps, sort by place.
+
+    Rows: (distance, xi_a, xi_b, master facet, lower is node, upper is node). Returns how many stay.
+    """
+    for i in range(1, count):
+        for j in range(i, 0, -1):
+            if found[j, 0] >= found[j - 1, 0]:
+                break
+            for c in range(6):
+                found[j, c], found[j - 1, c] = found[j - 1, c], found[j, c]
+    kept = 0
+    for i in range(count):
+        free = True
+        for j in range(kept):
+            overlap = min(found[i, 2], found[j, 2]) - max(found[i, 1], found[j, 1])
+            free = free and overlap <= tolerance
+        if free:
+            found[kept] = found[i]
+            kept += 1
+    for i in range(1, kept):
+        for j in range(i, 0, -1):
+            if found[j, 1] >= found[j - 1, 1]:
+                break
+            for c in range(6):
+                found[j, c], found[j - 1, c] = found[j - 1, c], found[j, c]
+    return kept
+
+
+@kernel
+def facet_segments(geometry, slave, master_facets, hits, radius, limits, found):
+    """Fill ``found`` (see ``keep_nearest``) for one slave facet; return the number of rows."""
+    x, n, m = geometry
+    least_cosine, least_cover = limits
+    y = np.empty(12)
+    is_node = np.empty(2, np.bool_)
+    count = 0
+    for hit in range(hits.size):
+        local_coordinates(x, n, m, slave, master_facets[hits[hit]], y)
+        meets, lower, upper = find_interval(y, is_node)
+        if not meets:
+            continue
+        distance = distance_if_facing(y, 0.5 * (lower + upper), least_cosine)
+        if distance <= radius:
+            found[count, 0], found[count, 1], found[count, 2] = distance, lower, upper
+            found[count, 3] = hits[hit]
+            found[count, 4], found[count, 5] = is_node[0], is_node[1]
+            count += 1
+    kept = keep_nearest(found, count, least_cover)
+    cover = 0.0
+    for i in range(kept):
+        cover += found[i, 2] - found[i, 1]
+    return kept if cover > least_cover else 0
+
+
+@kernel
+def find_segments(geometry, slave_facets, master_facets, radius, limits):
+    """Find the segments of ``slave_facets`` (f, 2).
+
+    ``geometry`` = (slave positions, slave normals, master positions); ``limits`` = (least cosine
+    between slave normal and reversed master normal, least length in xi). Returns offsets (f + 1,),
+    master facet (n,), end_is_node (n, 2), ends (n, 2).
+    """
+    x, n, m = geometry
+    boxes = build_tree(m, master_facets)
+    stack = np.empty(128, np.int64)
+    hits = np.empty(64, np.int64)
+    found = np.empty((64, 6))
+    offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
+    rows = np.empty((4 * slave_facets.shape[0] + 64, 6))
+    for e in range(slave_facets.shape[0]):
+        a, b = slave_facets[e]
+        count = query_tree(boxes, x[a], x[b], n[a], n[b], radius, stack, hits)
+        if count > hits.size:
+            hits, found = np.empty(2 * count, np.int64), np.empty((2 * count, 6))
+            query_tree(boxes, x[a], x[b], n[a], n[b], radius, stack, hits)
+        kept = facet_segments(
+            geometry, slave_facets[e], master_facets, hits[:count], radius, limits, found
+        )
+        start = offsets[e]
+        if start + kept > rows.shape[0]:
+            longer = np.empty((2 * (start + kept), 6))
+            longer[:start] = rows[:start]
+            rows = longer
+        rows[start : start + kept] = found[:kept]
+        offsets[e + 1] = start + kept
+    rows = rows[: offsets[-1]]
+    end_is_node = rows[:, 4:6] != 0.0
+    return offsets, rows[:, 3].astype(np.int64), end_is_node, rows[:, 1:3].copy()

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: MIT
+"""The mortar operators of one slave and one master surface, with all derivatives.
+
+==========  ==========================================================================
+symbol      meaning
+==========  ==========================================================================
+D[j, k]     int Phi_j N_k over the current slave surface; j, k slave nodes
+M[j, l]     int Phi_j (N_l o chi); l master nodes, chi the projection
+g[j]        weighted gap int Phi_j g,  g = n^ . (x_master - x_slave) >= 0 when open
+n, tau      averaged unit normal of a slave node, tau = (-n_y, n_x)
+f_c         contact force: sum_j D[j, k] z_j on slave node k, -sum_j M[j, l] z_j on l
+==========  ==========================================================================
+
+Formulas: Popp, Gee & Wall (2009); consistent treatment of partly covered facets: Popp, Seitz, Gee
+& Wall (2013). A rank holds the integrals of its share of the slave facets; what belongs to nodes
+is summed over the ranks and equal everywhere.
+
+Derivatives are kept as dense blocks: 12 columns per segment, the components of the slave nodes
+before, 1, 2, after and of the master nodes 1, 2. A `Block` says where a stack of such blocks goes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from mpi4py import MPI
+
+from fenics_mortar.kernels import basis, normals, segment
+from fenics_mortar.segments import Segments, find_segments
+from fenics_mortar.surfaces import Array, Indices, Surface
+
+Basis = Literal["dual", "standard"]
+Weighting = Literal["opposite", "unit", "own"]
+BASES = {"dual": basis.DUAL, "standard": basis.STANDARD}
+WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
+
+
+class Block(NamedTuple):
+    """Dense blocks: values (b, r, c) to add at rows (b, r) and columns (b, c); -1 is left out."""
+
+    rows: Indices
+    columns: Indices
+    values: Array
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """Which terms the tangent keeps; the residual is always exact.
+
+    Attributes:
+        normals: Derivatives of the nodal normals.
+        segments: Motion of the segment ends on the slave facets.
+        frozen: Neither D, M nor n have derivatives: the paper's fixed-point iteration.
+    """
+
+    normals: bool = True
+    segments: bool = True
+    frozen: bool = False
+
+
+LINEARIZATIONS = {
+    "full": Linearization(),
+    "no_normals": Linearization(normals=False),
+    "no_segments": Linearization(segments=False),
+    "frozen": Linearization(normals=False, segments=False, frozen=True),
+}
+
+
+@dataclass(frozen=True)
+class MortarOptions:
+    """How one pair is integrated.
+
+    Attributes:
+        basis: "dual" (D is diagonal) or "standard" multipliers.
+        weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
+        points: Gauss points per segment.
+        radius: Farthest distance along the normal at which partners are looked for [length].
+        least_cosine: Least cosine between the slave's normal and the reversed master's.
+    """
+
+    basis: Basis
+    weighting: Weighting
+    points: int
+    radius: float
+    least_cosine: float
+
+
+@dataclass(frozen=True)
+class MortarOperators:
+    """D, M, weighted gap and normals at given positions, with their derivatives.
+
+    Attributes:
+        slave, master: The two surfaces.
+        x, m: Current positions of their nodes, shapes (slave nodes, 2), (master nodes, 2).
+        n: Slave normals, shape (slave nodes, 2).
+        dn: Their derivatives by previous, own and next node, shape (slave nodes, 2, 6).
+        segments: Segments of this rank's share of facets.
+        D: Slave matrices of the facets of this share, shape (f, 2, 2) [length].
+        M: Master matrices of its segments, shape (n, 2, 2) [length].
+        dD: Derivative of D by each segment's nodes, shape (n, 2, 2, 12) [1].
+        dM: Derivative of M for each pair of segments, shape (p, 2, 2, 12) [1].
+        dgap: Derivative of the weighted gap by each segment's nodes, shape (n, 2, 12) [length].
+        diagonal: D[j, j] of every slave node, shape (slave nodes,) [length].
+        gap: Weighted gap of every slave node, shape (slave nodes,) [length^2].
+        cover: Integral of N_j over the covered part, shape (slave nodes,) [length].
+        num_segments: Segments on all ranks together.
+    """
+
+    slave: Surface
+    master: Surface
+    x: Array
+    m: Array
+    n: Array
+    dn: Array
+    segments: Segments
+    D: Array
+    M: Array
+    dD: Array
+    dM: Array
+    dgap: Array
+    diagonal: Array
+    gap: Array
+    cover: Array
+    num_segments: int
+    linearization: Linearization
+
+    @property
+    def tau(self) -> Array:
+        """Tangents (-n_y, n_x) of the slave nodes, shape (slave nodes, 2)."""
+        return np.stack([-self.n[:, 1], self.n[:, 0]], axis=1)
+
+    @property
+    def facet_nodes(self) -> Indices:
+        """Slave nodes of the facets of this share, shape (f, 2)."""
+        return self.slave.facets[self.segments.facets]
+
+    @property
+    def columns(self) -> Indices:
+        """Displacement dofs of the 12 columns of each segment, shape (n, 12); -1 is missing."""
+        first, second = self.segments.slave[:, 0], self.segments.slave[:, 1]
+        before, after = self.slave.previous[first], self.slave.following[second]
+        on_slave = dofs_of(self.slave.nodes, np.stack([before, first, second, after], axis=1))
+        return np.concatenate([on_slave, dofs_of(self.master.nodes, self.segments.master)], axis=1)
+
+    def force(self, z: Array) -> tuple[Array, Array]:
+        """Contact forces on slave and master nodes from multipliers ``z`` (slave nodes, 2).
+
+        Collective. Returns arrays (slave nodes, 2) and (master nodes, 2) [stress length].
+        """
+        on_slave, on_master = np.zeros_like(self.x), np.zeros_like(self.m)
+        forces = np.einsum("ejk,ejc->ekc", self.D, z[self.facet_nodes])
+        np.add.at(on_slave, self.facet_nodes, forces)
+        forces = np.einsum("sjl,sjc->slc", self.M, z[self.segments.slave])
+        np.add.at(on_master, self.segments.master, -forces)
+        both = np.concatenate([on_slave, on_master])
+        self.slave.comm.Allreduce(MPI.IN_PLACE, both)
+        return both[: len(on_slave)], both[len(on_slave) :]
+
+    def force_derivative(self, z: Array) -> list[Block]:
+        """Blocks of d(D^T z)/dd and -d(M^T z)/dd at fixed ``z`` (slave nodes, 2) [stress]."""
+        return [self.slave_force_derivative(z), self.master_force_derivative(z)]
+
+    def slave_force_derivative(self, z: Array) -> Block:
+        """Blocks of d(D^T z)/dd in displacement dofs."""
+        s = self.segments
+        values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave]).reshape(-1, 4, 12)
+        return Block(dofs_of(self.slave.nodes, s.slave), self.columns, values)
+
+    def master_force_derivative(self, z: Array) -> Block:
+        """Blocks of -d(M^T z)/dd in displacement dofs."""
+        s = self.segments
+        i, k = s.pairs[:, 0], s.pairs[:, 1]
+        values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]]).reshape(-1, 4, 12)
+        return Block(dofs_of(self.master.nodes, s.master[i]), self.columns[k], values)
+
+    def gap_derivative(self) -> list[Block]:
+        """Blocks of dg/dd: rows are slave nodes, columns displacement dofs [length]."""
+        if self.linearization.frozen:
+            return self._frozen_gap_derivative()
+        return [Block(self.segments.slave, self.columns, self.dgap)]
+
+    def _frozen_gap_derivative(self) -> list[Block]:
+        """-n_j . (D_jk dx_k - M_jl dx_l): D, M and n do not move."""
+        s, nodes = self.segments, self.facet_nodes
+        on_slave = -np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes]).reshape(-1, 2, 4)
+        on_master = np.einsum("sjl,sjc->sjlc", self.M, self.n[s.slave]).reshape(-1, 2, 4)
+        return [
+            Block(nodes, dofs_of(self.slave.nodes, nodes), on_slave),
+            Block(s.slave, dofs_of(self.master.nodes, s.master), on_master),
+        ]
+
+    def normal_columns(self) -> Indices:
+        """Displacement dofs of the columns of ``dn``, shape (slave nodes, 6)."""
+        own = np.arange(self.slave.num_nodes)
+        stencil = np.stack([self.slave.previous, own, self.slave.following], axis=1)
+        return dofs_of(self.slave.nodes, stencil)
+
+    def tangential_derivative(self, z: Array) -> Array:
+        """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 6), columns as in ``dn``."""
+        return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]
+
+
+def dofs_of(nodes: Indices, which: Indices) -> Indices:
+    """Displacement dofs (..., 2 k) of the surface nodes ``which`` (..., k); -1 stays -1."""
+    block = np.where(which >= 0, nodes[which], -1)[..., None]
+    dofs = np.where(block >= 0, 2 * block + np.arange(2), -1)
+    return dofs.reshape(*which.shape[:-1], -1)
+
+
+def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
+    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 6)."""
+    n, dn = np.empty_like(x), np.zeros((len(x), 2, 6))
+    normals.tabulate_normals(x, surface.previous, surface.following, WEIGHTINGS[weighting], n, dn)
+    return n, dn
+
+
+def share_of(items: Indices, comm: MPI.Comm) -> Indices:
+    """This rank's contiguous, equal share of ``items``, whoever owns what they stand for."""
+    bounds = [items.size * rank // comm.size for rank in (comm.rank, comm.rank + 1)]
+    return items[bounds[0] : bounds[1]]
+
+
+def evaluate_mortar(
+    slave: Surface,
+    master: Surface,
+    x: Array,
+    m: Array,
+    carries: npt.NDArray[np.bool_],
+    prescribed_normals: Array,
+    options: MortarOptions,
+    linearization: Linearization,
+) -> MortarOperators:
+    """Evaluate the mortar operators at current positions (collective).
+
+    Args:
+        slave: The side that carries the multiplier.
+        master: The side projected to.
+        x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
+        m: Current positions of the master nodes, shape (master nodes, 2) [length].
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
+            neighbours take over the weight of those that do not.
+        prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2);
+            nan where the averaged normal is right.
+        options: How to integrate.
+        linearization: Which derivatives to fill; the others are zero.
+
+    Returns:
+        The operators.
+    """
+    n, dn = evaluate_normals(slave, x, options.weighting)
+    given = np.isfinite(prescribed_normals[:, 0])
+    n[given], dn[given] = prescribed_normals[given], 0.0
+    if not linearization.normals:
+        dn = np.zeros_like(dn)
+    facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
+    s = find_segments(
+        slave,
+        master,
+        x,
+        n,
+        m,
+        facets=facets,
+        radius=options.radius,
+        least_cosine=options.least_cosine,
+    )
+    moments = _tabulate_moments(s, (x, n, dn, m), options.points, linearization.segments)
+    nodes = slave.facets[facets]
+    D, gap, cover = np.zeros((facets.size, 2, 2)), np.zeros(nodes.shape), np.zeros(nodes.shape)
+    dD, dgap = np.empty((s.num_segments, 2, 2, 12)), np.empty((s.num_segments, 2, 12))
+    M, dM = np.empty((s.num_segments, 2, 2)), np.zeros((len(s.pairs), 2, 2, 12))
+    left = np.where(carries[nodes[:, 1]], basis.BOTH, basis.ONLY_FIRST)
+    left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
+    edges = x[nodes[:, 1]] - x[nodes[:, 0]]
+    basis.tabulate_facets(
+        edges, left, BASES[options.basis], s.offsets, s.pair_offsets, moments,
+        D, dD, M, dM, gap, dgap, cover,
+    )  # fmt: skip
+    nodal = np.zeros((3, slave.num_nodes))
+    for row, values in zip(nodal, (np.einsum("ejj->ej", D), gap, cover), strict=True):
+        row += np.bincount(nodes.ravel(), values.ravel(), slave.num_nodes)
+    slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    num_segments = slave.comm.allreduce(s.num_segments)
+    return MortarOperators(
+        slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
+    )  # fmt: skip
+
+
+def _tabulate_moments(
+    s: Segments, geometry: tuple[Array, Array, Array, Array], points: int, move_ends: bool
+) -> tuple[Array, ...]:
+    """Ends, moments and derivatives of all segments; see ``kernels.segment``."""
+    count = s.num_segments
+    ends, dends = np.empty((count, 2)), np.empty((count, 2, 12))
+    M, dM = np.empty((count, 2, 2)), np.empty((count, 2, 2, 12))
+    g, dg = np.empty((count, 2)), np.empty((count, 2, 12))
+    rule = np.polynomial.legendre.leggauss(points)
+    segment.tabulate_segments(
+        geometry, (s.slave, s.master), s.end_is_node, rule, move_ends, ends, dends, M, dM, g, dg
+    )
+    return ends, dends, M, dM, g, dg

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: MIT
+"""Semismooth Newton on something that has a residual, a tangent and a set; it knows no contact."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from fenics_mortar.errors import MortarError, NotConvergedError
+
+
+@dataclass(frozen=True)
+class Status:
+    """Where an iterate stands, equal on all ranks.
+
+    Attributes:
+        residual: Norm of all equations [force].
+        force: Force that the residual is compared with, at this state [force].
+        gap: Largest mean gap of an active node over the node's length [1].
+        num_active: Size of the active set.
+        num_changed: Nodes that entered or left it.
+        noise: Residual that rounding leaves at this state [force].
+    """
+
+    residual: float
+    force: float
+    gap: float
+    num_active: int
+    num_changed: int
+    noise: float
+
+
+class Equations(Protocol):
+    """What is solved: ``evaluate`` looks at the present state, ``advance`` moves it."""
+
+    def evaluate(self, *, start: bool) -> Status:
+        """Evaluate residual and sets at the present state (collective)."""
+
+    def advance(self) -> float:
+        """Solve one linear system and move; return the increment over the displacement."""
+
+    def seconds(self) -> dict[str, float]:
+        """Seconds spent since the last call, by phase."""
+
+    def diagnose(self) -> str:
+        """Say what is wrong with a state that is not finite (collective)."""
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """When to stop. All are relative, so they hold in any units.
+
+    Attributes:
+        max_iterations: Linear systems solved at the most.
+        residual_tolerance: Residual over force, the largest force seen so far.
+        increment_tolerance: Largest displacement increment over the largest displacement.
+    """
+
+    max_iterations: int = 30
+    residual_tolerance: float = 1e-10
+    increment_tolerance: float = 1e-6
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """Numbers of one Newton iteration, equal on all ranks (seconds: of the slowest)."""
+
+    residual: float
+    gap: float
+    increment: float
+    num_active: int
+    num_changed: int
+    seconds: dict[str, float]
+
+
+@dataclass
+class NewtonReport:
+    """What happened in one solve: kept on success and on failure.
+
+    Row 0 is the state before the first linear system.
+    """
+
+    iterations: list[Iteration] = field(default_factory=list)
+    force: float = 0.0
+    converged: bool = False
+    reason: str = "not started"
+
+    @property
+    def num_iterations(self) -> int:
+        """Linear systems solved."""
+        return max(len(self.iterations) - 1, 0)
+
+    @property
+    def residuals(self) -> list[float]:
+        """Residuals of all rows [force]."""
+        return [iteration.residual for iteration in self.iterations]
+
+    def total_seconds(self) -> dict[str, float]:
+        """Seconds of all iterations, by phase."""
+        phases = {name: 0.0 for it in self.iterations for name in it.seconds}
+        return {name: sum(it.seconds.get(name, 0.0) for it in self.iterations) for name in phases}
+
+    def table(self) -> str:
+        """Markdown table, one row per iteration, and a line with the outcome."""
+        phases = list(self.total_seconds())
+        titles = ["it", "residual", "gap", "increment", "active", "changed"]
+        lines = ["| " + " | ".join(titles + [f"{name} [s]" for name in phases]) + " |"]
+        lines.append("|" + "---:|" * (len(titles) + len(phases)))
+        for number, it in enumerate(self.iterations):
+            cells = [str(number), f"{it.residual:.2e}", f"{it.gap:.1e}"]
+            cells.append("–" if number == 0 else f"{it.increment:.1e}")
+            cells += [str(it.num_active), str(it.num_changed)]
+            cells += [f"{it.seconds.get(name, 0.0):.4f}" for name in phases]
+            lines.append("| " + " | ".join(cells) + " |")
+        lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
+        return "\n".join(lines)
+
+
+def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
+    """Iterate until residual and increment are small and the sets stay (collective).
+
+    Args:
+        equations: What to solve; its state is moved.
+        options: When to stop.
+
+    Returns:
+        The record.
+
+    Raises:
+        NotConvergedError: On all ranks, with the record so far.
+    """
+    report = NewtonReport()
+    increment = np.inf
+    for number in range(options.max_iterations + 1):
+        if number:
+            try:
+                increment = equations.advance()
+            except MortarError as error:
+                report.reason = f"iteration {number}: {error}"
+                raise NotConvergedError(report.reason, report) from error
+        status = equations.evaluate(start=number == 0)
+        report.force = max(report.force, status.force)
+        report.iterations.append(
+            Iteration(
+                status.residual,
+                status.gap,
+                increment,
+                status.num_active,
+                status.num_changed,
+                equations.seconds(),
+            )
+        )
+        if not np.isfinite([status.residual, status.force]).all():
+            report.reason = f"iteration {number}: {equations.diagnose()}"
+            raise NotConvergedError(report.reason, report)
+        if _is_solved(status, increment, report.force, options):
+            report.converged = True
+            report.reason = f"converged in {number} iterations"
+            return report
+    report.reason = f"not converged in {options.max_iterations} iterations: " + "; ".join(
+        _what_is_missing(status, increment, report.force, options)
+    )
+    raise NotConvergedError(report.reason, report)
+
+
+def _is_solved(status: Status, increment: float, force: float, options: NewtonOptions) -> bool:
+    return not any(_what_is_missing(status, increment, force, options))
+
+
+def _what_is_missing(
+    status: Status, increment: float, force: float, options: NewtonOptions
+) -> Iterator[str]:
+    """The tests of convergence that fail, in words."""
+    allowed = options.residual_tolerance * force + status.noise
+    if status.residual > allowed:
+        yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"
+    if increment > options.increment_tolerance:
+        yield f"increment {increment:.1e} (allowed {options.increment_tolerance:.1e})"
+    if status.num_changed:
+        yield f"{status.num_changed} nodes changed between active and inactive"

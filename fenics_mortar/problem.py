@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: MIT
+"""The contact problem that a user sets up: UFL residual, Dirichlet conditions, contact pairs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from contextlib import contextmanager
+from typing import Any, get_args
+
+import numpy as np
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fenics_mortar import compat
+from fenics_mortar.bodies import find_floating_bodies, label_bodies
+from fenics_mortar.bulk import Bulk
+from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.errors import MeshError, MortarError, SurfaceError, raise_together
+from fenics_mortar.mortar import LINEARIZATIONS
+from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, solve
+from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.surfaces import Array
+from fenics_mortar.system import SYSTEMS, Algorithm
+from fenics_mortar.tangent import TangentCheck, check_tangent
+
+EPSILON = float(np.finfo(float).eps)
+
+
+class ContactProblem:
+    """Quasi-static equilibrium of bodies in contact.
+
+    Args:
+        residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``. Give
+            its measures a ``quadrature_degree``.
+        u: Displacement; its present value is the start of the next solve.
+        pairs: Contact pairs.
+        bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
+        petsc_options_prefix: Prefix of the options of the linear solver.
+        petsc_options: Options of the linear solver; MUMPS LU by default.
+        algorithm: "condensed" (the paper's Alg. 2, dual multipliers only) or "saddle" (Alg. 1);
+            condensed by default where all pairs are dual.
+        linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
+        newton: When to stop.
+        jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
+
+    Attributes:
+        contacts: The pairs bound to the mesh: multipliers, active sets, operators.
+        bulk: Bulk residual and tangent.
+
+    Raises:
+        MortarError: On all ranks, if mesh, surfaces or PETSc do not fit.
+        ValueError: If an option is not one of those named.
+
+    Note:
+        All methods are collective.
+    """
+
+    def __init__(
+        self,
+        residual: Any,
+        u: Any,
+        pairs: Sequence[ContactPair],
+        *,
+        bcs: Sequence[Any] = (),
+        petsc_options_prefix: str,
+        petsc_options: dict[str, Any] | None = None,
+        algorithm: Algorithm | None = None,
+        linearization: str = "full",
+        newton: NewtonOptions | None = None,
+        jacobian: Any | None = None,
+    ) -> None:
+        _check_space(u.function_space, pairs)
+        if linearization not in LINEARIZATIONS:
+            raise ValueError(f"linearization={linearization!r}: {', '.join(LINEARIZATIONS)}")
+        if algorithm is None:
+            algorithm = "condensed" if all(p.basis == "dual" for p in pairs) else "saddle"
+        if algorithm not in get_args(Algorithm):
+            raise ValueError(f"algorithm={algorithm!r}: {', '.join(get_args(Algorithm))}")
+        self.newton = newton or NewtonOptions()
+        self.linearization = LINEARIZATIONS[linearization]
+        self._clock = _Clock()
+        self.bulk = Bulk(residual, u, list(bcs), jacobian)
+        self.comm: MPI.Comm = self.bulk.comm
+        self.contacts = [Contact(pair, self.bulk.V, self.bulk.prescribed) for pair in pairs]
+        self._check_slave_nodes()
+        self._check_state("at the start")
+        self.bulk.assemble_tangent()
+        self._set_stiffness()
+        labels, num_bodies = label_bodies(self.bulk.V)
+        self._labels = labels
+        self._floating = find_floating_bodies(self.bulk, labels, num_bodies)
+        self.system = SYSTEMS[algorithm](
+            self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
+        )
+        self._solved_before = False
+
+    # Solving
+
+    def solve(self) -> NewtonReport:
+        """Solve for the present loads and prescribed values; move ``u`` and the multipliers.
+
+        Returns:
+            The record of the Newton iterations.
+
+        Raises:
+            NotConvergedError: On all ranks; holds the record. ``u`` and the multipliers are left
+                at the last iterate.
+        """
+        self._clock.read()
+        report = solve(self, self.newton)
+        self._solved_before = True
+        return report
+
+    def evaluate(self, *, start: bool) -> Status:
+        """Evaluate residual, operators and active sets at the present state."""
+        with self._clock("bulk"):
+            self.bulk.assemble_residual()
+        with self._clock("contact"):
+            changed = 0
+            for contact in self.contacts:
+                contact.evaluate(self.bulk.u.x.array, self.linearization)
+                changed += contact.update_active(start=start and not self._solved_before)
+            residual, force = self._residual_and_force()
+            gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
+            active = sum(int(c.active.sum()) for c in self.contacts)
+            return Status(residual, force, max(gaps, default=0.0), active, changed, self._noise())
+
+    def advance(self) -> float:
+        """Solve one linear system and move; return the increment over the displacement."""
+        with self._clock("bulk"):
+            self.bulk.assemble_tangent()
+        with self._clock("contact"):
+            self._refuse_free_motion()
+            self.system.assemble()
+        with self._clock("solve"):
+            step, multipliers = self.system.solve()
+        with self._clock("contact"):
+            self.bulk.move(step)
+            for contact, z in zip(self.contacts, multipliers, strict=True):
+                contact.z = z
+        increment = float(step.norm(PETSc.NormType.INFINITY))
+        step.destroy()
+        return increment / max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
+
+    def seconds(self) -> dict[str, float]:
+        """Seconds since the last call by phase: bulk, contact, solve; of the slowest rank."""
+        mine = self._clock.read()
+        return {name: self.comm.allreduce(value, MPI.MAX) for name, value in mine.items()}
+
+    def diagnose(self) -> str:
+        """Say why a state is not finite."""
+        count, where = self.bulk.inverted_cells()
+        if count:
+            return f"{count} cells are inverted, one at {where}; try smaller load steps"
+        return "residual or tangent is not finite, though no cell is inverted"
+
+    def _residual_and_force(self) -> tuple[float, float]:
+        """Norm of all equations and of the forces they are made of [stress length].
+
+        Gaps and distances to prescribed values count as forces by the stiffness of the bulk.
+        """
+        size, held = self.bulk.num_owned, self.bulk.held
+        contact_force = np.zeros(size)
+        rows = 0.0
+        for contact in self.contacts:
+            on_slave, on_master = contact.operators.force(contact.z)
+            contact.slave.scatter_add(on_slave, contact_force)
+            contact.master.scatter_add(on_master, contact_force)
+            tangential = np.einsum("ja,ja->j", contact.operators.tau, contact.z)
+            gap = np.where(contact.active, np.nan_to_num(contact.gap), 0.0)
+            rows += ((contact.stiffness * gap) ** 2).sum()
+            rows += ((contact.operators.diagonal * tangential) ** 2).sum()
+        total = self.bulk.r.array_r[:size] + contact_force
+        free = total.copy()
+        free[held] = self._stiffest * self.bulk.distance_to_prescribed()
+        mine = [free @ free, contact_force @ contact_force, total[held] @ total[held]]
+        free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
+        return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
+
+    def _noise(self) -> float:
+        """Residual that rounding leaves, however long one iterates [stress length]."""
+        num_dofs = self.bulk.r.getSize()
+        bulk = np.sqrt(num_dofs) * self._largest_displacement()
+        contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
+        return 4.0 * EPSILON * self._stiffest * float(bulk + contact)
+
+    def _largest_displacement(self) -> float:
+        u = self.bulk.u.x.array
+        return self.comm.allreduce(float(np.abs(u).max(initial=0.0)), MPI.MAX)
+
+    def _facet_length(self) -> float:
+        return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
+
+    # Set-up and checks
+
+    def _check_slave_nodes(self) -> None:
+        """No node may carry two multipliers."""
+        for i, one in enumerate(self.contacts):
+            for other in self.contacts[i + 1 :]:
+                both = np.intersect1d(one.slave.nodes, other.slave.nodes)
+                if both.size:
+                    where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
+                    raise SurfaceError(
+                        f"{both.size} nodes are slaves in two pairs, '{one.slave.name}' and "
+                        f"'{other.slave.name}', one at {where}; make one of the two a master there"
+                    )
+
+    def _check_state(self, when: str) -> None:
+        bad = not np.isfinite(self.bulk.u.x.array).all()
+        error = MortarError(f"the displacement is not finite {when}") if bad else None
+        raise_together(self.comm, error)
+
+    def _set_stiffness(self) -> None:
+        """Give each contact the mean diagonal of K at its slave nodes."""
+        diagonal = self.bulk.K.getDiagonal().array_r
+        largest = float(np.abs(diagonal).max(initial=0.0))
+        self._stiffest: float = self.comm.allreduce(largest, MPI.MAX)
+        if not np.isfinite(self._stiffest) or self._stiffest == 0.0:
+            raise MortarError(
+                "the bulk tangent is zero or not finite in the initial state: "
+                "check the residual form and the initial displacement"
+            )
+        for contact in self.contacts:
+            contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
+
+    def _refuse_free_motion(self) -> None:
+        """Raise if a body can move rigidly against neither bulk, supports nor active contact."""
+        for body in self._floating:
+            gram = np.zeros((len(body.motions), len(body.motions)))
+            for contact in self.contacts:
+                gram += self._resistance(contact, body)
+            values, vectors = np.linalg.eigh(gram)
+            if values[0] <= 1e-20:
+                raise MortarError(
+                    f"{self._name_of(body)} can {body.describe(vectors[:, 0])} freely: it has no "
+                    "sufficient Dirichlet conditions and the active contact does not hold it"
+                )
+
+    def _resistance(self, contact: Contact, body: Any) -> Array:
+        """Gram matrix of the normal approach of active nodes under the body's free motions."""
+        o = contact.operators
+        approach = np.zeros((len(body.motions), contact.slave.num_nodes))
+        sides = []
+        for surface in (contact.slave, contact.master):
+            belongs = self._surface_labels(surface) == body.label
+            sides.append(body.displacement(surface.X) * belongs[None, :, None])
+        for i, (u_slave, u_master) in enumerate(zip(*sides, strict=True)):
+            s = o.segments
+            on_slave = np.einsum("ejk,ejc,ekc->ej", o.D, o.n[o.facet_nodes], u_slave[o.facet_nodes])
+            on_master = np.einsum("sjl,sjc,slc->sj", o.M, o.n[s.slave], u_master[s.master])
+            np.add.at(approach[i], o.facet_nodes, on_slave)
+            np.add.at(approach[i], s.slave, -on_master)
+        self.comm.Allreduce(MPI.IN_PLACE, approach)
+        approach = approach[:, contact.active] / o.diagonal[contact.active]
+        return approach @ approach.T
+
+    def _surface_labels(self, surface: Any) -> Array:
+        labels = np.repeat(self._labels, 2).astype(float)
+        return surface.gather(labels)[:, 0]
+
+    def _name_of(self, body: Any) -> str:
+        """Name of a body from the cell tags, or where it is."""
+        place = f"the body around ({body.centre[0]:.4g}, {body.centre[1]:.4g})"
+        for contact in self.contacts:
+            data = contact.pair.data
+            cells = compat.dofmap(self.bulk.V)[:, 0]
+            for name, tag in data.bodies.items():
+                mine = data.cell_tags.find(tag)
+                if self.comm.allreduce(bool((self._labels[cells[mine]] == body.label).any()), MPI.LOR):
+                    return f"body '{name}'"
+        return place
+
+    # For research
+
+    @property
+    def matrices(self) -> OperatorMatrices:
+        """D, M, gap, normals and their derivatives as PETSc objects, at the present state."""
+        return OperatorMatrices(self.bulk, self.contacts)
+
+    @property
+    def D(self) -> PETSc.Mat:
+        """Slave mortar matrix of the first pair; see ``matrices``."""
+        return self.matrices.D(0)
+
+    @property
+    def M(self) -> PETSc.Mat:
+        """Master mortar matrix of the first pair; see ``matrices``."""
+        return self.matrices.M(0)
+
+    @property
+    def tangent(self) -> PETSc.Mat:
+        """Matrix of the linear system at the present state."""
+        self.bulk.assemble_tangent()
+        self.bulk.assemble_residual()
+        self.system.assemble()
+        return self.system.matrix
+
+    def check_tangent(self, **options: Any) -> TangentCheck:
+        """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""
+        return check_tangent(self, **options)
+
+
+class _Clock:
+    """Seconds by phase."""
+
+    def __init__(self) -> None:
+        self._seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, phase: str):  # type: ignore[no-untyped-def]  # noqa: ANN204
+        start = time.perf_counter()
+        yield
+        self._seconds[phase] = self._seconds.get(phase, 0.0) + time.perf_counter() - start
+
+    def read(self) -> dict[str, float]:
+        """Seconds since the last call."""
+        seconds = {name: self._seconds.get(name, 0.0) for name in ("bulk", "contact", "solve")}
+        self._seconds = {}
+        return seconds
+
+
+def _check_space(V: Any, pairs: Sequence[ContactPair]) -> None:
+    """Refuse what the package cannot do, before anything is computed."""
+    mesh = V.mesh
+    if compat.scalar_is_complex():
+        raise MortarError("PETSc has complex scalars; install the real build (petsc-real)")
+    if mesh.topology.dim != 2 or mesh.geometry.dim != 2:
+        raise MeshError(
+            f"the mesh has dimension {mesh.topology.dim} in {mesh.geometry.dim}D space; "
+            "contact is for plane bodies: cells of dimension 2 in 2D"
+        )
+    if V.dofmap.index_map_bs != 2:
+        raise MortarError("the displacement needs a vector-valued Lagrange space of degree 1")
+    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
+    if V.dofmap.dof_layout.num_dofs != corners:
+        raise MortarError(
+            "the displacement space is not of degree 1 (P1 or Q1): use vector_space(mesh, 1)"
+        )
+    for pair in pairs:
+        if pair.data.mesh is not mesh:
+            raise MeshError(
+                f"the pair '{pair.slave_name}' - '{pair.master_name}' belongs to another mesh"
+            )

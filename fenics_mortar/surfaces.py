@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: MIT
+"""Contact surfaces: the facets of a tag as curves, replicated on every rank.
+
+A curve is small, O(sqrt(N)) nodes beside a bulk of N: so every rank holds all of it, and nothing
+in the contact evaluation asks who owns a facet. Nodes are numbered along the curves, from ends
+and in an order that follow from the coordinates alone, so the numbering does not depend on how
+the mesh is distributed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mpi4py import MPI
+
+from dolfinx import mesh as dmesh
+
+from fenics_mortar import compat
+from fenics_mortar.errors import SurfaceError, raise_together
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The facets of one boundary tag, equal on all ranks except for the last two fields.
+
+    Attributes:
+        name: Name used in messages.
+        X: Reference positions, shape (n, 2) [length].
+        facets: Nodes of each facet, shape (m, 2), the body on the left; in order along the curves.
+        previous: Node before each node along its curve, -1 at an end, shape (n,).
+        following: Node after each node, -1 at an end, shape (n,).
+        nodes: Global number of each node in the function space (block number), shape (n,).
+        owners: Rank that owns each node, shape (n,).
+        owned: Positions in these arrays of the nodes this rank owns.
+        local_nodes: Local numbers in the function space of the nodes this rank owns.
+    """
+
+    name: str
+    X: Array
+    facets: Indices
+    previous: Indices
+    following: Indices
+    nodes: Indices
+    owners: Indices
+    owned: Indices
+    local_nodes: Indices
+    comm: MPI.Comm
+
+    @property
+    def num_nodes(self) -> int:
+        """Number of nodes of the surface."""
+        return self.X.shape[0]
+
+    @property
+    def lengths(self) -> Array:
+        """Reference lengths of the facets, shape (m,) [length]."""
+        return np.linalg.norm(self.X[self.facets[:, 1]] - self.X[self.facets[:, 0]], axis=1)
+
+    @property
+    def nodal_lengths(self) -> Array:
+        """Integral of each nodal shape function over the reference surface, shape (n,) [length]."""
+        return np.bincount(self.facets.ravel(), np.repeat(self.lengths / 2, 2), self.num_nodes)
+
+    def gather(self, values: Array) -> Array:
+        """Collect nodal values of a function of the space on all ranks (collective).
+
+        Args:
+            values: Local array of the function, shape (2 * local nodes,), owned nodes first.
+
+        Returns:
+            Values at the nodes of the surface, shape (n, 2), equal on all ranks.
+        """
+        mine = np.ascontiguousarray(values.reshape(-1, 2)[self.local_nodes])
+        counts = np.bincount(self.owners, minlength=self.comm.size)
+        everything = np.empty((self.num_nodes, 2))
+        self.comm.Allgatherv(mine, (everything, 2 * counts))
+        ordered = np.empty_like(everything)
+        ordered[np.argsort(self.owners, kind="stable")] = everything
+        return ordered
+
+    def scatter_add(self, values: Array, target: Array) -> None:
+        """Add replicated nodal ``values`` (n, 2) to the owned part of a local array (local)."""
+        target.reshape(-1, 2)[self.local_nodes] += values[self.owned]
+
+
+def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
+    """Collect the facets of ``tag`` as curves (collective).
+
+    Args:
+        V: Displacement space, vector valued, degree 1.
+        facet_tags: Facet tags of the mesh of ``V``.
+        tag: Tag of the surface.
+        name: Name used in messages.
+
+    Returns:
+        The surface, the same on all ranks.
+
+    Raises:
+        SurfaceError: If no facet has the tag, or a facet is not on the boundary of the mesh, has
+            zero length or a coordinate that is not finite, or if more than two facets meet in a
+            node. Raised on all ranks.
+    """
+    comm = V.mesh.comm
+    error, mine = None, (np.zeros((0, 2), np.int64), np.zeros((0, 2, 2)))
+    try:
+        mine = _local_facets(V, facet_tags, tag, name)
+    except SurfaceError as problem:
+        error = problem
+    raise_together(comm, error)
+    pieces = comm.allgather(mine)
+    ends = np.concatenate([piece[0] for piece in pieces])
+    coordinates = np.concatenate([piece[1] for piece in pieces])
+    nodes, X, facets = _number_nodes(ends, coordinates, name)
+    order, facets, previous, following = _order_curves(facets, X, name)
+    nodes = nodes[order]
+    begin, end = V.dofmap.index_map.local_range
+    starts = np.array(comm.allgather(begin))
+    owners = np.searchsorted(starts, nodes, side="right") - 1
+    owned = np.flatnonzero((nodes >= begin) & (nodes < end))
+    return Surface(
+        name, X[order], facets, previous, following, nodes, owners, owned, nodes[owned] - begin, comm
+    )
+
+
+def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array]:
+    """Global nodes (m, 2) and reference coordinates (m, 2, 2) of the facets owned here."""
+    mesh = V.mesh
+    mesh.topology.create_connectivity(1, 2)
+    mesh.topology.create_connectivity(2, 1)
+    tagged = facet_tags.find(tag)
+    tagged = tagged[tagged < mesh.topology.index_map(1).size_local]
+    exterior = dmesh.exterior_facet_indices(mesh.topology)
+    inside = np.setdiff1d(tagged, exterior)
+    if inside.size:
+        where = dmesh.compute_midpoints(mesh, 1, inside[:1].astype(np.int32))[0, :2]
+        raise SurfaceError(
+            f"surface '{name}': {inside.size} of its facets are not on the boundary of the mesh, "
+            f"the first at {where}; a contact surface is part of the outline of one body"
+        )
+    facet_cells, cell_facets = mesh.topology.connectivity(1, 2), mesh.topology.connectivity(2, 1)
+    dofmap, x = compat.dofmap(V), V.tabulate_dof_coordinates()[:, :2]
+    layout = V.dofmap.dof_layout
+    ends = np.empty((tagged.size, 2), np.int64)
+    for i, facet in enumerate(tagged):
+        cell = facet_cells.links(facet)[0]
+        local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
+        a, b = dofmap[cell][layout.entity_closure_dofs(1, local)][:2]
+        inward = x[dofmap[cell]].mean(axis=0) - x[a]
+        edge = x[b] - x[a]
+        on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
+        ends[i] = (a, b) if on_left else (b, a)
+    coordinates = x[ends].reshape(-1, 2, 2)
+    if not np.isfinite(coordinates).all():
+        raise SurfaceError(f"surface '{name}': a node has a coordinate that is not finite")
+    to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
+    return np.asarray(to_global, np.int64).reshape(-1, 2), coordinates
+
+
+def _number_nodes(ends: Indices, coordinates: Array, name: str) -> tuple[Indices, Array, Indices]:
+    """Number the nodes of the gathered facets and check the facets."""
+    if not ends.size:
+        raise SurfaceError(f"surface '{name}' has no facets")
+    nodes, first, inverse = np.unique(ends.ravel(), return_index=True, return_inverse=True)
+    X = coordinates.reshape(-1, 2)[first]
+    facets = inverse.reshape(-1, 2).astype(np.int64)
+    lengths = np.linalg.norm(X[facets[:, 1]] - X[facets[:, 0]], axis=1)
+    shortest = int(np.argmin(lengths))
+    if lengths[shortest] <= 1e-12 * lengths.max():
+        raise SurfaceError(
+            f"surface '{name}': the facet at {X[facets[shortest, 0]]} has zero length"
+        )
+    return nodes, X, facets
+
+
+def _order_curves(
+    facets: Indices, X: Array, name: str
+) -> tuple[Indices, Indices, Indices, Indices]:
+    """Walk along the curves: order of the nodes, renumbered facets, neighbours of each node."""
+    count = X.shape[0]
+    following, previous = np.full(count, -1), np.full(count, -1)
+    for a, b in facets:
+        for table, node, other in ((following, a, b), (previous, b, a)):
+            if table[node] >= 0:
+                raise SurfaceError(
+                    f"surface '{name}' branches at {X[node]}: more than two of its facets, or two "
+                    "that do not continue each other, meet there; split it into two surfaces"
+                )
+            table[node] = other
+    by_place = np.lexsort((X[:, 1], X[:, 0]))
+    ends_first = np.concatenate([by_place[previous[by_place] < 0], by_place])
+    order: list[int] = []
+    seen = np.zeros(count, bool)
+    for start in ends_first:
+        node = int(start)
+        while node >= 0 and not seen[node]:
+            seen[node] = True
+            order.append(node)
+            node = int(following[node])
+    permutation = np.array(order)
+    position = np.empty(count + 1, np.int64)
+    position[permutation] = np.arange(count)
+    position[-1] = -1
+    previous, following = position[previous[permutation]], position[following[permutation]]
+    first = np.flatnonzero(following >= 0)
+    return permutation, np.stack([first, following[first]], axis=1), previous, following

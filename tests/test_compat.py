@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: MIT
+"""Each function of ``fenics_mortar.compat``, on each release of dolfinx and any number of ranks."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import gmsh
+import numpy as np
+import pytest
+
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+from fenics_mortar import compat
+
+COMM = MPI.COMM_WORLD
+CELLS = ("triangle", "quadrilateral")
+
+
+def unit_square(cell, n=4):
+    return dmesh.create_unit_square(COMM, n, n, getattr(dmesh.CellType, cell))
+
+
+def one_cell(cell):
+    """Give a mesh of one cell, so that all ranks but one have none."""
+    x = np.array([(0.0, 0.0), (2.0, 0.0), (0.0, 1.0), (2.0, 1.0)])[: 3 if cell == "triangle" else 4]
+    cells = np.arange(len(x)).reshape(1, -1)
+    own = slice(None) if COMM.rank == 0 else slice(0, 0)
+    return compat.create_mesh(COMM, cells[own], x[own], cell)
+
+
+def total(b):
+    """Sum the owned entries over all ranks."""
+    return COMM.allreduce(b.array_r.sum())
+
+
+def area(mesh):
+    one = fem.Constant(mesh, PETSc.ScalarType(1.0))
+    return COMM.allreduce(fem.assemble_scalar(compat.form(one * ufl.dx(domain=mesh))))
+
+
+def all_ranks(condition):
+    return COMM.allreduce(bool(condition), MPI.LAND)
+
+
+def test_scalars_are_real_where_petsc_is():
+    assert compat.scalar_is_complex() == (PETSc.ScalarType in (np.complex64, np.complex128))
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_cell_name_is_that_of_the_cells(cell):
+    assert compat.cell_name(unit_square(cell)) == cell
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", (1, 2))
+def test_vector_space_has_two_components_per_node(cell, degree):
+    V = compat.vector_space(unit_square(cell), degree)
+    assert V.dofmap.bs == 2
+    assert V.dofmap.index_map.size_global == (4 * degree + 1) ** 2
+    assert ufl.TestFunction(V).ufl_shape == (2,)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_scalar_space_of_degree_zero_has_one_dof_per_cell(cell):
+    mesh = unit_square(cell)
+    V = compat.scalar_space(mesh, 0, "DG")
+    assert V.dofmap.index_map.size_global == mesh.topology.index_map(2).size_global
+    assert ufl.TestFunction(V).ufl_shape == ()
+
+
+def test_scalar_space_is_continuous_unless_asked_otherwise():
+    assert compat.scalar_space(unit_square("triangle"), 1).dofmap.index_map.size_global == 25
+
+
+def test_petsc_vec_and_function_share_their_memory():
+    u = fem.Function(compat.vector_space(unit_square("triangle"), 1))
+    v = compat.petsc_vec(u)
+    v.set(3.0)
+    v.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+    assert all_ranks((u.x.array == 3.0).all())
+    u.x.array[:] = 5.0
+    with v.localForm() as local:
+        assert all_ranks(local.size == u.x.array.size and (local.array == 5.0).all())
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_interpolated_expression_is_exact_where_the_space_holds_it(cell):
+    mesh = unit_square(cell)
+    V = compat.vector_space(mesh, 1)
+    u, gradient = fem.Function(V), fem.Function(V)
+    u.interpolate(lambda x: np.array([2 * x[0] - x[1], x[0] + 3 * x[1]]))
+    compat.interpolate_expression(gradient, ufl.grad(u)[0, :] + ufl.SpatialCoordinate(mesh))
+    right = V.tabulate_dof_coordinates()[:, :2] + (2.0, -1.0)
+    assert all_ranks(np.allclose(gradient.x.array.reshape(-1, 2), right, atol=1e-13))
+
+
+def test_interpolated_jump_is_the_same_on_all_ranks():
+    """A cellwise constant field has several values at a node; all ranks have to take the same."""
+    mesh = unit_square("triangle")
+    cellwise = fem.Function(compat.scalar_space(mesh, 0, "DG"))
+    cellwise.x.array[:] = 1.0 + COMM.rank
+    u = fem.Function(compat.scalar_space(mesh, 1))
+    compat.interpolate_expression(u, 1.0 * cellwise)
+    before = u.x.array.copy()
+    u.x.scatter_forward()
+    assert all_ranks((u.x.array == before).all())
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_dofmap_and_geometry_dofmap_lead_to_the_same_points(cell):
+    mesh = unit_square(cell)
+    V = compat.vector_space(mesh, 1)
+    dofs, nodes = compat.dofmap(V), compat.geometry_dofmap(mesh)
+    cells = mesh.topology.index_map(2)
+    assert dofs.dtype == nodes.dtype == np.int32
+    assert all_ranks(len(dofs) == len(nodes) == cells.size_local + cells.num_ghosts)
+    x = V.tabulate_dof_coordinates()
+    assert all_ranks(np.allclose(x[dofs], mesh.geometry.x[nodes], atol=1e-15))
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_dofmaps_keep_their_width_on_ranks_without_cells(cell):
+    mesh = one_cell(cell)
+    width = 3 if cell == "triangle" else 4
+    assert all_ranks(compat.dofmap(compat.vector_space(mesh, 1)).shape[1] == width)
+    assert all_ranks(compat.geometry_dofmap(mesh).shape[1] == width)
+    assert area(mesh) == pytest.approx(1.0 if cell == "triangle" else 2.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_assembled_mass_matrix_and_load_agree(cell):
+    """The mass matrix times ones is the load of a unit force, in each owned entry."""
+    mesh = unit_square(cell)
+    V = compat.vector_space(mesh, 1)
+    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    force = fem.Constant(mesh, PETSc.ScalarType((1.0, 1.0)))
+    a, L = compat.form(ufl.inner(u, v) * ufl.dx), compat.form(ufl.inner(force, v) * ufl.dx)
+    A, b, ones = compat.create_matrix(a), compat.create_vector(V), compat.create_vector(V)
+    for _ in range(2):  # assembling anew replaces and does not add
+        compat.assemble_matrix(A, a)
+        compat.assemble_vector(b, L)
+    ones.set(1.0)
+    product = A.createVecLeft()
+    A.mult(ones, product)
+    assert all_ranks(np.allclose(product.array_r, b.array_r, rtol=1e-13, atol=1e-16))
+    assert total(b) == pytest.approx(2.0, rel=1e-14)
+    assert A.getBlockSize() == 2
+
+
+def test_form_follows_its_constants():
+    mesh = unit_square("triangle")
+    factor = fem.Constant(mesh, PETSc.ScalarType(1.0))
+    form = compat.form(factor * ufl.dx(domain=mesh))
+    factor.value = 3.0
+    assert COMM.allreduce(fem.assemble_scalar(form)) == pytest.approx(3.0, rel=1e-14)
+
+
+def test_created_vector_is_zero_and_has_the_layout_of_its_space():
+    V = compat.vector_space(unit_square("triangle"), 1)
+    b, layout = compat.create_vector(V), V.dofmap.index_map
+    assert b.sizes == (2 * layout.size_local, 2 * layout.size_global)
+    assert b.getBlockSize() == 2
+    with b.localForm() as local:
+        owned_and_ghosts = 2 * (layout.size_local + layout.num_ghosts)
+        assert all_ranks(local.size == owned_and_ghosts and not local.array_r.any())
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("shared", (False, True))
+def test_mesh_from_arrays_has_the_right_area(cell, shared):
+    """All arrays on one rank, or a strip of cells on each."""
+    strips = COMM.size if shared else 1
+    mine = [COMM.rank] if shared else range(1) if COMM.rank == 0 else []
+    quads = [(2 * i, 2 * i + 1, 2 * i + 2, 2 * i + 3) for i in mine]
+    triangles = [t for q in quads for t in (q[:3], q[1:])]
+    columns = [*mine, strips] if strips - 1 in mine else mine
+    x = np.array([(i, y) for i in columns for y in (0.0, 2.0)]).reshape(-1, 2)
+    cells = np.array(quads if cell == "quadrilateral" else triangles, dtype=np.int64)
+    cells = cells.reshape(-1, 4 if cell == "quadrilateral" else 3)
+    mesh = compat.create_mesh(COMM, cells, x, cell)
+    assert area(mesh) == pytest.approx(2.0 * strips, rel=1e-14)
+    assert compat.cell_name(mesh) == cell
+
+
+def test_mesh_from_arrays_can_have_curved_sides():
+    """Basix puts the middle of the side opposite to vertex i at place 3 + i."""
+    x = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0.5), (0, 0.5), (0.5, -0.3)])
+    own = slice(None) if COMM.rank == 0 else slice(0, 0)
+    mesh = compat.create_mesh(COMM, np.arange(6).reshape(1, 6)[own], x[own], "triangle", 2)
+    # a parabola of height 0.3 over a side of length 1 adds the area 2/3 0.3
+    assert area(mesh) == pytest.approx(0.5 + 0.2, rel=1e-14)
+
+
+def test_model_without_boundaries_has_empty_facet_tags():
+    model = None
+    if COMM.rank == 0:
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addRectangle(0, 0, 0, 3, 2)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(2, [1], 7)
+        gmsh.model.mesh.generate(2)
+        model = gmsh.model
+    mesh, cell_tags, facet_tags = compat.model_to_mesh(model, COMM)
+    if COMM.rank == 0:
+        gmsh.finalize()
+    assert area(mesh) == pytest.approx(6.0, rel=1e-14)
+    assert all_ranks((cell_tags.values == 7).all())
+    assert (facet_tags.dim, COMM.allreduce(facet_tags.indices.size)) == (1, 0)
+
+
+def test_gmsh_knows_whether_it_is_initialized():
+    assert not compat.gmsh_is_initialized(gmsh)
+    gmsh.initialize()
+    assert compat.gmsh_is_initialized(gmsh)
+    gmsh.finalize()
+    assert not compat.gmsh_is_initialized(gmsh)
