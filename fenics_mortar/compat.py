@@ -11,7 +11,8 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
-from typing import Any, Callable
+from collections.abc import Callable
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -195,7 +196,7 @@ def create_mesh(
 def model_to_mesh(
     model: Any, comm: MPI.Comm, rank: int = 0
 ) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
-    """Distribute the plane gmsh model of rank ``rank`` as (mesh, cell tags, facet tags); collective.
+    """Make mesh, cell tags and facet tags of the plane gmsh model on rank ``rank`` (collective).
 
     ``io.gmshio`` became ``io.gmsh`` in 0.10 and its triple a tuple with names, in which tags can
     be missing; here they are empty then. With 0.5 the mesh has ghost cells.
@@ -230,10 +231,10 @@ def gmsh_is_initialized(gmsh: Any) -> bool:
 def set_prescribed(values: Array, bcs: list[Any]) -> None:
     """Write the prescribed values of ``bcs`` into a local array of all dofs (local).
 
-    ``fem.set_bc`` on arrays became ``DirichletBC.set`` in 0.10.
+    ``fem.set_bc`` of an array became ``DirichletBC.set``; 0.9 has both and warns of the first.
     """
-    if hasattr(fem, "set_bc"):
-        fem.set_bc(values, bcs)
-    else:
-        for bc in bcs:
+    for bc in bcs:
+        if hasattr(bc, "set"):
             bc.set(values)
+        else:
+            fem.set_bc(values, [bc])

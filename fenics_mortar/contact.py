@@ -285,5 +285,6 @@ class Contact:
 def _normal_rows(block: Block, direction: Array) -> Block:
     """Turn rows of the weighted gap into two rows a node, along ``direction`` (slave nodes, 2)."""
     values = np.einsum("bja,bjq->bjaq", direction[block.rows], block.values)
-    rows = (2 * block.rows[:, :, None] + np.arange(2)).reshape(len(block.rows), -1)
-    return Block(rows, block.columns, values.reshape(*rows.shape, -1))
+    shape = len(block.rows), 2 * block.rows.shape[1]
+    rows = (2 * block.rows[:, :, None] + np.arange(2)).reshape(shape)
+    return Block(rows, block.columns, values.reshape(*shape, block.columns.shape[1]))

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +79,7 @@ class MeshData:
         Raises:
             MeshError: If a name is unknown, or a boundary has no facets on any rank.
         """
-        names = [names] if isinstance(names, (str, Integral)) else names
+        names = [names] if isinstance(names, (str, int, np.integer)) else names
         if len(names) == 0:
             raise MeshError(f"no boundary is given; the mesh has {self._tagged()}")
         facets = [self.facet_tags.find(self.boundary_tag(name)) for name in names]
@@ -97,7 +96,7 @@ class MeshData:
 
 
 def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:
-    if isinstance(name, Integral):
+    if isinstance(name, (int, np.integer)):
         return int(name)
     if name not in tags:
         raise MeshError(f"no {kind} {name!r}; the mesh has {sorted(tags)}")
@@ -208,7 +207,7 @@ def _check_dimension(model: Any) -> None:
     if len(model.mesh.getElements(3)[0]) > 0:
         raise MeshError("the mesh has elements of dimension 3; right is a mesh of the x-y plane")
     if len(model.mesh.getElements(2)[0]) == 0:
-        raise MeshError("there are no elements of dimension 2; was gmsh.model.mesh.generate(2) run?")
+        raise MeshError("there are no elements of dimension 2; was model.mesh.generate(2) run?")
 
 
 def _check_cell_type(model: Any) -> None:
@@ -217,7 +216,7 @@ def _check_cell_type(model: Any) -> None:
     if len(types) > 1:
         raise MeshError(f"the mesh mixes {names}; right is one type, triangles or quadrilaterals")
     if types[0] not in CELL_TYPES:
-        raise MeshError(f"cells of type {names} are not known; right are complete triangles or quads")
+        raise MeshError(f"cells of type {names} are not known; right is e.g. 'Triangle 6'")
 
 
 def _check_nodes(model: Any) -> None:
@@ -227,7 +226,7 @@ def _check_nodes(model: Any) -> None:
     used = np.isin(tags, np.concatenate(model.mesh.getElements(2)[2]))
     if not np.isfinite(x).all():
         bad = np.asarray(tags)[~np.isfinite(x).all(axis=1)]
-        raise MeshError(f"{bad.size} nodes have coordinates that are not finite, e.g. node {bad[0]}")
+        raise MeshError(f"coordinates of {bad.size} nodes are not finite, e.g. of node {bad[0]}")
     extent = np.ptp(x[used], axis=0)
     if extent[2] > 1e-12 * max(extent[:2]):
         raise MeshError(f"z varies by {extent[2]:.3g}; right is a mesh of the x-y plane")
@@ -245,7 +244,7 @@ def _check_groups(model: Any, dim: int) -> None:
     for entity, tags in groups.items():
         names = [model.getPhysicalName(dim, tag) or tag for tag in tags]
         if len(tags) > 1:
-            raise MeshError(f"{what} {entity} is in the physical groups {names}; one at most is right")
+            raise MeshError(f"{what} {entity} is in the physical groups {names}; right is one")
         empty = len(model.mesh.getElements(dim, entity)[0]) == 0
         if tags and empty:
             raise MeshError(f"{what} {entity} of physical group {names} has no elements")

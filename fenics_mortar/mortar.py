@@ -208,7 +208,7 @@ def dofs_of(nodes: Indices, which: Indices) -> Indices:
     """Displacement dofs (..., 2 k) of the surface nodes ``which`` (..., k); -1 stays -1."""
     block = np.where(which >= 0, nodes[which], -1)[..., None]
     dofs = np.where(block >= 0, 2 * block + np.arange(2), -1)
-    return dofs.reshape(*which.shape[:-1], -1)
+    return dofs.reshape(*which.shape[:-1], 2 * which.shape[-1])
 
 
 def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:

@@ -2,8 +2,8 @@
 """A round-bottomed indenter above a long block, as in shallow ironing.
 
 Lengths are in any one unit: the block is 12 x 4 with its lower left corner at the origin; the
-indenter has the width 1.2, straight sides of 0.9 and an arc of the chord 1.2 and the sag 0.3 (radius
-0.75) below. Its left side is at x = 0.2 and its lowest point 0.2 above the block.
+indenter has the width 1.2, straight sides of 0.9 and below an arc of the chord 1.2 and the sag 0.3,
+which is a radius of 0.75. Its left side is at x = 0.2 and its lowest point 0.2 above the block.
 """
 
 from __future__ import annotations

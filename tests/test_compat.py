@@ -217,3 +217,18 @@ def test_gmsh_knows_whether_it_is_initialized():
     assert compat.gmsh_is_initialized(gmsh)
     gmsh.finalize()
     assert not compat.gmsh_is_initialized(gmsh)
+
+
+@pytest.mark.parametrize("component", (None, 1))
+def test_prescribed_values_are_set_on_ghosts_too(component):
+    V = compat.vector_space(unit_square("triangle"), 1)
+    space, value = (V, (3.0, 4.0)) if component is None else (V.sub(component), 4.0)
+    facets = dmesh.locate_entities_boundary(V.mesh, 1, lambda x: np.isclose(x[0], 0.0))
+    dofs = fem.locate_dofs_topological(space, 1, facets)
+    bc = fem.dirichletbc(np.array(value, dtype=PETSc.ScalarType), dofs, space)
+    u = fem.Function(V)
+    compat.set_prescribed(u.x.array, [bc])
+    left = np.isclose(V.tabulate_dof_coordinates()[:, 0], 0.0)
+    values = u.x.array.reshape(-1, 2)
+    assert all_ranks((values[left] == ((0.0 if component else 3.0), 4.0)).all())
+    assert all_ranks((values[~left] == 0.0).all())

@@ -158,8 +158,9 @@ def test_mesh_has_only_the_cells_asked_for_and_none_turned_over(script, cell):
     if COMM.rank == 0:
         (cell_type,), _, (nodes,) = model.mesh.getElements(2)
         tags, x, _ = model.mesh.getNodes()
-        corners = x.reshape(-1, 3)[np.argsort(tags)][nodes - 1].reshape(-1, 3 + CELLS.index(cell), 3)
-        before, after = np.roll(corners, 1, axis=1) - corners, np.roll(corners, -1, axis=1) - corners
+        corners = nodes.reshape(-1, {"triangle": 3, "quadrilateral": 4}[cell])
+        corners = x.reshape(-1, 3)[np.argsort(tags)][corners - 1]
+        before, after = (np.roll(corners, shift, axis=1) - corners for shift in (1, -1))
         turn = after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0]
         assert cell_type == {"triangle": 2, "quadrilateral": 3}[cell]
         assert (turn > 0.0).all()
@@ -288,14 +289,6 @@ def with_serendipity_cells():
     return model
 
 
-def with_one_name_twice():
-    model = plate(mesh=False)
-    for curve in (1, 2):
-        model.setPhysicalName(1, model.addPhysicalGroup(1, [curve]), "side")
-    model.mesh.generate(2)
-    return model
-
-
 @pytest.mark.parametrize(
     ("build", "match"),
     (
@@ -303,13 +296,12 @@ def with_one_name_twice():
         (lambda: plate(mesh=False), r"no elements of dimension 2; was .*generate\(2\)"),
         (lambda: plate(dim=3), "elements of dimension 3"),
         (lambda: plate(z=0.1), "z varies by 0.0998"),
-        (lambda: plate(nan=True), "1 nodes have coordinates that are not finite, e.g. node 2"),
+        (lambda: plate(nan=True), "coordinates of 1 nodes are not finite, e.g. of node 2"),
         (lambda: with_second_group(2), r"surface 1 is in the physical groups \['body 1', 'first'"),
         (lambda: with_second_group(1), r"curve 1 is in the physical groups \['first', 'second'\]"),
         (with_untagged_surface, "surface 2 is in no physical group"),
         (with_mixed_cells, r"mixes \['Quadrilateral 4', 'Triangle 3'\]"),
         (with_serendipity_cells, r"type \['Quadrilateral 8'\] are not known"),
-        (with_one_name_twice, "'side' is the name of the physical groups"),
         (lambda: None, "source is None; right is"),
         (lambda: 3.5, "source is 3.5; right is"),
         (lambda: "nowhere.msh", "no file 'nowhere.msh'"),
@@ -323,6 +315,19 @@ def test_what_cannot_be_read_raises_on_all_ranks(build, match):
 def test_file_of_something_else_raises_on_all_ranks(msh_path):
     on_root(msh_path.write_text, "$MeshFormat\nno mesh at all\n")
     raises_on_all_ranks("mesh.msh|no elements", read_gmsh, msh_path, COMM)
+
+
+def test_file_with_one_name_twice_raises_on_all_ranks(msh_path):
+    """gmsh's own sessions drop the second name, but files can hold it."""
+
+    def write():
+        two_blocks.build()
+        gmsh.write(str(msh_path))
+        msh_path.write_text(msh_path.read_text().replace("upper/left", "upper/right"))
+
+    on_root(write)
+    match = r"'upper/right' is the name of the physical groups \d+ and \d+"
+    raises_on_all_ranks(match, read_gmsh, msh_path, COMM)
 
 
 def test_missing_gmsh_raises_on_all_ranks(msh_path, monkeypatch):
@@ -348,7 +353,7 @@ def prescribed(V, bc, untouched=7.0):
     """Set a boundary condition in a function; return x and u of the owned nodes of all ranks."""
     u = fem.Function(V)
     u.x.array[:] = untouched
-    fem.set_bc(u.x.array, [bc])
+    compat.set_prescribed(u.x.array, [bc])
     u.x.scatter_forward()
     owned = V.dofmap.index_map.size_local
     x = V.tabulate_dof_coordinates()[:owned, :2]
@@ -533,7 +538,7 @@ def test_half_cylinder_is_fine_where_it_meets_the_block(cell):
     assert abs(np.hypot(x, y - 1.1) - 1.0).max() < 1e-14
     for boundary, size in (("cylinder/arc", 0.02), ("block/top", 0.014)):
         x = np.sort(nodes_on(data, boundary)[:, 0])
-        facets = np.diff(x[abs(x) < 0.2])
+        facets = np.diff(x[abs(x) < 0.15])
         assert np.isclose(x, 0.0, atol=1e-14).sum() == 1
         assert 0.85 * size < facets.min() and facets.max() < 1.1 * size
     assert area(data, "block") == pytest.approx(8.0, rel=1e-13)
@@ -554,5 +559,5 @@ def test_half_cylinder_is_fine_where_it_meets_the_block(cell):
 )
 def test_scripts_refuse_what_they_cannot_build(build, options):
     if COMM.rank == 0:
-        with pytest.raises(ValueError, match="right is|cannot|only|have to"):
+        with pytest.raises(ValueError, match=r"right is|cannot|only|have to"):
             build(**options)
