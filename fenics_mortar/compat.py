@@ -61,7 +61,7 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     """
     if hasattr(fem, "functionspace"):
         return fem.functionspace(mesh, ("Lagrange", degree, (2,)))
-    return fem.VectorFunctionSpace(mesh, ("Lagrange", degree), dim=2)
+    return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
 
 
 def petsc_vec(function: fem.Function) -> PETSc.Vec:
@@ -238,3 +238,23 @@ def set_prescribed(values: Array, bcs: list[Any]) -> None:
             bc.set(values)
         else:
             fem.set_bc(values, [bc])
+
+
+# Values of expressions
+
+
+def create_expression(
+    expression: ufl.core.expr.Expr, points: npt.ArrayLike
+) -> fem.Expression:
+    """Compile a UFL expression for reference ``points``, shape (num_points, 2) (collective)."""
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    return fem.Expression(expression, points, **_own_options(fem.Expression))
+
+
+def evaluate_expression(expression: fem.Expression, mesh: dmesh.Mesh, cells: Indices) -> Array:
+    """Evaluate at the expression's points in local ``cells``, shape (num_cells, ...) (local).
+
+    ``Expression.eval`` takes the mesh since 0.7.
+    """
+    takes_mesh = "mesh" in inspect.signature(expression.eval).parameters
+    return expression.eval(mesh, cells) if takes_mesh else expression.eval(cells)

@@ -276,7 +276,7 @@ def evaluate_mortar(
     left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
     edges = x[nodes[:, 1]] - x[nodes[:, 0]]
     basis.tabulate_facets(
-        edges, left, BASES[options.basis], s.offsets, s.pair_offsets, moments,
+        edges, left, s.partial, BASES[options.basis], s.offsets, s.pair_offsets, moments,
         D, dD, M, dM, gap, dgap, cover,
     )  # fmt: skip
     nodal = np.zeros((3, slave.num_nodes))

@@ -24,6 +24,7 @@ class Segments:
 
     Attributes:
         facets: Slave facets looked at, shape (f,).
+        partial: Whether a part of the facet has no partner, shape (f,).
         offsets: Segments of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
         pair_offsets: The same for the pairs of segments coupled by a partial cover, (f + 1,).
         slave: Slave nodes of each segment, shape (n, 2).
@@ -34,6 +35,7 @@ class Segments:
     """
 
     facets: Indices
+    partial: npt.NDArray[np.bool_]
     offsets: Indices
     pair_offsets: Indices
     slave: Indices
@@ -82,25 +84,29 @@ def find_segments(
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)
     cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
-    pair_counts = np.where(cover >= 2.0 - FULL_COVER, counts, counts**2)
+    partial = cover < 2.0 - FULL_COVER
+    pair_counts = np.where(partial, counts**2, counts)
     pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
     return Segments(
         facets,
+        partial,
         offsets,
         pair_offsets,
         slave.facets[facets][owner],
         master.facets[master_facets],
         end_is_node,
-        _pairs(offsets, pair_counts),
+        _pairs(offsets, pair_counts, partial),
     )
 
 
-def _pairs(offsets: Indices, pair_counts: Indices) -> Indices:
+def _pairs(
+    offsets: Indices, pair_counts: Indices, partial: npt.NDArray[np.bool_]
+) -> Indices:
     """Segments (i, k) of each pair, k running fastest within a facet."""
     counts = np.diff(offsets)
     facet = np.repeat(np.arange(counts.size), pair_counts)
     place = np.arange(facet.size) - np.repeat(np.cumsum(pair_counts) - pair_counts, pair_counts)
-    coupled = (pair_counts > counts)[facet]
-    i = np.where(coupled, place // np.maximum(counts[facet], 1), place)
-    k = np.where(coupled, place % np.maximum(counts[facet], 1), place)
+    count = np.maximum(counts[facet], 1)
+    i = np.where(partial[facet], place // count, place)
+    k = np.where(partial[facet], place % count, place)
     return offsets[facet][:, None] + np.stack([i, k], axis=1)

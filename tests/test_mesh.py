@@ -211,12 +211,22 @@ def test_nodes_numbered_with_holes_are_read(msh_path):
 
 
 def test_reading_a_file_leaves_the_running_gmsh_session_alone(msh_path):
-    model = on_root(two_blocks.build)
-    on_root(gmsh.write, str(msh_path))
-    before = on_root(lambda: (gmsh.model.getCurrent(), gmsh.model.list(), model.getEntities()))
+    def build_two():
+        two_blocks.build()
+        gmsh.write(str(msh_path))
+        rings.build()
+        gmsh.model.setCurrent("two_blocks")
+        gmsh.option.setNumber("General.Verbosity", 0)  # terminal on, but silent
+        gmsh.option.setNumber("General.Terminal", 1)
+
+    def state():
+        terminal = gmsh.option.getNumber("General.Terminal")
+        return gmsh.model.getCurrent(), gmsh.model.list(), gmsh.model.getEntities(), terminal
+
+    on_root(build_two)
+    before = on_root(state)
     read_gmsh(msh_path, COMM)
-    after = on_root(lambda: (gmsh.model.getCurrent(), gmsh.model.list(), model.getEntities()))
-    assert COMM.bcast(before == after)
+    assert COMM.bcast(before == on_root(state))
 
 
 def test_reading_a_file_needs_no_gmsh_session_and_leaves_none(msh_path):
@@ -289,6 +299,15 @@ def with_serendipity_cells():
     return model
 
 
+def with_curve_without_mesh():
+    model = plate()
+    occ = model.occ
+    line = occ.addLine(occ.addPoint(2, 0, 0), occ.addPoint(3, 0, 0))
+    occ.synchronize()
+    model.setPhysicalName(1, model.addPhysicalGroup(1, [line]), "later")
+    return model
+
+
 @pytest.mark.parametrize(
     ("build", "match"),
     (
@@ -300,6 +319,7 @@ def with_serendipity_cells():
         (lambda: with_second_group(2), r"surface 1 is in the physical groups \['body 1', 'first'"),
         (lambda: with_second_group(1), r"curve 1 is in the physical groups \['first', 'second'\]"),
         (with_untagged_surface, "surface 2 is in no physical group"),
+        (with_curve_without_mesh, r"curve \d of physical group \['later'\] has no elements"),
         (with_mixed_cells, r"mixes \['Quadrilateral 4', 'Triangle 3'\]"),
         (with_serendipity_cells, r"type \['Quadrilateral 8'\] are not known"),
         (lambda: None, "source is None; right is"),
@@ -400,10 +420,21 @@ def test_function_is_taken_node_by_node(blocks):
 def test_several_boundaries_make_one_condition(blocks):
     V = compat.vector_space(blocks.mesh, 1)
     names = ["lower/left", blocks.boundary_tag("lower/right"), "lower/left"]
-    x, u = prescribed(V, dirichlet(V, blocks, names, (0.0, 1.0)))
+    x, u = prescribed(V, dirichlet(V, blocks, names, (0, 1)))
     sides = np.isclose(x[:, 0], 0.0) | np.isclose(x[:, 0], 2.2)
     assert sides.sum() == 6
-    assert (u[sides] == (0.0, 1.0)).all() and (u[~sides] == 7.0).all()
+    assert (u[sides] == (0, 1)).all() and (u[~sides] == 7.0).all()
+
+
+def test_condition_needs_no_connectivity_made_before():
+    x = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+    own = slice(None) if COMM.rank == 0 else slice(0, 0)
+    mesh = compat.create_mesh(COMM, np.arange(3).reshape(1, 3)[own], x[own], "triangle")
+    mesh.topology.create_entities(1)
+    facets = np.arange(mesh.topology.index_map(1).size_local, dtype=np.int32)
+    data = MeshData(mesh, None, dmesh.meshtags(mesh, 1, facets, np.full_like(facets, 4)))
+    V = compat.vector_space(mesh, 1)
+    assert (prescribed(V, dirichlet(V, data, 4, (1.0, 2.0)))[1] == (1.0, 2.0)).all()
 
 
 def test_condition_on_an_empty_boundary_raises_on_all_ranks(blocks):
@@ -561,3 +592,9 @@ def test_scripts_refuse_what_they_cannot_build(build, options):
     if COMM.rank == 0:
         with pytest.raises(ValueError, match=r"right is|cannot|only|have to"):
             build(**options)
+
+
+def test_half_cylinder_has_no_triangles_where_gmsh_alone_would_leave_some():
+    build = half_cylinder_on_block.build
+    data = read(build, cell="quadrilateral", h=0.15, growth=0.05)
+    assert compat.cell_name(data.mesh) == "quadrilateral"

@@ -39,12 +39,17 @@ BOTH, ONLY_FIRST, ONLY_SECOND = 0, 1, 2
 
 @kernel
 def cover_of(ends):
-    """|S|, mean and variance of the union of disjoint intervals ``ends`` (n, 2)."""
+    """|S|, mean and variance of the union of disjoint intervals ``ends`` (n, 2).
+
+    Centres are taken from the first one, so that a single tiny interval keeps all digits.
+    """
     size, mean = 0.0, 0.0
+    first = 0.5 * (ends[0, 0] + ends[0, 1])
     for i in range(ends.shape[0]):
-        size += ends[i, 1] - ends[i, 0]
-        mean += 0.5 * (ends[i, 1] - ends[i, 0]) * (ends[i, 1] + ends[i, 0])
-    mean /= size
+        length = ends[i, 1] - ends[i, 0]
+        size += length
+        mean += length * (0.5 * (ends[i, 0] + ends[i, 1]) - first)
+    mean = first + mean / size
     variance = 0.0
     for i in range(ends.shape[0]):
         c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
@@ -55,16 +60,17 @@ def cover_of(ends):
 @kernel
 def coefficients(basis, left, mean, variance):
     """The table above and its derivatives: (a, da/dxm, F, dF/dxm, dF/dv, w, dw/dxm, dw/dv)."""
+    o = 0.0 * mean
     if left == ONLY_FIRST:
-        return 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return o + 1.0, o, o, o, o, o, o, o
     if left == ONLY_SECOND:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return o, o, o, o, o, o, o, o
     a = 0.5 * (1.0 - mean)
     if basis == STANDARD:
-        return a, -0.5, 0.5, 0.0, 0.0, 0.5 * variance, 0.0, 0.5
+        return a, o - 0.5, o + 0.5, o, o, 0.5 * variance, o, o + 0.5
     w = 0.5 * (1.0 - mean * mean)
     F = w / variance
-    return a, -0.5, F, -mean / variance, -F / variance, w, -mean, 0.0
+    return a, o - 0.5, F, -mean / variance, -F / variance, w, -mean, o
 
 
 @kernel
@@ -163,23 +169,24 @@ def add_cover_derivative(table, segments, i, mean, dmean, dF, dM, dg):
 
 
 @kernel
-def facet_derivatives(table, segments, size, mean, variance, edge, coupled, dD, dM, dg):
+def facet_derivatives(table, segments, size, mean, variance, edge, partial, dD, dM, dg):
     """Fill dD (n, 2, 2, 12), dM (pairs, 2, 2, 12) and dg (n, 2, 12) of one facet."""
     ends, dends = segments[0], segments[1]
     count = ends.shape[0]
-    dJ, dsize, dF = np.zeros(12), np.zeros(12), np.empty(12)
-    dmean, dvariance = np.zeros(12), np.zeros(12)
+    kind = ends.dtype
+    dJ, dsize, dF = np.zeros(12, kind), np.zeros(12, kind), np.empty(12, kind)
+    dmean, dvariance = np.zeros(12, kind), np.zeros(12, kind)
     ex, ey = 0.5 * edge[0], 0.5 * edge[1]
     J = np.sqrt(ex * ex + ey * ey)
     for k in range(count):
-        own = k * count + k if coupled else k
+        own = k * count + k if partial else k
         own_derivative(table, segments, k, mean, dM[own], dg[k])
         share = 0.5 * (ends[k, 1] - ends[k, 0]) / J
         dJ[2], dJ[3], dJ[4], dJ[5] = -share * ex, -share * ey, share * ex, share * ey
-        if coupled:
+        if partial:
             cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
         slave_matrix_derivative(table, size, mean, J, dJ, dsize, dmean, dvariance, dD[k])
-    if not coupled:
+    if not partial:
         return
     for k in range(count):
         cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
@@ -190,14 +197,14 @@ def facet_derivatives(table, segments, size, mean, variance, edge, coupled, dD, 
 
 @kernel
 def tabulate_facets(
-    edges, left, basis, offsets, pair_offsets, segments, D, dD, M, dM, g, dg, cover
+    edges, left, partial, basis, offsets, pair_offsets, segments, D, dD, M, dM, g, dg, cover
 ):
     """Make D, M and the weighted gap of all facets from the moments of their segments.
 
     ``edges`` (f, 2): vector from the first to the second node of each facet; ``left`` (f,): which
-    nodes carry a multiplier; facet e owns the segments offsets[e]:offsets[e+1] and the pairs
-    pair_offsets[e]:pair_offsets[e+1] of them: (i, k), k running fastest, or only i = k where the
-    facet is fully covered. ``segments`` = (ends, dends, M, dM, g, dg) of ``tabulate_segments``.
+    nodes carry a multiplier; ``partial`` (f,): whether a part of the facet is not covered; facet e
+    owns the segments offsets[e]:offsets[e+1] and the pairs pair_offsets[e]:pair_offsets[e+1] of
+    them: (i, k), k running fastest, where it is partly covered, else only i = k. ``segments`` = (ends, dends, M, dM, g, dg) of ``tabulate_segments``.
     Fills D (f, 2, 2), dD (n, 2, 2, 12), M (n, 2, 2), dM (pairs, 2, 2, 12), g (f, 2),
     dg (n, 2, 12) and cover (f, 2), the integrals of N_1 and N_2 over the covered part. ``dM`` must
     come zeroed; rows of facets without segments are left as they are.
@@ -218,5 +225,5 @@ def tabulate_facets(
             D[e, 0, 1] = 0.0
             D[e, 1, 0] = 0.0
         facet_derivatives(
-            table, own, size, mean, variance, edges[e], q - p > j - i, dD[i:j], dM[p:q], dg[i:j]
+            table, own, size, mean, variance, edges[e], partial[e], dD[i:j], dM[p:q], dg[i:j]
         )

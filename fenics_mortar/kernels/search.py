@@ -15,7 +15,8 @@ quadratic of ``projection`` has just one root there.
 
 Slivers stay, down to length zero: where a master node is about to pass a slave node, their value
 is nothing, but the motion of their ends is part of the derivative. Only a facet that is covered
-by next to nothing in all is left out.
+by next to nothing in all is left out, and one of which next to nothing is missing at an end counts
+as covered up to its node: both are rounding where two bodies end at one place.
 """
 
 import numpy as np
@@ -177,6 +178,12 @@ def facet_segments(geometry, slave, master_facets, hits, radius, limits, found):
             found[count, 4], found[count, 5] = is_node[0], is_node[1]
             count += 1
     kept = keep_nearest(found, count, least_cover)
+    if kept == 0:
+        return 0
+    if found[0, 1] < -1.0 + least_cover:
+        found[0, 1], found[0, 4] = -1.0, 1.0
+    if found[kept - 1, 2] > 1.0 - least_cover:
+        found[kept - 1, 2], found[kept - 1, 5] = 1.0, 1.0
     cover = 0.0
     for i in range(kept):
         cover += found[i, 2] - found[i, 1]

@@ -146,9 +146,10 @@ def tabulate_segments(
     x, n, dn_dx, m = geometry
     slave, master = connectivity
     points, weights = rule
-    y = np.empty(12)
-    deta, dgap = np.empty(12), np.empty(12)
-    dM_dy, dg_dy, dends_dy = np.empty((2, 2, 12)), np.empty((2, 12)), np.empty((2, 12))
+    kind = x.dtype
+    y, deta, dgap = np.empty(12, kind), np.empty(12, kind), np.empty(12, kind)
+    dM_dy, dg_dy = np.empty((2, 2, 12), kind), np.empty((2, 12), kind)
+    dends_dy = np.empty((2, 12), kind)
     for i in range(slave.shape[0]):
         local_coordinates(x, n, m, slave[i], master[i], y)
         segment_ends(y, end_is_node[i, 0], end_is_node[i, 1], ends[i], dends_dy)

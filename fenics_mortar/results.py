@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: MIT
+"""What comes out: files for ParaView, a table of contact forces, pictures.
+
+All functions are collective and look at the present displacement and multipliers of a problem. The
+bulk is written and gathered by cells, each by the rank that owns it; the contact surfaces are small
+and known everywhere, so the first rank writes them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from mpi4py import MPI
+
+import ufl
+
+from fenics_mortar import compat
+from fenics_mortar.contact import Contact
+from fenics_mortar.errors import MortarError, raise_together
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.surfaces import Array, Indices
+
+# By the number of corners: dolfinx' order of quadrilaterals is that of a tensor product
+MIDPOINT = {3: [[1 / 3, 1 / 3]], 4: [[0.5, 0.5]]}
+AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2]}
+VTK_NAME = {3: "triangle", 4: "quad"}
+
+
+class ResultsWriter:
+    """Time series for ParaView: ``<path>.pvd`` and, for each pair, ``<path>_contact_<slave>.pvd``.
+
+    The bulk has the displacement at its nodes and the values of ``fields`` at the midpoints of its
+    cells. The slave surface has at its nodes the displacement, the contact pressure, the tangential
+    traction tau . z [stress], the mean gap [length], nan where there is no partner, the status
+    (0 open, 1 active) and the normal. Positions are those of the reference: warp by displacement.
+
+    Args:
+        path: Where to write, of the first rank; missing folders are made.
+        problem: What is written.
+        fields: UFL expressions by name: scalars, vectors or tensors. Plane vectors and tensors are
+            filled up with zeros.
+
+    Raises:
+        MortarError: On all ranks, if a field or the path is of no use.
+    """
+
+    def __init__(
+        self, path: str | Path, problem: ContactProblem, fields: dict[str, Any] | None = None
+    ) -> None:
+        self._problem, comm = problem, problem.comm
+        self._fields = {name: _CellField(problem, e, name) for name, e in (fields or {}).items()}
+        path = _prepare(comm, path, ".pvd")
+        cells = _owned_cells(problem)
+        corners = cells.shape[1]
+        self._nodes, numbers = np.unique(cells, return_inverse=True)
+        X = problem.bulk.V.tabulate_dof_coordinates()[self._nodes]
+        piece = numbers.reshape(cells.shape)[:, AROUND[corners]]
+        self._bulk = _Series(comm, path, X, VTK_NAME[corners], piece)
+        self._surfaces = []
+        names = [re.sub(r"\W+", "_", contact.slave.name) for contact in problem.contacts]
+        for i, (name, contact) in enumerate(zip(names, problem.contacts, strict=True)):
+            name = name if names.count(name) == 1 else f"{name}_{i}"
+            series = path.with_name(f"{path.name}_contact_{name}")
+            facets = contact.slave.facets[: None if comm.rank == 0 else 0]
+            self._surfaces.append(_Series(comm, series, _pad(contact.slave.X), "line", facets))
+
+    def write(self, time: float) -> None:
+        """Write the present state as that of ``time`` (collective)."""
+        u = self._problem.bulk.u.x.array
+        cell_data = {name: _pad(field.evaluate()) for name, field in self._fields.items()}
+        self._bulk.write(time, {"displacement": _pad(u.reshape(-1, 2)[self._nodes])}, cell_data)
+        for series, contact in zip(self._surfaces, self._problem.contacts, strict=True):
+            contact.evaluate(u, self._problem.linearization)
+            series.write(time, _surface_data(contact), {})
+
+    def __enter__(self) -> ResultsWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Do nothing: the files are complete after each step."""
+
+
+def _surface_data(contact: Contact) -> dict[str, Array]:
+    o = contact.operators
+    return {
+        "displacement": _pad(o.x - contact.slave.X),
+        "contact_pressure": contact.pressure,
+        "tangential_traction": np.einsum("jc,jc->j", o.tau, contact.z),
+        "gap": contact.gap,
+        "status": contact.active.astype(np.int32),
+        "normal": _pad(o.n),
+    }
+
+
+class _Series:
+    """One .vtu a step and rank that has cells, and the .pvd that lists them."""
+
+    def __init__(self, comm: MPI.Comm, path: Path, X: Array, kind: str, cells: Indices) -> None:
+        self._comm, self._path, self._X, self._cells = comm, path, X, [(kind, cells)]
+        self._ranks = np.flatnonzero(comm.allgather(len(cells)))
+        self._steps = 0
+        self._entries: list[str] = []
+
+    def write(self, time: float, point_data: dict[str, Array], cell_data: dict[str, Array]) -> None:
+        """Write a step (collective)."""
+        names = {r: f"{self._path.name}_{self._steps:06d}_p{r}.vtu" for r in self._ranks}
+        mine = names.get(self._comm.rank)
+
+        def write_piece() -> None:
+            import meshio
+
+            if mine:
+                data = {name: [values] for name, values in cell_data.items()}
+                mesh = meshio.Mesh(self._X, self._cells, point_data, data)
+                mesh.write(self._path.with_name(mine))
+
+        def write_index() -> None:
+            entries = "\n".join(self._entries)
+            head, tail = '<VTKFile type="Collection"><Collection>', "</Collection></VTKFile>"
+            index = self._path.with_name(f"{self._path.name}.pvd")
+            index.write_text(f'<?xml version="1.0"?>\n{head}\n{entries}\n{tail}\n')
+
+        _try_together(self._comm, write_piece)
+        self._steps += 1
+        self._entries += [
+            f'<DataSet timestep="{float(time)!r}" part="{i}" file={quoteattr(name)}/>'
+            for i, name in enumerate(names.values())
+        ]
+        _try_together(self._comm, write_index, only_first=True)
+
+
+class _CellField:
+    """A UFL expression at the midpoints of the owned cells; compiled once."""
+
+    def __init__(
+        self, problem: ContactProblem, expression: Any, name: str, max_rank: int = 2
+    ) -> None:
+        error = None
+        self._mesh = problem.bulk.V.mesh
+        try:
+            if not isinstance(name, str) or not name or name == "displacement":
+                raise ValueError("a name is a text, not empty and not 'displacement'")
+            self._shape = ufl.as_ufl(expression).ufl_shape
+            if len(self._shape) > max_rank or max(self._shape, default=1) > 3:
+                right = "scalar, vector or tensor" if max_rank else "scalar"
+                raise ValueError(f"its shape is {self._shape}; right is a {right}")
+            corners = problem.bulk.V.dofmap.dof_layout.num_dofs
+            self._compiled = compat.create_expression(expression, MIDPOINT[corners])
+        except Exception as problem_of_user:  # UFL and the compiler raise all sorts
+            error = MortarError(f"field {name!r} cannot be evaluated: {problem_of_user}")
+        raise_together(problem.comm, error)
+
+    def evaluate(self) -> Array:
+        """Values, shape (owned cells, *shape of the expression) (local)."""
+        cells = np.arange(self._mesh.topology.index_map(2).size_local, dtype=np.int32)
+        values = compat.evaluate_expression(self._compiled, self._mesh, cells)
+        return np.asarray(values).reshape(cells.size, *self._shape)
+
+
+def _owned_cells(problem: ContactProblem) -> Indices:
+    """Nodes of the cells of this rank, shape (owned cells, nodes), in the order of dolfinx."""
+    num_cells = problem.bulk.V.mesh.topology.index_map(2).size_local
+    return compat.dofmap(problem.bulk.V)[:num_cells]
+
+
+def _pad(values: Array) -> Array:
+    """Fill (n, a) up to (n, 3), and (n, a, b) to 3 x 3 in rows of 9; as VTK has them."""
+    padded = np.zeros((len(values), *(3 for _ in values.shape[1:])))
+    padded[tuple(slice(size) for size in values.shape)] = values
+    return padded.reshape(len(values), -1) if values.ndim > 1 else padded
+
+
+def _prepare(comm: MPI.Comm, path: str | Path, suffix: str) -> Path:
+    """Make the folder; return the path of the first rank without its suffix (collective)."""
+    path = Path(comm.bcast(str(path)))
+    path = path.with_suffix("") if path.suffix == suffix else path
+    _try_together(comm, lambda: path.parent.mkdir(parents=True, exist_ok=True), only_first=True)
+    return path
+
+
+def _try_together(comm: MPI.Comm, work: Callable[[], None], *, only_first: bool = False) -> None:
+    """Do something that a disk may refuse; raise on all ranks if it fails on one (collective)."""
+    error = None
+    if comm.rank == 0 or not only_first:
+        try:
+            work()
+        except (OSError, ImportError, ValueError) as exception:
+            error = MortarError(f"results cannot be written: {exception}")
+    raise_together(comm, error)
+
+
+# Table
+
+
+def contact_table(problem: ContactProblem) -> str:
+    """Tabulate the contact of each pair in Markdown: forces, active nodes, pressure, gap.
+
+    The forces are those that act on the bodies, [stress length]; the last column is the smallest
+    mean gap of a slave node by the length of the node.
+    """
+    rows = [
+        "| pair | force on slave | force on master | sum | active | max pressure | min gap/length |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    for contact in problem.contacts:
+        contact.evaluate(problem.bulk.u.x.array, problem.linearization)
+        forces = [-force.sum(axis=0) for force in contact.operators.force(contact.z)]
+        gap = (contact.gap / contact.nodal_lengths)[contact.covered]
+        cells = [f"{contact.slave.name} – {contact.master.name}"]
+        cells += [f"({f[0]:.4e}, {f[1]:.4e})" for f in (*forces, forces[0] + forces[1])]
+        cells += [f"{contact.active.sum()} of {contact.slave.num_nodes}"]
+        cells += [f"{contact.pressure.max():.4e}", f"{gap.min():.2e}" if gap.size else "–"]
+        rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+# Picture
+
+INK, PRESSURE = "#222222", "#c8102e"
+
+
+def plot(
+    problem: ContactProblem,
+    path: str | Path,
+    *,
+    stress: Any | None = None,
+    label: str = "stress",
+    title: str | None = None,
+    scale: float = 1.0,
+) -> None:
+    """Draw the deformed bodies and the pressure on the slave surfaces as a PNG (collective).
+
+    Args:
+        problem: What is drawn.
+        path: Where to, of the first rank; ``.png`` is added, missing folders are made.
+        stress: Scalar UFL expression that colours the cells by its values at their midpoints.
+        label: Name of ``stress`` at the colour bar.
+        title: Title.
+        scale: Factor of the displacement.
+
+    Raises:
+        MortarError: On all ranks, if the expression or the path is of no use.
+    """
+    comm = problem.comm
+    field = None if stress is None else _CellField(problem, stress, label, max_rank=0)
+    path = _prepare(comm, path, ".png")
+    cells = _owned_cells(problem)
+    x = problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    x = x + scale * problem.bulk.u.x.array.reshape(-1, 2)
+    nodes = problem.bulk.V.dofmap.index_map.local_to_global(cells.ravel()).reshape(cells.shape)
+    values = np.zeros(len(cells)) if field is None else field.evaluate()
+    pieces = comm.gather((nodes, x[cells], values))
+    for contact in problem.contacts:
+        contact.evaluate(problem.bulk.u.x.array, problem.linearization)
+
+    def draw() -> None:
+        from matplotlib.figure import Figure
+
+        nodes, polygons, values = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
+        width, height = 6.0 * (high - low) / (high - low).max()
+        figure = Figure((max(width, 3.0) + 1.6, max(height, 1.5) + 0.9), layout="constrained")
+        axes = figure.add_subplot(aspect="equal", title=title or "")
+        bodies = _draw_bodies(axes, nodes, polygons, None if field is None else values)
+        if field is not None:
+            figure.colorbar(bodies, ax=axes, label=label, shrink=0.8, aspect=30)
+        _draw_pressure(axes, problem.contacts, scale, 0.12 * float(np.sqrt(np.prod(high - low))))
+        axes.margins(0.03)
+        axes.locator_params(nbins=6)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.spines[["left", "bottom"]].set_color("#999999")
+        axes.tick_params(colors="#555555", labelsize=8)
+        figure.savefig(f"{path}.png", dpi=200)
+
+    _try_together(comm, draw, only_first=True)
+
+
+def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | None) -> Any:
+    """Cells, their edges if these are not too many, and the outline of the bodies."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    around = AROUND[nodes.shape[1]]
+    nodes, polygons = nodes[:, around], polygons[:, around]
+    cells = PolyCollection(polygons, cmap="YlGnBu", linewidths=0.0, facecolors="#dfe6ea")
+    cells.set_array(values)
+    fine = min(0.35, 12.0 / np.sqrt(len(nodes)))
+    cells.set(edgecolors=(0.1, 0.1, 0.1, 0.35), linewidths=fine)
+    edges = np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends = np.stack([polygons, np.roll(polygons, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+    _, first, count = np.unique(np.sort(edges), axis=0, return_index=True, return_counts=True)
+    axes.add_collection(cells)
+    axes.add_collection(LineCollection(ends[first[count == 1]], colors=INK, linewidths=0.8))
+    return cells
+
+
+def _draw_pressure(axes: Any, contacts: list[Contact], scale: float, height: float) -> None:
+    """Pressure along the normals of the slave surfaces, on their outer side, and its maximum."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    largest = max((contact.pressure.max() for contact in contacts), default=0.0)
+    for contact in contacts:
+        pressure, o = contact.pressure, contact.operators
+        if not pressure.max() > 0.0:
+            continue
+        foot = contact.slave.X + scale * (o.x - contact.slave.X)
+        tip = foot + height / largest * pressure[:, None] * o.n
+        facets = contact.slave.facets[(pressure[contact.slave.facets] != 0.0).any(axis=1)]
+        areas = np.concatenate([foot[facets], tip[facets][:, ::-1]], axis=1)
+        axes.add_collection(PolyCollection(areas, facecolors="white", alpha=0.6, linewidths=0.0))
+        stems = np.stack([foot, tip], axis=1)[np.unique(facets)]
+        axes.add_collection(LineCollection(stems, colors=PRESSURE, linewidths=0.5))
+        axes.add_collection(LineCollection(tip[facets], colors=PRESSURE, linewidths=1.3))
+        axes.add_collection(LineCollection(foot[facets], colors=PRESSURE, linewidths=1.3))
+        top = int(pressure.argmax())
+        axes.annotate(
+            f"max. pressure {pressure[top]:.3g}",
+            tip[top],
+            12.0 * o.n[top],
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=8,
+            color=PRESSURE,
+            bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.8},
+        )

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: MIT
+"""Set-up of all tests: paths, a fresh numba cache, and a barrier after each test."""
+
+import gc
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+for folder in (ROOT, ROOT / "meshes", ROOT / "tests", ROOT / "tests" / "kernels"):
+    sys.path.insert(0, str(folder))
+# numba does not see that a helper in another file has changed: never trust an old cache. The test
+# command gives all ranks one fresh folder; a plain pytest gets its own.
+os.environ.setdefault("NUMBA_CACHE_DIR", tempfile.mkdtemp(prefix="fenics_mortar-numba-"))
+
+import pytest  # noqa: E402
+
+from mpi4py import MPI  # noqa: E402
+
+
+def pytest_collection_modifyitems(items):
+    """Leave out what needs exactly one rank when there are several."""
+    if MPI.COMM_WORLD.size > 1:
+        items[:] = [item for item in items if "serial" not in item.keywords]
+
+
+@pytest.fixture(autouse=True)
+def together():
+    """Destructors of PETSc objects are collective: collect garbage in step, then wait."""
+    yield
+    gc.collect()
+    MPI.COMM_WORLD.barrier()
+
+
+@pytest.fixture
+def shared_path(tmp_path):
+    """The temporary folder of rank 0, on all ranks."""
+    return Path(MPI.COMM_WORLD.bcast(str(tmp_path)))

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: MIT
+"""Two curves facing each other, and the mortar integrals of them without mesh or PETSc."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_mortar.kernels import basis, normals, search, segment
+
+LIMITS = (0.1, 1e-10)
+
+
+@dataclass
+class Curves:
+    """Slave nodes from left to right (body above), master nodes from right to left."""
+
+    x: np.ndarray
+    m: np.ndarray
+    basis: int = basis.DUAL
+    weighting: int = normals.OPPOSITE
+    points: int = 5
+    left: np.ndarray | None = None
+    radius: float = 10.0
+
+    def __post_init__(self):
+        count = len(self.x)
+        self.slave = np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
+        self.master = np.stack([np.arange(len(self.m) - 1), np.arange(1, len(self.m))], axis=1)
+        self.previous = np.arange(count) - 1
+        self.following = np.append(np.arange(1, count), -1)
+        if self.left is None:
+            self.left = np.full(count - 1, basis.BOTH)
+        n, _ = self.normals(self.x)
+        self.offsets, self.masters, self.end_is_node, self.ends = search.find_segments(
+            (self.x, n, self.m), self.slave, self.master, self.radius, LIMITS
+        )
+        counts = np.diff(self.offsets)
+        owner = np.repeat(np.arange(count - 1), counts)
+        cover = np.bincount(owner, self.ends[:, 1] - self.ends[:, 0], count - 1)
+        self.partial = cover < 2 - 1e-12
+        self.pair_counts = np.where(self.partial, counts**2, counts)
+        self.pair_offsets = np.concatenate([[0], np.cumsum(self.pair_counts)])
+        self.nodes = self.slave[owner], self.master[self.masters]
+        self.pairs = [
+            (i, k)
+            for e in range(count - 1)
+            for i in range(self.offsets[e], self.offsets[e + 1])
+            for k in range(self.offsets[e], self.offsets[e + 1])
+            if i == k or self.partial[e]
+        ]
+
+    def normals(self, x):
+        n, dn = np.empty_like(x), np.zeros((len(x), 2, 6), x.dtype)
+        normals.tabulate_normals(x, self.previous, self.following, self.weighting, n, dn)
+        return n, dn
+
+    def columns(self, i):
+        """Columns in (x, m) of the 12 derivatives of segment ``i``; -1 is missing."""
+        (a, b), (c, d) = self.nodes[0][i], self.nodes[1][i]
+        nodes = [self.previous[a], a, b, self.following[b], c + len(self.x), d + len(self.x)]
+        return np.ravel([(2 * k, 2 * k + 1) if k >= 0 else (-1, -1) for k in nodes])
+
+    def evaluate(self, positions):
+        """D, M, weighted gap and cover, and the derivatives, at ``positions`` = (x, m) stacked.
+
+        The segments keep the kind of their ends; complex positions give complex values.
+        """
+        kind = positions.dtype
+        x, m = positions[: len(self.x)], positions[len(self.x) :]
+        n, dn = self.normals(x)
+        count, facets = len(self.masters), len(self.slave)
+
+        def empty(*shape):
+            return np.zeros(shape, kind)
+
+        moments = (
+            empty(count, 2), empty(count, 2, 12), empty(count, 2, 2),
+            empty(count, 2, 2, 12), empty(count, 2), empty(count, 2, 12),
+        )  # fmt: skip
+        rule = np.polynomial.legendre.leggauss(self.points)
+        tabulate_segments, tabulate_facets = segment.tabulate_segments, basis.tabulate_facets
+        tabulate_segments((x, n, dn, m), self.nodes, self.end_is_node, rule, True, *moments)
+        D, dD = empty(facets, 2, 2), empty(count, 2, 2, 12)
+        M, dM = empty(count, 2, 2), empty(len(self.pairs), 2, 2, 12)
+        g, dg, cover = empty(facets, 2), empty(count, 2, 12), empty(facets, 2)
+        edges = x[self.slave[:, 1]] - x[self.slave[:, 0]]
+        tabulate_facets(
+            edges, self.left, self.partial, self.basis, self.offsets, self.pair_offsets, moments,
+            D, dD, M, dM, g, dg, cover,
+        )  # fmt: skip
+        return {"D": D, "M": M, "g": g, "dD": dD, "dM": dM, "dg": dg, "cover": cover}
+
+    @property
+    def positions(self):
+        return np.concatenate([self.x, self.m])
+
+
+def wavy(seed, slaves=5, masters=8, start=-0.05, stop=1.05):
+    """Two wavy curves with uneven nodes; the master from ``stop`` to ``start``."""
+    rng = np.random.default_rng(seed)
+
+    def curve(first, last, count, depth):
+        x = np.linspace(first, last, count)
+        step = x[1] - x[0]
+        x[1:-1] += 0.3 * step * rng.uniform(-1, 1, count - 2)
+        y = depth + 0.05 * np.sin(4 * x) + 0.05 * step * rng.uniform(-1, 1, count)
+        return np.stack([x, y], axis=1)
+
+    return curve(0.0, 1.0, slaves, 0.0), curve(stop, start, masters, -0.02)

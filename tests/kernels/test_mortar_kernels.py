@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: MIT
+"""Segment moments, multiplier bases and what is made of them: D, M, gap."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from curves import Curves, wavy
+from derivatives import complex_step
+
+from fenics_mortar.kernels import basis, normals
+
+BASES = [basis.DUAL, basis.STANDARD]
+# cover of the slave by the master: full, an end missing, an island, and two pieces
+COVERS = {
+    "full": (-0.05, 1.05),
+    "one end": (0.13, 1.05),
+    "both ends": (0.13, 0.97),
+    "island": (0.55, 0.7),
+}
+
+
+def curves(cover, seed=0, **options):
+    if cover == "two pieces":
+        x, m = wavy(seed, slaves=2, masters=5, start=0.05, stop=0.95)
+        m[2] = [0.5, 5.0]  # a spike beyond the angle filter: the middle has no partner
+        return Curves(x, m, **options)
+    start, stop = COVERS[cover]
+    return Curves(*wavy(seed, start=start, stop=stop), **options)
+
+
+def test_one_segment_by_hand():
+    # slave [0, 4], master [1, 3], both flat, distance 1: half of the facet is covered
+    pair = Curves(np.array([[0.0, 1], [4, 1]]), np.array([[3.0, 0], [1, 0]]), basis.STANDARD)
+    values = pair.evaluate(pair.positions)
+    # int_1^3 N_j N_k with N_1 = 1 - x/4, N_2 = x/4
+    assert np.allclose(values["D"][0], np.array([[13, 11], [11, 13]]) / 24, atol=1e-15)
+    # master functions L_1 = (x - 1)/2, L_2 = (3 - x)/2
+    assert np.allclose(values["M"][0], np.array([[5, 7], [7, 5]]) / 12, atol=1e-15)
+    assert np.allclose(values["g"][0], [1, 1], atol=1e-15)
+
+
+def test_dual_basis_by_hand():
+    # the same with Phi_1 = 1/2 - 3 s, s in [-1, 1]: F = 3 / (2 h) with h = 1/2
+    pair = Curves(np.array([[0.0, 1], [4, 1]]), np.array([[3.0, 0], [1, 0]]))
+    values = pair.evaluate(pair.positions)
+    assert np.allclose(values["D"][0], np.eye(2), atol=1e-15)
+    assert np.allclose(values["M"][0], np.array([[-1, 3], [3, -1]]) / 2, atol=1e-14)
+    assert np.allclose(values["g"][0], [1, 1], atol=1e-14)
+
+
+@pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
+@pytest.mark.parametrize("kind", BASES)
+def test_rows_of_D_and_M_sum_to_the_same(cover, kind):
+    pair = curves(cover, basis=kind)
+    values = pair.evaluate(pair.positions)
+    of_D, of_M = values["D"].sum(axis=2), np.zeros((len(pair.slave), 2))
+    for e in range(len(pair.slave)):
+        of_M[e] = values["M"][pair.offsets[e] : pair.offsets[e + 1]].sum(axis=(0, 2))
+    assert np.abs(of_D - of_M).max() < 1e-15
+
+
+@pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
+def test_dual_basis_is_biorthogonal_on_the_covered_part(cover):
+    dual, standard = curves(cover), curves(cover, basis=basis.STANDARD)
+    D = dual.evaluate(dual.positions)["D"]
+    mass = standard.evaluate(standard.positions)["D"]
+    assert np.abs(D[:, 0, 1]).max() == 0.0 and np.abs(D[:, 1, 0]).max() == 0.0
+    assert np.abs(np.einsum("ejj->ej", D) - mass.sum(axis=2)).max() < 1e-15
+
+
+def test_two_pieces_are_two_pieces():
+    pair = curves("two pieces")
+    ends = pair.ends[np.argsort(pair.ends[:, 0])]
+    gaps = ends[1:, 0] - ends[:-1, 1]
+    assert len(pair.slave) == 1 and (gaps > 0.1).sum() == 1
+
+
+@pytest.mark.parametrize("cover", [1.0, 1e-2, 1e-5, 1e-9])
+def test_tiny_cover_keeps_the_dual_basis_finite_and_the_sums_exact(cover):
+    x = np.array([[0.0, 0], [1, 0], [2, 0]])
+    pair = Curves(x, np.array([[1 + cover, -0.1], [-1, -0.1]]))
+    values = pair.evaluate(pair.positions)
+    D = values["D"][1]
+    exact = np.array([cover - cover**2 / 2, cover**2 / 2])
+    # the middle of the cover is 1 - cover/2 in xi: 1 - xi^2 keeps 1e-16 / cover
+    assert np.abs(np.diag(D) / exact - 1).max() < 4e-16 / cover
+    M = values["M"][pair.offsets[1] :].sum(axis=0)
+    assert np.abs(M.sum(axis=1) - np.diag(D)).max() < 1e-15 * cover + 1e-17
+
+
+@pytest.mark.parametrize("left", [basis.ONLY_FIRST, basis.ONLY_SECOND])
+def test_neighbour_takes_over_the_weight_of_a_node_without_multiplier(left):
+    x, m = wavy(0)
+    pair = Curves(x, m, left=np.full(len(x) - 1, left))
+    values = pair.evaluate(pair.positions)
+    dropped = 1 if left == basis.ONLY_FIRST else 0
+    assert np.abs(values["D"][:, dropped]).max() < 1e-17
+    assert np.abs(values["D"][:, 1 - dropped] - values["cover"]).max() < 1e-15
+
+
+@pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
+@pytest.mark.parametrize("kind, weighting", product(BASES, [normals.OPPOSITE, normals.UNIT]))
+@pytest.mark.parametrize("left", [basis.BOTH, basis.ONLY_FIRST, basis.ONLY_SECOND])
+def test_all_derivatives_equal_the_complex_step(cover, kind, weighting, left):
+    pair = curves(cover, basis=kind, weighting=weighting)
+    pair.left[:] = left
+    values = pair.evaluate(pair.positions)
+    count = 2 * len(pair.positions)
+    exact = {
+        name: complex_step(lambda moved, name=name: pair.evaluate(moved)[name], pair.positions)
+        for name in ("D", "M", "g")
+    }
+    exact = {name: array.reshape(*array.shape[:-2], count) for name, array in exact.items()}
+    found = {name: np.zeros((*array.shape[:-1], count + 1)) for name, array in exact.items()}
+    facet = np.repeat(np.arange(len(pair.slave)), np.diff(pair.offsets))
+    for k in range(len(pair.masters)):
+        found["D"][facet[k]][..., pair.columns(k)] += values["dD"][k]
+        found["g"][facet[k]][..., pair.columns(k)] += values["dg"][k]
+    for p, (i, k) in enumerate(pair.pairs):
+        found["M"][i][..., pair.columns(k)] += values["dM"][p]
+    if kind == basis.DUAL and left == basis.BOTH:  # the off-diagonal is zero by construction
+        exact["D"][:, [0, 1], [1, 0]] = 0.0
+    for name, array in exact.items():
+        error = np.abs(found[name][..., :-1] - array).max()
+        assert error < 1e-12 * np.abs(array).max(), name
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rigid_motion_leaves_gap_and_matrices(seed):
+    pair = Curves(*wavy(seed, start=0.1))
+    turn = np.array([[0.28, -0.96], [0.96, 0.28]])
+    before = pair.evaluate(pair.positions)
+    after = pair.evaluate(pair.positions @ turn.T + [3.0, -2.0])
+    for name in ("D", "M", "g"):
+        assert np.abs(after[name] - before[name]).max() < 1e-14
+
+
+def test_five_points_integrate_the_rational_integrand_to_round_off():
+    few, many = (Curves(*wavy(0), points=points) for points in (5, 12))
+    few, many = few.evaluate(few.positions), many.evaluate(many.positions)
+    assert np.abs(few["M"] - many["M"]).max() < 1e-12
+    assert np.abs(few["g"] - many["g"]).max() < 1e-13

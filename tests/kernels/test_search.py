@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: MIT
+"""Search: nothing lost, nothing counted twice, far walls refused, large curves fast enough."""
+
+import numpy as np
+import pytest
+from curves import LIMITS, Curves, wavy
+
+from fenics_mortar.kernels import search
+
+
+def all_to_all(pair):
+    """Segments from every pair of facets, for comparison with the tree."""
+    n, _ = pair.normals(pair.x)
+    found, everything = np.empty((1000, 6)), np.arange(len(pair.master))
+    counts = [
+        search.facet_segments((pair.x, n, pair.m), nodes, pair.master, everything, 10.0, LIMITS, found)
+        for nodes in pair.slave
+    ]
+    return np.array(counts)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_tree_finds_what_all_to_all_finds(seed):
+    pair = Curves(*wavy(seed, slaves=40, masters=57))
+    assert (np.diff(pair.offsets) == all_to_all(pair)).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_segments_of_a_covered_facet_fill_it(seed):
+    pair = Curves(*wavy(seed, slaves=23, masters=31))
+    for e in range(len(pair.slave)):
+        ends = pair.ends[pair.offsets[e] : pair.offsets[e + 1]]
+        assert ends[0, 0] == -1.0 and ends[-1, 1] == 1.0
+        assert np.abs(ends[1:, 0] - ends[:-1, 1]).max(initial=0.0) < 1e-14
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-16, -1e-16, 1e-13, 1e-9])
+def test_nodes_upon_nodes_are_covered_once(shift):
+    x = np.stack([np.linspace(0, 1, 11), np.zeros(11)], axis=1)
+    pair = Curves(x, np.stack([np.linspace(1, 0, 11) + shift, np.full(11, -0.1)], axis=1))
+    cover = np.bincount(
+        np.repeat(np.arange(10), np.diff(pair.offsets)), pair.ends[:, 1] - pair.ends[:, 0]
+    )
+    assert np.abs(cover - 2.0).max() < 1e-7 * (shift > 1e-10) + 1e-12
+
+
+def test_wall_that_faces_the_other_way_is_no_partner():
+    x = np.array([[0.0, 0], [1, 0]])
+    facing, away = np.array([[1.2, -0.1], [-0.2, -0.1]]), np.array([[-0.2, -0.05], [1.2, -0.05]])
+    assert len(Curves(x, facing).masters) == 1
+    assert len(Curves(x, away).masters) == 0
+
+
+def test_nearest_of_two_walls_is_taken():
+    x = np.array([[0.0, 0], [1, 0]])
+    walls = np.array([[1.2, -0.9], [-0.2, -0.9], [-9.0, -0.5], [9.0, -0.5], [1.2, 0.1], [-0.2, 0.1]])
+    pair = Curves(x, walls)
+    assert pair.masters.tolist() == [4]
+
+
+def test_oblique_facets_are_refused():
+    x = np.array([[0.0, 0], [1, 0]])
+    steep = np.array([[0.55, 5.0], [0.45, -5.0]])
+    assert len(Curves(x, steep).masters) == 0
+
+
+def test_found_segments_do_not_depend_on_size():
+    x, m = wavy(1)
+    pair = Curves(x, m)
+    for scale in (1e-6, 1e6):
+        other = Curves(x * scale, m * scale, radius=10.0 * scale)
+        assert np.array_equal(other.masters, pair.masters)
+        assert np.abs(other.ends - pair.ends).max() < 1e-12

@@ -1,0 +1,79 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# Set up this machine, then run the tests:
+#
+#     bash tests/run.sh                all: in serial, on 2 and 3 ranks, kernels without numba's JIT
+#     bash tests/run.sh -k patch       in serial only, with arguments for pytest
+#
+# FENICS_MORTAR_TIMEOUT: seconds after which one of these runs counts as hanging (1200).
+
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+bash "$root/.ci/setup.sh" test
+# shellcheck source=.ci/env.sh
+. "$root/.ci/env.sh"
+cd "$root"
+
+limit=${FENICS_MORTAR_TIMEOUT:-1200}
+scratch=$(mktemp -d "${TMPDIR:-/tmp}/fenics_mortar-tests.XXXXXX")
+trap 'rm -rf "$scratch"' EXIT
+# numba does not see that a helper in another file has changed: start from an empty cache.
+export NUMBA_CACHE_DIR="$scratch/numba"
+color=no # decided here: mpirun gives each rank a terminal of its own
+if [ -t 1 ]; then color=yes; fi
+pytest=(/usr/bin/python3 -m pytest --color=$color)
+failed=0
+summary=()
+
+run() { # TITLE COMMAND...: run it, and note how it ended
+    local title=$1 code=0 start=$SECONDS outcome=passed
+    shift
+    echo
+    echo "##### $title"
+    timeout --foreground --kill-after=30 "$limit" "$@" </dev/null || code=$?
+    if [ $code -ne 0 ]; then
+        failed=1
+        outcome="FAILED (exit code $code)"
+        if [ $code -eq 124 ] || [ $code -eq 137 ]; then
+            outcome="FAILED (stopped after $limit s)"
+        fi
+        echo
+        echo "##### $title: $outcome"
+    fi
+    summary+=("$(printf '%-42s %5d s  %s' "$title" $((SECONDS - start)) "$outcome")")
+    return $code
+}
+
+run_ranks() { # N ARGUMENTS...: pytest on N ranks; rank 0 prints, the others only if something failed
+    local ranks=$1 logs="$scratch/ranks-$1" file
+    shift
+    mkdir -p "$logs"
+    # shellcheck disable=SC2016
+    if ! run "tests on $ranks ranks" /usr/bin/mpirun.openmpi -n "$ranks" bash -c '
+        logs=$1; shift
+        rank=${OMPI_COMM_WORLD_RANK:?not started by Open MPI}
+        if [ "$rank" != 0 ]; then exec >"$logs/rank-$rank" 2>&1; fi
+        exec "$@"' rank "$logs" "${pytest[@]}" -p no:cacheprovider "$@"; then
+        for file in "$logs"/rank-*; do
+            echo "##### $(basename "$file") of $ranks, the end of its output"
+            tail -n 200 "$file" || true
+            echo
+        done
+    fi
+}
+
+if [ $# -gt 0 ]; then
+    run "tests in serial: $*" "${pytest[@]}" "$@" || true
+else
+    run "tests in serial" "${pytest[@]}" || true
+    run_ranks 2 -m "not serial and not demo"
+    run_ranks 3 -m "not serial and not demo"
+    run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
+        "${pytest[@]}" -p no:cacheprovider tests/kernels || true
+fi
+
+echo
+echo "##### summary"
+printf '%s\n' "${summary[@]}"
+exit $failed

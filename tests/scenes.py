@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: MIT
+"""Scenes shared by the tests: gmsh meshes, materials, whole problems."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import gmsh
+import numpy as np
+import two_blocks
+
+from mpi4py import MPI
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+TIGHT = fm.NewtonOptions(residual_tolerance=1e-13)
+
+
+def read(build, comm=MPI.COMM_WORLD, **options):
+    """Build a mesh of ``meshes/`` on rank 0 and read it on all ranks."""
+    model = None
+    if comm.rank == 0:
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        model = build(**options)
+    data = fm.read_gmsh(model, comm)
+    if comm.rank == 0:
+        gmsh.finalize()
+    return data
+
+
+def lame(E: float, nu: float) -> tuple[float, float]:
+    """Lame's parameters of plane strain."""
+    return E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+
+
+def neo_hookean(u, E, nu):
+    """First Piola-Kirchhoff stress of the compressible neo-Hookean law, plane strain."""
+    mu, lmbda = lame(E, nu)
+    F = ufl.Identity(2) + ufl.grad(u)
+    inverse = ufl.inv(F).T
+    return mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
+
+
+def linear_elastic(u, E, nu):
+    """Cauchy stress of linear elasticity, plane strain."""
+    mu, lmbda = lame(E, nu)
+    strain = ufl.sym(ufl.grad(u))
+    return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
+
+
+def internal(u, stress):
+    """Virtual work of a stress measure work-conjugate to grad(u)."""
+    v = ufl.TestFunction(u.function_space)
+    return ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
+
+
+@dataclass
+class Scene:
+    """A problem and what a test turns."""
+
+    data: fm.MeshData
+    u: Any
+    problem: fm.ContactProblem
+    loads: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def contact(self):
+        return self.problem.contacts[0]
+
+
+def pressed_blocks(
+    *,
+    slave: str = "upper",
+    material=neo_hookean,
+    E: float = 100.0,
+    nu: float = 0.3,
+    pair: dict[str, Any] | None = None,
+    problem: dict[str, Any] | None = None,
+    **mesh: Any,
+) -> Scene:
+    """Two blocks, the lower held at its bottom, the upper moved at its top by ``loads['push']``."""
+    data = read(two_blocks.build, **mesh)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    held, push = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
+    bcs = [
+        fm.dirichlet(V, data, "lower/bottom", held),
+        fm.dirichlet(V, data, "upper/top", push),
+    ]
+    sides = {"upper": "upper/bottom", "lower": "lower/top"}
+    other = {"upper": "lower", "lower": "upper"}[slave]
+    contact = fm.ContactPair(data, sides[slave], sides[other], **(pair or {}))
+    options = {"petsc_options_prefix": "test_", "newton": TIGHT, **(problem or {})}
+    problem_ = fm.ContactProblem(
+        internal(u, material(u, E, nu)), u, [contact], bcs=bcs, **options
+    )
+    return Scene(data, u, problem_, {"push": push})
+
+
+def homogeneous_blocks(
+    gradient: np.ndarray,
+    boundaries: list[str],
+    *,
+    slave: str = "upper",
+    material=neo_hookean,
+    E: float = 100.0,
+    nu: float = 0.3,
+    problem: dict[str, Any] | None = None,
+    **mesh: Any,
+) -> Scene:
+    """Two blocks of equal width with u = gradient . X prescribed on some boundaries."""
+    data = read(two_blocks.build, **{"width_upper": 1.0, "width_lower": 1.0, **mesh})
+    V = fm.vector_space(data.mesh, 1)
+    u, exact = fem.Function(V), fem.Function(V)
+    exact.interpolate(lambda X: gradient @ X[:2])
+    bcs = [fm.dirichlet(V, data, name, exact) for name in boundaries]
+    sides = ["upper/bottom", "lower/top"]
+    if slave == "lower":
+        sides.reverse()
+    options = {"petsc_options_prefix": "test_", "newton": TIGHT, **(problem or {})}
+    problem_ = fm.ContactProblem(
+        internal(u, material(u, E, nu)), u, [fm.ContactPair(data, *sides)], bcs=bcs, **options
+    )
+    return Scene(data, u, problem_, {"exact": exact})
+
+
+def rotation(angle: float) -> np.ndarray:
+    """Matrix of a rotation by ``angle`` [radian]."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def global_norm(scene: Scene) -> float:
+    """Euclidean norm of the owned displacement dofs of all ranks."""
+    mine = scene.u.x.array[: scene.problem.bulk.num_owned]
+    return float(np.sqrt(MPI.COMM_WORLD.allreduce(float(mine @ mine))))

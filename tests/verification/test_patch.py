@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: MIT
+"""Patch tests: a homogeneous state passes through any interface to round-off.
+
+Uniaxial: two blocks of one material and width under a stretch, free sides. Finite strain: with
+F = diag(a, b) of the compressible neo-Hookean law in plane strain, the side is free where
+P_xx = mu (a - 1/a) + lambda ln(ab) / a = 0, and the pressure is -P_yy / a (Cauchy). Linear: the
+stress acts on the undeformed, the multiplier on the deformed length, hence z = -sigma_yy / a.
+
+Inclined interface: without friction it carries no uniaxial state, but it does carry all-round
+pressure, F = a 1. Here the sides are prescribed as well, so the end nodes of the slave surface
+carry no multiplier and hand their weight to their neighbours.
+"""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scenes import homogeneous_blocks, lame, linear_elastic, neo_hookean, rotation
+from scipy.optimize import brentq
+
+E, NU, STRETCH = 100.0, 0.3, 0.9
+RATIOS = [(4, 4), (5, 7), (3, 10), (1, 17)]
+# pressures are equal to round-off of the solution, some 1e-13, times the number of dofs' root
+EXACT = 1e-11
+
+
+SLAVES = ("upper", "lower")
+CELLS = ("triangle", "quadrilateral")
+
+
+def blocks(counts, angle):
+    """Options of the mesh."""
+    return {
+        "n_upper": counts[0],
+        "n_lower": counts[1],
+        "layers_upper": 3,
+        "layers_lower": 4,
+        "rotation": np.radians(angle),
+    }
+
+
+def uniaxial(material):
+    """Lateral stretch and contact pressure under the vertical stretch ``STRETCH``."""
+    mu, lmbda = lame(E, NU)
+    if material is linear_elastic:
+        a = 1 - lmbda / (lmbda + 2 * mu) * (STRETCH - 1)
+        stress = lmbda * (a - 1) + (lmbda + 2 * mu) * (STRETCH - 1)
+        return a, -stress / a
+    a = brentq(lambda a: mu * (a - 1 / a) + lmbda * np.log(a * STRETCH) / a, 0.9, 1.3, xtol=1e-15)
+    return a, -(mu * (STRETCH - 1 / STRETCH) + lmbda * np.log(a * STRETCH) / STRETCH) / a
+
+
+def assert_uniform(scene, pressure):
+    contact = scene.contact
+    z = contact.pressure[contact.carries]
+    assert contact.active[contact.carries].all()
+    assert np.abs(z / pressure - 1).max() < EXACT
+    u, exact = scene.u.x.array, scene.loads["exact"].x.array
+    assert np.abs(u - exact).max() < 1e-12
+
+
+ANGLES = [0, 30, 45, 90]
+
+
+@pytest.mark.parametrize("counts", RATIOS)
+@pytest.mark.parametrize("material", [neo_hookean, linear_elastic])
+@pytest.mark.parametrize("angle", ANGLES)
+def test_uniaxial_pressure_is_uniform(material, angle, counts):
+    a, pressure = uniaxial(material)
+    turn = rotation(np.radians(angle))
+    gradient = turn @ np.diag([a - 1, STRETCH - 1]) @ turn.T
+    boundaries = ["lower/bottom", "upper/top"]
+    for slave, cell in product(SLAVES, CELLS):
+        scene = homogeneous_blocks(
+            gradient,
+            boundaries,
+            material=material,
+            slave=slave,
+            cell=cell,
+            **blocks(counts, angle),
+        )
+        scene.problem.solve()
+        assert_uniform(scene, pressure)
+
+
+# one facet has no node inside, and the nodes at its ends are prescribed: two of them
+@pytest.mark.parametrize("counts", [*RATIOS[:3], (2, 34)])
+@pytest.mark.parametrize("material", [neo_hookean, linear_elastic])
+@pytest.mark.parametrize("angle", ANGLES)
+def test_all_round_pressure_passes_an_inclined_interface(material, counts, angle):
+    mu, lmbda = lame(E, NU)
+    a = 0.95
+    pressure = -(mu * (a - 1 / a) + 2 * lmbda * np.log(a) / a) / a
+    if material is linear_elastic:
+        pressure = -2 * (mu + lmbda) * (a - 1) / a
+    boundaries = [f"{body}/{side}" for body in SLAVES for side in ("left", "right")]
+    for slave, cell in product(SLAVES, CELLS):
+        scene = homogeneous_blocks(
+            (a - 1) * np.eye(2),
+            [*boundaries, "lower/bottom", "upper/top"],
+            material=material,
+            slave=slave,
+            cell=cell,
+            inclination=np.radians(15),
+            **blocks(counts, angle),
+        )
+        scene.problem.solve()
+        assert_uniform(scene, pressure)
