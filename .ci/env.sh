@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: MIT
+# shellcheck shell=bash
 # Environment for running fenics_mortar from its checkout. To be sourced (". .ci/env.sh"), by bash
 # or zsh; demos/run.sh and tests/run.sh do so. Values that are set already are kept.
 
@@ -37,7 +38,7 @@ esac
 _fm_cache="${XDG_CACHE_HOME:-${HOME:-/nonexistent}/.cache}"
 if ! { mkdir -p "$_fm_cache" && [ -w "$_fm_cache" ]; } 2>/dev/null; then
     _fm_cache="${TMPDIR:-/tmp}/fenics_mortar-cache-$(id -u)"
-    mkdir -p -m 700 "$_fm_cache"
+    (umask 077 && mkdir -p "$_fm_cache")
     if [ -O "$_fm_cache" ]; then
         export XDG_CACHE_HOME="$_fm_cache"
         export MPLCONFIGDIR="${MPLCONFIGDIR:-$_fm_cache/matplotlib}"

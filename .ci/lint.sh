@@ -27,7 +27,7 @@ failed=0
 check() {
     echo
     echo "+ $*"
-    "$venv/bin/$@" || failed=1
+    "$venv/bin/$1" "${@:2}" || failed=1
 }
 if [ "${1:-}" = --fix ]; then
     check ruff check --fix .

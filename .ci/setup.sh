@@ -98,7 +98,7 @@ fi
 
 # --- what is there -----------------------------------------------------------------------------
 # shellcheck source=.ci/env.sh
-. "$here/env.sh"
+. "$here/env.sh" 2>/dev/null # the caller sources it too, and shows what it says
 "$python" - <<'PYTHON'
 import platform
 import sys

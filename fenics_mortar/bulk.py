@@ -16,6 +16,10 @@ import ufl
 from fenics_mortar import compat
 from fenics_mortar.surfaces import Array
 
+# Entries that K may have, over those of the bulk alone, before its pattern is made anew: contact
+# that slides along leaves zeros behind.
+MOST_FILL = 1.1
+
 
 class Bulk:
     """Residual r = f_int - f_ext and tangent K of the bodies, assembled by dolfinx.
@@ -38,7 +42,7 @@ class Bulk:
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(self.V))
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
-        self.K: PETSc.Mat = compat.create_matrix(self._tangent)
+        self._create_tangent()
         self.r: PETSc.Vec = compat.create_vector(self.V)
         self.num_owned = 2 * self.V.dofmap.index_map.size_local
         self.first = 2 * self.V.dofmap.index_map.local_range[0]
@@ -57,7 +61,36 @@ class Bulk:
 
     def assemble_tangent(self) -> None:
         """Assemble ``K`` at the present displacement (collective)."""
+        if self._num_entries and self.num_entries() > MOST_FILL * self._num_entries:
+            self.K.destroy()
+            self._create_tangent()
         compat.assemble_matrix(self.K, self._tangent)
+        self._num_entries = self._num_entries or self.num_entries()
+
+    def num_entries(self) -> float:
+        """Entries in the pattern of ``K``."""
+        return self.K.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
+
+    def _create_tangent(self) -> None:
+        """Create ``K`` with the pattern of the form."""
+        self.K = compat.create_matrix(self._tangent)
+        self._num_entries = 0.0
+        self._added_pattern: object = None
+
+    def add_to_tangent(self, other: PETSc.Mat, pattern: object) -> None:
+        """Add a sparse matrix to ``K`` in place (collective).
+
+        The pattern of ``K`` grows to the union; it is kept until it has become wasteful.
+
+        Args:
+            other: What to add, with the layout of ``K``.
+            pattern: Equal to that of the last call if the pattern of ``other`` is the same.
+        """
+        structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+        if pattern == self._added_pattern:
+            structure = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+        self.K.axpy(1.0, other, structure)
+        self._added_pattern = pattern
 
     def distance_to_prescribed(self) -> Array:
         """Prescribed value minus present displacement of the ``held`` dofs (local)."""

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -78,24 +78,19 @@ class ResultsWriter:
         self._bulk.write(time, {"displacement": _pad(u.reshape(-1, 2)[self._nodes])}, cell_data)
         for series, contact in zip(self._surfaces, self._problem.contacts, strict=True):
             contact.evaluate(u, self._problem.linearization)
-            series.write(time, _surface_data(contact), {})
+            series.write(time, _surface_data(contact, u), {})
 
     def __enter__(self) -> ResultsWriter:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Do nothing: the files are complete after each step."""
+    def __exit__(self, *_: object) -> None:
+        """Do nothing: all files are complete after each step."""
 
 
-def _surface_data(contact: Contact) -> dict[str, Array]:
+def _surface_data(contact: Contact, u: Array) -> dict[str, Array]:
     o = contact.operators
     return {
-        "displacement": _pad(o.x - contact.slave.X),
+        "displacement": _pad(contact.slave.gather(u)),
         "contact_pressure": contact.pressure,
         "tangential_traction": np.einsum("jc,jc->j", o.tau, contact.z),
         "gap": contact.gap,
@@ -110,57 +105,57 @@ class _Series:
     def __init__(self, comm: MPI.Comm, path: Path, X: Array, kind: str, cells: Indices) -> None:
         self._comm, self._path, self._X, self._cells = comm, path, X, [(kind, cells)]
         self._ranks = np.flatnonzero(comm.allgather(len(cells)))
-        self._steps = 0
-        self._entries: list[str] = []
+        self._times: list[float] = []
 
     def write(self, time: float, point_data: dict[str, Array], cell_data: dict[str, Array]) -> None:
-        """Write a step (collective)."""
-        names = {r: f"{self._path.name}_{self._steps:06d}_p{r}.vtu" for r in self._ranks}
-        mine = names.get(self._comm.rank)
+        """Write a step, then the list of all steps (collective)."""
+        mine = self._file(len(self._times), self._comm.rank)
 
         def write_piece() -> None:
             import meshio
 
-            if mine:
-                data = {name: [values] for name, values in cell_data.items()}
-                mesh = meshio.Mesh(self._X, self._cells, point_data, data)
-                mesh.write(self._path.with_name(mine))
+            data = {name: [values] for name, values in cell_data.items()}
+            meshio.Mesh(self._X, self._cells, point_data, data).write(mine)
 
-        def write_index() -> None:
-            entries = "\n".join(self._entries)
-            head, tail = '<VTKFile type="Collection"><Collection>', "</Collection></VTKFile>"
-            index = self._path.with_name(f"{self._path.name}.pvd")
-            index.write_text(f'<?xml version="1.0"?>\n{head}\n{entries}\n{tail}\n')
+        has_piece = self._comm.rank in self._ranks
+        _try_together(self._comm, has_piece, write_piece, f"cannot write '{mine}'")
+        self._times.append(float(time))
+        index = self._path.with_name(f"{self._path.name}.pvd")
+        work = partial(index.write_text, self._index())
+        _try_together(self._comm, self._comm.rank == 0, work, f"cannot write '{index}'")
 
-        _try_together(self._comm, write_piece)
-        self._steps += 1
-        self._entries += [
-            f'<DataSet timestep="{float(time)!r}" part="{i}" file={quoteattr(name)}/>'
-            for i, name in enumerate(names.values())
-        ]
-        _try_together(self._comm, write_index, only_first=True)
+    def _file(self, step: int, rank: int) -> Path:
+        return self._path.with_name(f"{self._path.name}_{step:06d}_p{rank}.vtu")
+
+    def _index(self) -> str:
+        lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1"><Collection>']
+        for step, time in enumerate(self._times):
+            for part, rank in enumerate(self._ranks):
+                file = quoteattr(self._file(step, rank).name)
+                lines.append(f'<DataSet timestep="{time!r}" part="{part}" file={file}/>')
+        return "\n".join([*lines, "</Collection></VTKFile>", ""])
 
 
 class _CellField:
     """A UFL expression at the midpoints of the owned cells; compiled once."""
 
-    def __init__(
-        self, problem: ContactProblem, expression: Any, name: str, max_rank: int = 2
-    ) -> None:
-        error = None
-        self._mesh = problem.bulk.V.mesh
-        try:
+    def __init__(self, problem: ContactProblem, expression: Any, name: str, rank: int = 2) -> None:
+        V = problem.bulk.V
+        self._mesh = V.mesh
+        self._shape: tuple[int, ...] = ()
+        self._compiled: Any = None
+
+        def compile_it() -> None:
             if not isinstance(name, str) or not name or name == "displacement":
                 raise ValueError("a name is a text, not empty and not 'displacement'")
             self._shape = ufl.as_ufl(expression).ufl_shape
-            if len(self._shape) > max_rank or max(self._shape, default=1) > 3:
-                right = "scalar, vector or tensor" if max_rank else "scalar"
-                raise ValueError(f"its shape is {self._shape}; right is a {right}")
-            corners = problem.bulk.V.dofmap.dof_layout.num_dofs
-            self._compiled = compat.create_expression(expression, MIDPOINT[corners])
-        except Exception as problem_of_user:  # UFL and the compiler raise all sorts
-            error = MortarError(f"field {name!r} cannot be evaluated: {problem_of_user}")
-        raise_together(problem.comm, error)
+            if len(self._shape) > rank or max(self._shape, default=1) > 3:
+                right = "a scalar, vector or tensor" if rank else "a scalar"
+                raise ValueError(f"its shape is {self._shape}; right is {right}")
+            midpoint = MIDPOINT[V.dofmap.dof_layout.num_dofs]
+            self._compiled = compat.create_expression(expression, midpoint)
+
+        _try_together(problem.comm, True, compile_it, f"field {name!r} cannot be evaluated")
 
     def evaluate(self) -> Array:
         """Values, shape (owned cells, *shape of the expression) (local)."""
@@ -184,20 +179,21 @@ def _pad(values: Array) -> Array:
 
 def _prepare(comm: MPI.Comm, path: str | Path, suffix: str) -> Path:
     """Make the folder; return the path of the first rank without its suffix (collective)."""
-    path = Path(comm.bcast(str(path)))
-    path = path.with_suffix("") if path.suffix == suffix else path
-    _try_together(comm, lambda: path.parent.mkdir(parents=True, exist_ok=True), only_first=True)
+    path = Path(str(comm.bcast(path)).removesuffix(suffix))
+    make = partial(path.parent.mkdir, parents=True, exist_ok=True)
+    _try_together(comm, comm.rank == 0, make, f"cannot make the folder '{path.parent}'")
     return path
 
 
-def _try_together(comm: MPI.Comm, work: Callable[[], None], *, only_first: bool = False) -> None:
-    """Do something that a disk may refuse; raise on all ranks if it fails on one (collective)."""
+def _try_together(comm: MPI.Comm, here: bool, work: Callable[[], object], message: str) -> None:
+    """Do ``work`` if it is due ``here``; raise on all ranks if it fails on one (collective)."""
     error = None
-    if comm.rank == 0 or not only_first:
-        try:
+    try:
+        if here:
             work()
-        except (OSError, ImportError, ValueError) as exception:
-            error = MortarError(f"results cannot be written: {exception}")
+    except Exception as exception:  # no rank may leave alone, whatever it is
+        error = MortarError(f"{message}: {exception}")
+        error.__cause__ = exception
     raise_together(comm, error)
 
 
@@ -210,10 +206,8 @@ def contact_table(problem: ContactProblem) -> str:
     The forces are those that act on the bodies, [stress length]; the last column is the smallest
     mean gap of a slave node by the length of the node.
     """
-    rows = [
-        "| pair | force on slave | force on master | sum | active | max pressure | min gap/length |",
-        "|---|---:|---:|---:|---:|---:|---:|",
-    ]
+    head = "pair|force on slave|force on master|sum|active|max pressure|min gap/length".split("|")
+    rows = [f"| {' | '.join(head)} |", "|---|---:|---:|---:|---:|---:|---:|"]
     for contact in problem.contacts:
         contact.evaluate(problem.bulk.u.x.array, problem.linearization)
         forces = [-force.sum(axis=0) for force in contact.operators.force(contact.z)]
@@ -228,7 +222,7 @@ def contact_table(problem: ContactProblem) -> str:
 
 # Picture
 
-INK, PRESSURE = "#222222", "#c8102e"
+INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
 
 
 def plot(
@@ -254,7 +248,7 @@ def plot(
         MortarError: On all ranks, if the expression or the path is of no use.
     """
     comm = problem.comm
-    field = None if stress is None else _CellField(problem, stress, label, max_rank=0)
+    field = None if stress is None else _CellField(problem, stress, label, rank=0)
     path = _prepare(comm, path, ".png")
     cells = _owned_cells(problem)
     x = problem.bulk.V.tabulate_dof_coordinates()[:, :2]
@@ -275,28 +269,33 @@ def plot(
         axes = figure.add_subplot(aspect="equal", title=title or "")
         bodies = _draw_bodies(axes, nodes, polygons, None if field is None else values)
         if field is not None:
-            figure.colorbar(bodies, ax=axes, label=label, shrink=0.8, aspect=30)
-        _draw_pressure(axes, problem.contacts, scale, 0.12 * float(np.sqrt(np.prod(high - low))))
+            bar = figure.colorbar(bodies, cax=axes.inset_axes((1.03, 0.0, 0.025, 1.0)), label=label)
+            bar.outline.set_visible(False)
+        _draw_pressure(axes, problem.contacts, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
+        if scale != 1.0:
+            axes.plot([], [], " ", color=INK, label=f"displacement × {scale:g}")
+        if axes.get_legend_handles_labels()[1]:
+            place = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.05), "labelcolor": "linecolor"}
+            axes.legend(**place, frameon=False, fontsize=9, handletextpad=0.0, ncols=2)
         axes.margins(0.03)
         axes.locator_params(nbins=6)
         axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color("#999999")
-        axes.tick_params(colors="#555555", labelsize=8)
-        figure.savefig(f"{path}.png", dpi=200)
+        axes.spines[["left", "bottom"]].set_color(GREY)
+        axes.tick_params(color=GREY, labelsize=8)
+        figure.savefig(f"{path}.png", dpi=200, bbox_inches="tight")
 
-    _try_together(comm, draw, only_first=True)
+    _try_together(comm, comm.rank == 0, draw, f"cannot draw '{path}.png'")
 
 
 def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | None) -> Any:
-    """Cells, their edges if these are not too many, and the outline of the bodies."""
+    """Cells with thin edges, and the outline: the edges that belong to one cell only."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     around = AROUND[nodes.shape[1]]
     nodes, polygons = nodes[:, around], polygons[:, around]
-    cells = PolyCollection(polygons, cmap="YlGnBu", linewidths=0.0, facecolors="#dfe6ea")
-    cells.set_array(values)
-    fine = min(0.35, 12.0 / np.sqrt(len(nodes)))
-    cells.set(edgecolors=(0.1, 0.1, 0.1, 0.35), linewidths=fine)
+    cells = PolyCollection(polygons, cmap="YlGnBu", facecolors="#dfe6ea")
+    cells.set(array=values, edgecolors=(0.1, 0.1, 0.1, 0.35))
+    cells.set(linewidths=min(0.35, 12.0 / np.sqrt(len(nodes))))
     edges = np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2)
     ends = np.stack([polygons, np.roll(polygons, -1, axis=1)], axis=2).reshape(-1, 2, 2)
     _, first, count = np.unique(np.sort(edges), axis=0, return_index=True, return_counts=True)
@@ -318,20 +317,11 @@ def _draw_pressure(axes: Any, contacts: list[Contact], scale: float, height: flo
         tip = foot + height / largest * pressure[:, None] * o.n
         facets = contact.slave.facets[(pressure[contact.slave.facets] != 0.0).any(axis=1)]
         areas = np.concatenate([foot[facets], tip[facets][:, ::-1]], axis=1)
-        axes.add_collection(PolyCollection(areas, facecolors="white", alpha=0.6, linewidths=0.0))
+        axes.add_collection(PolyCollection(areas, facecolors="white", alpha=0.35, linewidths=0.0))
         stems = np.stack([foot, tip], axis=1)[np.unique(facets)]
-        axes.add_collection(LineCollection(stems, colors=PRESSURE, linewidths=0.5))
-        axes.add_collection(LineCollection(tip[facets], colors=PRESSURE, linewidths=1.3))
-        axes.add_collection(LineCollection(foot[facets], colors=PRESSURE, linewidths=1.3))
+        thin = min(0.5, 16.0 / len(stems))
+        for lines, thickness in ((stems, thin), (tip[facets], 1.2), (foot[facets], 1.2)):
+            axes.add_collection(LineCollection(lines, colors=PRESSURE, linewidths=thickness))
         top = int(pressure.argmax())
-        axes.annotate(
-            f"max. pressure {pressure[top]:.3g}",
-            tip[top],
-            12.0 * o.n[top],
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=8,
-            color=PRESSURE,
-            bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.8},
-        )
+        what = f"pressure on {contact.slave.name}, at most {pressure[top]:.4g}"
+        axes.plot(*tip[top], "o", markersize=4, color=PRESSURE, label=what)

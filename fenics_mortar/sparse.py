@@ -36,6 +36,10 @@ class BlockMatrix:
         rows: Number of rows this rank owns.
         columns: Number of columns this rank owns.
         block_size: Block size told to PETSc.
+
+    Attributes:
+        mat: The matrix, once assembled.
+        num_patterns: How many different patterns it has had so far.
     """
 
     def __init__(self, comm: MPI.Comm, rows: int, columns: int, block_size: int = 1) -> None:
@@ -44,6 +48,7 @@ class BlockMatrix:
         self._block_size = block_size
         self._pattern: tuple[npt.NDArray, npt.NDArray] | None = None
         self.mat: PETSc.Mat | None = None
+        self.num_patterns = 0
 
     def assemble(self, blocks: Iterable[Block]) -> PETSc.Mat:
         """Sum the blocks into the matrix and return it."""
@@ -60,6 +65,7 @@ class BlockMatrix:
         if self.mat is not None:
             self.mat.destroy()
         self._pattern = (i, j)
+        self.num_patterns += 1
         self.mat = PETSc.Mat().create(self._comm)
         self.mat.setSizes(self._sizes)
         self.mat.setType(PETSc.Mat.Type.AIJ)

@@ -16,12 +16,18 @@ Z_j = P_j / D_jj, where P_j leaves out prescribed components (eq. 14). Put in, t
 
     (Q K~ + C) dd = -Q r + rhs,       Q = 1 - B^T Z - A_z Z,
 
-whose slave rows then hold the contact law.
+whose slave rows then hold the contact law. Only rows of contact nodes differ from those of K: with
+the slave rows K_S of K~ and Q = 1 + R,
+
+    Q K~ + C = K + (R K_S + K_c + C),
+
+and the bracket is added to K in place. K keeps the union of the patterns seen, so that an unchanged
+contact pattern costs neither memory nor a new symbolic factorization.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -29,8 +35,9 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.contact import Contact
+from fenics_mortar.contact import Contact, Rows
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block, dofs_of
 from fenics_mortar.sparse import BlockMatrix
@@ -43,14 +50,26 @@ LINEAR_TOLERANCE = 1e-5
 
 
 class LinearSystem:
-    """What both forms share: bulk and contact matrices, and the linear solver."""
+    """What both forms share: numbering of multipliers, prescribed values, the linear solver.
+
+    Attributes:
+        places: Global number of the multiplier of each slave node, per contact: in the order of
+            their owners, so that a rank owns a contiguous range.
+        num_multipliers: Multipliers this rank owns.
+        matrix: The matrix last assembled.
+    """
 
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Contact], prefix: str, options: dict[str, Any]
     ) -> None:
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
-        self._K_c = BlockMatrix(self.comm, bulk.num_owned, bulk.num_owned, 2)
-        self._C = BlockMatrix(self.comm, bulk.num_owned, bulk.num_owned, 2)
+        owners = np.concatenate([np.empty(0, np.int64), *(c.slave.owners for c in contacts)])
+        place = np.empty(owners.size, np.int64)
+        place[np.argsort(owners, kind="stable")] = np.arange(owners.size)
+        splits = np.cumsum([contact.slave.num_nodes for contact in contacts])[:-1]
+        self.places: list[Indices] = np.split(place, splits)
+        self.num_multipliers = int((owners == self.comm.rank).sum())
+        self._first_multiplier = int((owners < self.comm.rank).sum())
         self.ksp = PETSc.KSP().create(self.comm)
         self.ksp.setOptionsPrefix(prefix)
         database = PETSc.Options(prefix)
@@ -58,7 +77,8 @@ class LinearSystem:
             if not database.hasName(name):
                 database.setValue(name, value)
         self.ksp.setFromOptions()
-        self.matrix: PETSc.Mat | None = None
+        self.matrix: PETSc.Mat
+        self._rhs: PETSc.Vec
 
     def assemble(self) -> None:
         """Build ``matrix`` and the right-hand side from the present state (collective)."""
@@ -68,13 +88,19 @@ class LinearSystem:
         """Solve; return dd and the new multipliers of every contact (collective)."""
         raise NotImplementedError
 
-    def _contact_tangent(self) -> PETSc.Mat:
-        """K_c = d(B^T z)/dd at fixed z."""
-        blocks: list[Block] = []
+    def local(self, contact: Contact, place: Indices) -> Indices:
+        """Local positions of the multipliers owned here."""
+        return place[contact.slave.owned] - self._first_multiplier
+
+    def _numbered(self) -> Iterator[tuple[Contact, Indices]]:
+        """Contacts with the numbers of their multipliers."""
+        return zip(self.contacts, self.places, strict=True)
+
+    def _force_derivative(self) -> Iterable[Block]:
+        """Blocks of K_c = d(B^T z)/dd at fixed z."""
         for contact in self.contacts:
             if not contact.operators.linearization.frozen:
-                blocks += contact.operators.force_derivative(contact.z)
-        return self._K_c.assemble(blocks)
+                yield from contact.operators.force_derivative(contact.z)
 
     def _hold(self, matrix: PETSc.Mat, rhs: PETSc.Vec, first_row: int) -> None:
         """Replace the rows of prescribed dofs by k (dd) = k (prescribed - present)."""
@@ -96,83 +122,142 @@ class LinearSystem:
         reason = self.ksp.getConvergedReason()
         if reason < 0 or not relative <= LINEAR_TOLERANCE:
             raise MortarError(
-                f"the linear system was not solved: PETSc's reason {reason}, remaining part of the "
-                f"right-hand side {relative:.1e}"
+                f"the linear system was not solved, it may be singular: PETSc's reason {reason}, "
+                f"remaining part of the right-hand side {relative:.1e}"
             )
         return solution
 
 
 class CondensedSystem(LinearSystem):
-    """Displacements only (the paper's Alg. 2); needs dual multipliers."""
+    """Displacements only (the paper's Alg. 2); needs dual multipliers.
+
+    Assembling adds to the bulk's ``K``, which has to be assembled anew before the next time.
+    """
 
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Contact], prefix: str, options: dict[str, Any]
     ) -> None:
         super().__init__(bulk, contacts, prefix, options)
-        for contact in contacts:
-            if contact.pair.basis != "dual":
-                raise ValueError(
-                    f"algorithm='condensed' needs basis='dual', the pair '{contact.slave.name}' - "
-                    f"'{contact.master.name}' has '{contact.pair.basis}': use algorithm='saddle'"
-                )
-        self._Q = BlockMatrix(self.comm, bulk.num_owned, bulk.num_owned, 2)
-        self._rhs: PETSc.Vec
+        obstacle = obstacle_to_condensation(contacts)
+        if obstacle:
+            raise ValueError(f"algorithm='condensed': {obstacle}; use algorithm='saddle'")
+        size, mine = bulk.num_owned, 2 * self.num_multipliers
+        self._R = BlockMatrix(self.comm, size, mine)
+        self._direct = BlockMatrix(self.comm, size, size, 2)
+        self._slave_K_c = BlockMatrix(self.comm, mine, size)
+        self._slave_K: PETSc.Mat | None = None
+        dofs = np.empty((self.num_multipliers, 2), np.int64)
+        for contact, place in self._numbered():
+            dofs[self.local(contact, place)] = dofs_of(
+                contact.slave.nodes, contact.slave.owned[:, None]
+            )
+        self._slave_rows = PETSc.IS().createGeneral(dofs.ravel().astype(PETSc.IntType), self.comm)
+        self._rhs = compat.create_vector(bulk.V).duplicate()
 
     def assemble(self) -> None:
-        """Build Q K~ + C and -Q r + rhs."""
-        K, K_c = self.bulk.K, self._contact_tangent()
-        Q = self._Q.assemble(self._elimination())
-        C = self._C.assemble(self._law_blocks())
-        if self.matrix is not None:
-            self.matrix.destroy()
-        self.matrix = Q.matMult(K)
-        contact_part = Q.matMult(K_c)
-        contact_part.axpy(1.0, C, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        self.matrix.axpy(1.0, contact_part, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        contact_part.destroy()
-        self._rhs = self.matrix.createVecLeft()
-        Q.mult(self.bulk.r, self._rhs)
-        self._rhs.scale(-1.0)
-        for contact in self.contacts:
-            contact.slave.scatter_add(
-                np.where(contact.active[:, None], contact.rows().rhs, 0.0), self._rhs.array
-            )
+        """Add R K_S + K_c + C to K, and build -(1 + R) r + rhs."""
+        laws = [contact.rows() for contact in self.contacts]
+        direct, R = self._direct.assemble(self._direct_blocks(laws)), self._R.assemble(self._R_blocks(laws))
+        pattern = (self.bulk.num_entries(), self._direct.num_patterns, self._R.num_patterns)
+        K_S = self._slave_tangent()
+        bracket = R.matMult(K_S)
+        bracket.axpy(1.0, direct, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        self.bulk.add_to_tangent(bracket, (*pattern, self._slave_K_c.num_patterns))
+        bracket.destroy()
+        self.matrix = self.bulk.K
+        self._assemble_rhs(laws, R)
         self._hold(self.matrix, self._rhs, self.bulk.first)
 
-    def _elimination(self) -> Iterable[Block]:
-        """Blocks of Q."""
-        own = np.arange(self.bulk.first, self.bulk.first + self.bulk.num_owned)[:, None]
-        yield Block(own, own, np.ones((own.size, 1, 1)))
-        for contact in self.contacts:
-            Z, nodes = self._inverse(contact), contact.slave.nodes
+    def _slave_tangent(self) -> PETSc.Mat:
+        """K_S: the slave rows of K + K_c."""
+        if self._slave_K is not None:
+            self._slave_K.destroy()
+        self._slave_K = self.bulk.K.createSubMatrix(self._slave_rows, self._all_columns)
+        K_c = self._slave_K_c.assemble(self._slave_K_c_blocks())
+        self._slave_K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        return self._slave_K
+
+    @property
+    def _all_columns(self) -> PETSc.IS:
+        return PETSc.IS().createStride(
+            self.bulk.num_owned, first=self.bulk.first, step=1, comm=self.comm
+        )
+
+    def _slave_K_c_blocks(self) -> Iterable[Block]:
+        for contact, place in self._numbered():
+            o = contact.operators
+            if not o.linearization.frozen:
+                block = o.slave_force_derivative(contact.z)
+                rows = _components(place[o.segments.slave])
+                yield Block(rows, block.columns, block.values)
+
+    def _direct_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+        """K_c, and C in the rows of the slave's displacement."""
+        yield from self._force_derivative()
+        for contact, law in zip(self.contacts, laws, strict=True):
+            for block in law.blocks:
+                rows = 2 * contact.slave.nodes[block.rows // 2] + block.rows % 2
+                yield Block(rows, block.columns, block.values)
+
+    def _R_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+        """R = -B^T Z - A_z Z; columns are multipliers."""
+        for (contact, place), law in zip(self._numbered(), laws, strict=True):
+            Z = self._inverse(contact)
             for block in contact.force_blocks():
                 j, component = block.columns // 2, block.columns % 2
                 values = -block.values * Z[j, component][:, None, :]
-                yield Block(block.rows, 2 * nodes[j] + component, values)
-            mine = contact.slave.owned[contact.active[contact.slave.owned]]
-            dofs = dofs_of(nodes, mine[:, None])
-            yield Block(dofs, dofs, -contact.rows().A_z[mine] * Z[mine][:, None, :])
+                yield Block(block.rows, 2 * place[j] + component, values)
+            mine = contact.slave.owned
+            values = -law.A_z[mine] * Z[mine][:, None, :]
+            yield Block(
+                dofs_of(contact.slave.nodes, mine[:, None]), _components(place[mine, None]), values
+            )
 
     def _inverse(self, contact: Contact) -> Array:
         """Diagonal of Z_j, zero for inactive nodes, shape (slave nodes, 2) [1 / length]."""
         diagonal = np.where(contact.active, contact.operators.diagonal, np.inf)
         return contact.free / diagonal[:, None]
 
-    def _law_blocks(self) -> Iterable[Block]:
-        """Blocks of C in the rows of the slave's displacement dofs."""
-        for contact in self.contacts:
-            for block in contact.rows().blocks:
-                rows = 2 * contact.slave.nodes[block.rows // 2] + block.rows % 2
-                yield Block(rows, block.columns, block.values)
+    def _assemble_rhs(self, laws: Sequence[Rows], R: PETSc.Mat) -> None:
+        slave_r = R.createVecRight()
+        for contact, place in self._numbered():
+            mine = contact.slave.local_nodes
+            values = self.bulk.r.array_r.reshape(-1, 2)[mine]
+            slave_r.array.reshape(-1, 2)[self.local(contact, place)] = values
+        R.mult(slave_r, self._rhs)
+        self._rhs.array[:] += self.bulk.r.array_r[: self.bulk.num_owned]
+        self._rhs.scale(-1.0)
+        for contact, law in zip(self.contacts, laws, strict=True):
+            contact.slave.scatter_add(law.rhs, self._rhs.array)
 
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve for dd, then recover z_j = -Z_j (r + K~ dd)_j."""
         dd = self._solve_linear(self.matrix, self._rhs)
-        force = dd.duplicate()
-        self.bulk.K.mult(dd, force)
-        self._K_c.mat.multAdd(dd, force, force)
-        total = force.array_r + self.bulk.r.array_r[: self.bulk.num_owned]
+        force = self._slave_K.createVecLeft()
+        self._slave_K.mult(dd, force)
+        total = self.bulk.r.array_r[: self.bulk.num_owned].copy()
+        for contact, place in self._numbered():
+            change = force.array_r.reshape(-1, 2)[self.local(contact, place)]
+            total.reshape(-1, 2)[contact.slave.local_nodes] += change
         return dd, [-self._inverse(c) * c.slave.gather(total) for c in self.contacts]
+
+
+def obstacle_to_condensation(contacts: Sequence[Contact]) -> str | None:
+    """Why D cannot be inverted node by node, or ``None`` if it can."""
+    for contact in contacts:
+        names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
+        if contact.pair.basis != "dual":
+            return f"{names} has basis '{contact.pair.basis}', so D is not diagonal"
+        for other in contacts:
+            if np.intersect1d(contact.slave.nodes, other.master.nodes).size:
+                return f"slave nodes of {names} are master nodes of '{other.master.name}'"
+    return None
+
+
+def _components(nodes: Indices) -> Indices:
+    """Numbers 2 k + component of the numbers ``nodes`` (..., k): shape (..., 2 k)."""
+    numbers = 2 * nodes[..., None] + np.arange(2)
+    return numbers.reshape(*nodes.shape[:-1], 2 * nodes.shape[-1])
 
 
 class SaddleSystem(LinearSystem):
@@ -182,21 +267,18 @@ class SaddleSystem(LinearSystem):
         self, bulk: Bulk, contacts: Sequence[Contact], prefix: str, options: dict[str, Any]
     ) -> None:
         super().__init__(bulk, contacts, prefix, options)
-        owners = np.concatenate([contact.slave.owners for contact in contacts])
-        place = np.empty(owners.size, np.int64)
-        place[np.argsort(owners, kind="stable")] = np.arange(owners.size)
-        splits = np.cumsum([contact.slave.num_nodes for contact in contacts])[:-1]
-        self.places: list[Indices] = np.split(place, splits)
-        size, mine = bulk.num_owned, 2 * int((owners == self.comm.rank).sum())
+        size, mine = bulk.num_owned, 2 * self.num_multipliers
+        self._K_c = BlockMatrix(self.comm, size, size, 2)
         self._C = BlockMatrix(self.comm, mine, size)
         self._B_T = BlockMatrix(self.comm, size, mine)
         self._A_z = BlockMatrix(self.comm, mine, mine)
-        self._rhs: PETSc.Vec
+        self._assembled: PETSc.Mat | None = None
 
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
         """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
         K = self.bulk.K.copy()
-        K.axpy(1.0, self._contact_tangent(), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        K_c = self._K_c.assemble(self._force_derivative())
+        K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         B_T = self._B_T.assemble(self._force_blocks())
         C, A_z = self._C.assemble(self._law_blocks()), self._A_z.assemble(self._multiplier_blocks())
         return K, B_T, C, A_z
@@ -205,24 +287,20 @@ class SaddleSystem(LinearSystem):
         """Build the block matrix, as one sparse matrix with rows [dd, zeta] on each rank."""
         K, B_T, C, A_z = self.blocks()
         nest = PETSc.Mat().createNest([[K, B_T], [C, A_z]], comm=self.comm)
-        if self.matrix is not None:
-            self.matrix.destroy()
-        self.matrix = PETSc.Mat()
+        if self._assembled is not None:
+            self._assembled.destroy()
+        self.matrix = self._assembled = PETSc.Mat()
         nest.convert("aij", out=self.matrix)
         nest.destroy()
         K.destroy()
         self._rhs = self.matrix.createVecLeft()
         size = self.bulk.num_owned
         self._rhs.array[:size] = -self.bulk.r.array_r[:size]
-        for contact, place in zip(self.contacts, self.places, strict=True):
+        for contact, place in self._numbered():
             self._rhs.array[size:].reshape(-1, 2)[self.local(contact, place)] = (
                 contact.rows().rhs[contact.slave.owned]
             )
         self._hold(self.matrix, self._rhs, self.matrix.getOwnershipRange()[0])
-
-    def local(self, contact: Contact, place: Indices) -> Indices:
-        """Local positions of the multipliers owned here."""
-        return place[contact.slave.owned] - self._A_z.mat.getOwnershipRange()[0] // 2
 
     def scale(self, contact: Contact) -> Array:
         """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
@@ -230,20 +308,20 @@ class SaddleSystem(LinearSystem):
         return contact.stiffness / diagonal
 
     def _force_blocks(self) -> Iterable[Block]:
-        for contact, place in zip(self.contacts, self.places, strict=True):
+        for contact, place in self._numbered():
             scale = self.scale(contact)
             for rows, columns, values in contact.force_blocks():
                 j = columns // 2
                 yield Block(rows, 2 * place[j] + columns % 2, values * scale[j][:, None, :])
 
     def _law_blocks(self) -> Iterable[Block]:
-        for contact, place in zip(self.contacts, self.places, strict=True):
+        for contact, place in self._numbered():
             for block in contact.rows().blocks:
                 rows = 2 * place[block.rows // 2] + block.rows % 2
                 yield Block(rows, block.columns, block.values)
 
     def _multiplier_blocks(self) -> Iterable[Block]:
-        for contact, place in zip(self.contacts, self.places, strict=True):
+        for contact, place in self._numbered():
             mine = contact.slave.owned
             dofs = 2 * place[mine][:, None] + np.arange(2)
             yield Block(dofs, dofs, contact.rows().A_z[mine] * self.scale(contact)[mine, None, None])
@@ -255,7 +333,7 @@ class SaddleSystem(LinearSystem):
         dd = PETSc.Vec().createMPI((size, None), comm=self.comm)
         dd.array[:] = solution.array_r[:size]
         multipliers = []
-        for contact, place in zip(self.contacts, self.places, strict=True):
+        for contact, place in self._numbered():
             zeta = np.zeros((contact.slave.num_nodes, 2))
             mine = contact.slave.owned
             zeta[mine] = solution.array_r[size:].reshape(-1, 2)[self.local(contact, place)]

@@ -22,7 +22,7 @@ trap 'rm -rf "$scratch"' EXIT
 export NUMBA_CACHE_DIR="$scratch/numba"
 color=no # decided here: mpirun gives each rank a terminal of its own
 if [ -t 1 ]; then color=yes; fi
-pytest=(/usr/bin/python3 -m pytest --color=$color)
+pytest=(/usr/bin/python3 -m pytest "--color=$color")
 failed=0
 summary=()
 

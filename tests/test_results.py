@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: MIT
+"""Files, tables and pictures show what the problem holds."""
+
+import re
+import xml.etree.ElementTree as ET
+
+import meshio
+import numpy as np
+import pytest
+import scenes
+
+from mpi4py import MPI
+
+import ufl
+
+import fenics_mortar as fm
+from fenics_mortar import compat
+from fenics_mortar.results import ResultsWriter, contact_table, plot
+
+COMM = MPI.COMM_WORLD
+CELLS = ("triangle", "quadrilateral")
+SMALL = {"n_upper": 4, "n_lower": 6, "layers_upper": 4, "layers_lower": 3, "gap": 0.01}
+
+
+def pressed(cell="quadrilateral", **options):
+    scene = scenes.pressed_blocks(cell=cell, **SMALL, **options)
+    scene.loads["push"].value[:] = (0.02, -0.05)
+    return scene
+
+
+def steps(index):
+    """Times and files of a .pvd, by step; read on one rank after the others have written."""
+    COMM.barrier()
+    files = {}
+    for entry in ET.parse(index).getroot().iter("DataSet"):
+        files.setdefault(float(entry.get("timestep")), []).append(index.parent / entry.get("file"))
+    return files
+
+
+def midpoints(scene):
+    """Rows (x, y) of the midpoints of the owned cells."""
+    num_cells = scene.data.mesh.topology.index_map(2).size_local
+    X = scene.u.function_space.tabulate_dof_coordinates()[:, :2]
+    return X[compat.dofmap(scene.u.function_space)[:num_cells]].mean(axis=1)
+
+
+def table_of(X, values):
+    """Values by rounded position: the order of points in files is not that of the mesh."""
+    return {tuple(np.round(x[:2], 9) + 0.0): np.asarray(v) for x, v in zip(X, values)}
+
+
+def gathered(X, values):
+    pieces = COMM.allgather(table_of(X, values))
+    return {key: value for piece in pieces for key, value in piece.items()}
+
+
+def assert_equal_tables(found, right):
+    assert found.keys() == right.keys()
+    for key, value in right.items():
+        assert np.array_equal(found[key], value), key
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell):
+    scene = pressed(cell)
+    u, grad = scene.u, ufl.grad(scene.u)
+    fields = {
+        "det": ufl.det(ufl.Identity(2) + grad),
+        "first": grad[0, :],
+        "grad": grad,
+        "full": ufl.as_tensor([[grad[0, 0], 0, 1], [0, 2, 0], [3, 0, grad[1, 1]]]),
+    }
+    right = {}
+    with ResultsWriter(shared_path / "series", scene.problem, fields) as results:
+        for time in (0.0, 0.25):
+            results.write(time)
+            X = scene.u.function_space.tabulate_dof_coordinates()
+            right[time] = gathered(X, np.pad(u.x.array.reshape(-1, 2), ((0, 0), (0, 1))))
+            if time == 0.0:
+                scene.problem.solve()
+    files = steps(shared_path / "series.pvd")
+    assert list(files) == [0.0, 0.25]
+    V = compat.scalar_space(scene.data.mesh, 0, "DG")
+    components = {name: values_in_cells(V, grad[i, j]) for name, i, j in
+                  (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1))}
+    for time, pieces in files.items():
+        meshes = [meshio.read(piece) for piece in pieces]
+        found = {}
+        for mesh in meshes:
+            found |= table_of(mesh.points, mesh.point_data["displacement"])
+        assert_equal_tables(found, right[time])
+        num_cells = sum(len(mesh.cells[0].data) for mesh in meshes)
+        assert num_cells == scene.data.mesh.topology.index_map(2).size_global
+    # the last step: values at the midpoints of cells, with zeros for the third direction
+    mid = midpoints(scene)
+    right = gathered(mid, np.stack([components[c] for c in ("xx", "xy", "yx", "yy")], axis=1))
+    for mesh in meshes:
+        assert mesh.cells[0].type == {"triangle": "triangle", "quadrilateral": "quad"}[cell]
+        found = {name: mesh.cell_data[name][0] for name in fields}
+        for i, nodes in enumerate(mesh.cells[0].data):
+            corners = mesh.points[nodes, :2]
+            xx, xy, yx, yy = right[tuple(np.round(corners.mean(axis=0), 9) + 0.0)]
+            assert np.allclose(found["det"][i], (1 + xx) * (1 + yy) - xy * yx, rtol=1e-12)
+            assert np.allclose(found["first"][i], [xx, xy, 0], atol=1e-14)
+            assert np.allclose(found["grad"][i], [xx, xy, 0, yx, yy, 0, 0, 0, 0], atol=1e-14)
+            assert np.allclose(found["full"][i], [xx, 0, 1, 0, 2, 0, 3, 0, yy], atol=1e-14)
+            around = np.roll(corners, -1, axis=0)
+            crosses = corners[:, 0] * around[:, 1] - corners[:, 1] * around[:, 0]
+            area = 0.5 * abs(crosses.sum())
+            assert area > 0.8 * 0.5 * np.prod(np.ptp(corners, axis=0))  # no bow tie
+
+
+def values_in_cells(V, expression):
+    """Values of a scalar in the owned cells, by interpolation."""
+    import dolfinx
+
+    function = dolfinx.fem.Function(V)
+    compat.interpolate_expression(function, expression)
+    num_cells = V.mesh.topology.index_map(2).size_local
+    return function.x.array[compat.dofmap(V)[:num_cells, 0]]
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+def test_contact_files_hold_what_the_contact_holds(shared_path, slave):
+    scene = pressed(slave=slave)
+    c = scene.contact
+    with ResultsWriter(shared_path / "series.pvd", scene.problem) as results:
+        results.write(-1.0)
+        scene.problem.solve()
+        results.write(2.5)
+    name = {"upper": "upper_bottom", "lower": "lower_top"}[slave]
+    files = steps(shared_path / f"series_contact_{name}.pvd")
+    assert list(files) == [-1.0, 2.5]
+    before, after = (meshio.read(pieces[0]) for pieces in files.values())
+    assert np.allclose(before.point_data["contact_pressure"], 0.0)
+    assert np.nanmin(before.point_data["gap"]) == pytest.approx(0.01, rel=1e-9)
+    assert c.active.any()
+    assert np.array_equal(after.points[:, :2], c.slave.X)
+    assert np.array_equal(after.cells[0].data, c.slave.facets)
+    data = after.point_data
+    assert np.array_equal(data["contact_pressure"], c.pressure)
+    assert data["contact_pressure"].max() > 1.0
+    assert np.array_equal(data["status"], c.active)
+    assert np.array_equal(data["gap"], c.gap, equal_nan=True)
+    assert np.isnan(data["gap"]).any() == (slave == "lower")
+    assert np.array_equal(data["normal"][:, :2], c.operators.n)
+    assert np.array_equal(data["displacement"][:, :2], c.slave.gather(scene.u.x.array))
+    assert np.abs(data["tangential_traction"]).max() < 1e-9 * c.pressure.max()
+
+
+def test_a_dot_in_the_name_keeps_the_steps_apart_and_folders_are_made(shared_path):
+    scene = pressed()
+    folder = shared_path / "not" / "there"
+    results = ResultsWriter(folder / "nu_0.3", scene.problem)
+    for time in range(3):
+        results.write(time)
+    pieces = [piece for files in steps(folder / "nu_0.3.pvd").values() for piece in files]
+    assert len(set(pieces)) == len(pieces) >= 3
+    assert all(piece.is_file() for piece in pieces)
+
+
+def test_two_slaves_of_one_name_in_files_get_two_series(shared_path):
+    scene = pressed()
+    scene.problem.contacts = 2 * scene.problem.contacts
+    ResultsWriter(shared_path / "series", scene.problem).write(0.0)
+    for i in range(2):
+        assert len(steps(shared_path / f"series_contact_upper_bottom_{i}.pvd")) == 1
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"displacement": 1}, "'displacement'"),
+        ({"": 1}, "not empty"),
+        ({"number": 1.0}, "field 'number'"),
+        ({"rank 3": "third"}, r"shape is \(2, 2, 2\)"),
+        ({"test": "test"}, "field 'test'"),
+    ],
+)
+def test_a_field_of_no_use_raises_on_all_ranks(shared_path, fields, message):
+    scene = pressed()
+    u = scene.u
+    special = {"third": ufl.grad(ufl.grad(u)), "test": ufl.TestFunction(u.function_space)}
+    fields = {name: special.get(e, e) for name, e in fields.items()}
+    with pytest.raises(fm.MortarError, match=message):
+        ResultsWriter(shared_path / "series", scene.problem, fields)
+    COMM.barrier()  # hangs if a rank was left behind
+
+
+def test_a_path_of_no_use_raises_on_all_ranks(shared_path):
+    scene = pressed()
+    if COMM.rank == 0:
+        (shared_path / "file").write_text("in the way")
+        (shared_path / "series.pvd").mkdir()
+        (shared_path / "picture.png").mkdir()
+    COMM.barrier()
+    with pytest.raises(fm.MortarError, match="folder"):
+        ResultsWriter(shared_path / "file" / "series", scene.problem)
+    with pytest.raises(fm.MortarError, match="folder"):
+        plot(scene.problem, shared_path / "file" / "picture.png")
+    with pytest.raises(fm.MortarError, match="series.pvd"):
+        ResultsWriter(shared_path / "series", scene.problem).write(0.0)
+    with pytest.raises(fm.MortarError, match="picture.png"):
+        plot(scene.problem, shared_path / "picture.png")
+
+
+def test_the_path_of_the_first_rank_counts(shared_path):
+    scene = pressed()
+    ResultsWriter(shared_path / f"rank{COMM.rank}", scene.problem).write(0.0)
+    pieces = steps(shared_path / "rank0.pvd")[0.0]
+    assert all(piece.is_file() for piece in pieces)
+    assert not (shared_path / "rank1.pvd").exists()
+
+
+def test_table_shows_forces_that_cancel_and_push_the_bodies_apart():
+    scene = pressed()
+    scene.problem.solve()
+    table = contact_table(scene.problem)
+    assert set(COMM.allgather(table)) == {table}
+    head, line, row = table.splitlines()
+    assert head.count("|") == line.count("|") == row.count("|")
+    pair, slave, master, total, active, pressure, gap = row.strip("| ").split(" | ")
+    assert pair == "upper/bottom – lower/top"
+    slave, master, total = (
+        np.array([float(x) for x in re.findall(r"[-+.e\d]+", force)])
+        for force in (slave, master, total)
+    )
+    assert slave[1] > 0.1  # the upper body is pushed up
+    assert np.allclose(slave, -master, rtol=1e-3)
+    assert np.abs(total).max() < 1e-12 * slave[1]
+    assert slave[1] == pytest.approx(reaction(scene)[1], rel=1e-4)
+    assert active == f"{scene.contact.active.sum()} of {scene.contact.slave.num_nodes}"
+    assert float(pressure) == pytest.approx(scene.contact.pressure.max(), rel=1e-4)
+    assert abs(float(gap)) < 1e-9
+
+
+def reaction(scene):
+    """What the lower body's bottom exerts on it, from the internal forces alone."""
+    bulk = scene.problem.bulk
+    bulk.assemble_residual()
+    X = bulk.V.tabulate_dof_coordinates()[: bulk.num_owned // 2]
+    forces = bulk.r.array_r[: bulk.num_owned].reshape(-1, 2)[X[:, 1] < 1e-9]
+    return COMM.allreduce(forces.sum(axis=0))
+
+
+def test_table_has_no_gap_where_nothing_is_near():
+    scene = pressed(pair={"search_radius": 1e-3})
+    assert contact_table(scene.problem).splitlines()[2].endswith("| 0.0000e+00 | – |")
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("solved", [True, False])
+def test_plot_draws_a_picture(shared_path, cell, solved):
+    from matplotlib import image
+
+    scene = pressed(cell)
+    if solved:
+        scene.problem.solve()
+    energy = ufl.inner(ufl.grad(scene.u), ufl.grad(scene.u))
+    options = {"title": "Blocks", "stress": energy, "label": "energy"} if solved else {}
+    plot(scene.problem, shared_path / "new" / "picture.png", scale=2.0, **options)
+    COMM.barrier()
+    pixels = image.imread(shared_path / "new" / "picture.png")[..., :3]
+    assert 500 < pixels.shape[0] < 2000
+    assert 500 < pixels.shape[1] < 2000
+    blank = (pixels > 0.99).all(axis=-1).mean()
+    assert 0.05 < blank < 0.7
+    red = (pixels[..., 0] > 0.7) & (pixels[..., 1:] < 0.3).all(axis=-1)
+    assert (red.mean() > 1e-3) == solved  # the pressure
+
+
+def test_plot_refuses_what_is_not_a_scalar(shared_path):
+    scene = pressed()
+    with pytest.raises(fm.MortarError, match="right is a scalar"):
+        plot(scene.problem, shared_path / "picture", stress=ufl.grad(scene.u))
+
+
+def test_plot_shows_every_cell_once(shared_path, monkeypatch):
+    """Also on several ranks, where ghost cells must not be drawn twice."""
+    from fenics_mortar import results
+
+    drawn = []
+    original = results._draw_bodies
+    monkeypatch.setattr(
+        results, "_draw_bodies", lambda *args: drawn.append(args) or original(*args)
+    )
+    scene = pressed()
+    x = ufl.SpatialCoordinate(scene.data.mesh)
+    plot(scene.problem, shared_path / "picture", stress=x[0] + 10 * x[1])
+    if COMM.rank == 0:
+        _, nodes, polygons, values = drawn[0]
+        size = scene.data.mesh.topology.index_map(2).size_global
+        assert len(nodes) == size == len(np.unique(np.sort(nodes), axis=0))
+        assert np.allclose(values, polygons.mean(axis=1) @ [1.0, 10.0])
