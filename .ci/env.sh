@@ -18,20 +18,32 @@ export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"
 export OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
 export NUMBA_NUM_THREADS="${NUMBA_NUM_THREADS:-1}"
 
-# Open MPI: may run as root (a container), and with more ranks than cores, which then yield.
+# Open MPI: may run as root (a container), and with more ranks than cores, which then yield. The word
+# for "more ranks than cores" changes with each release. From release 5 on, only the transports within
+# one machine: else a machine without network brings warnings. On several machines, unset pml and btl.
 export OMPI_ALLOW_RUN_AS_ROOT="${OMPI_ALLOW_RUN_AS_ROOT:-1}"
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="${OMPI_ALLOW_RUN_AS_ROOT_CONFIRM:-1}"
-export OMPI_MCA_rmaps_base_oversubscribe="${OMPI_MCA_rmaps_base_oversubscribe:-1}"
-export PRTE_MCA_rmaps_default_mapping_policy="${PRTE_MCA_rmaps_default_mapping_policy:-:oversubscribe}"
 export OMPI_MCA_mpi_yield_when_idle="${OMPI_MCA_mpi_yield_when_idle:-1}"
 export HWLOC_HIDE_ERRORS="${HWLOC_HIDE_ERRORS:-2}"
-# From Open MPI 5 on: the transports within one machine, else a machine without network brings a
-# warning. On several machines, unset it.
 _fm_mpi=$(dpkg-query -W -f '${Version}' openmpi-bin 2>/dev/null || true)
 _fm_mpi=${_fm_mpi%%.*}
 case "$_fm_mpi" in
-    "" | *[!0-9]* | [1-4]) ;;
-    *) export OMPI_MCA_btl="${OMPI_MCA_btl:-self,sm}" ;;
+    [1-4])
+        export OMPI_MCA_rmaps_base_oversubscribe="${OMPI_MCA_rmaps_base_oversubscribe:-1}"
+        ;;
+    5)
+        export PRTE_MCA_rmaps_default_mapping_policy="${PRTE_MCA_rmaps_default_mapping_policy:-:oversubscribe}"
+        ;;
+    *)
+        export PRTE_MCA_mapby="${PRTE_MCA_mapby:-:oversubscribe}"
+        ;;
+esac
+case "$_fm_mpi" in
+    [1-4]) ;;
+    *)
+        export OMPI_MCA_pml="${OMPI_MCA_pml:-ob1}"
+        export OMPI_MCA_btl="${OMPI_MCA_btl:-self,sm}"
+        ;;
 esac
 
 # FFCx and numba cache what they compile below $XDG_CACHE_HOME or ~/.cache, if that can be written.

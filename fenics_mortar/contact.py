@@ -267,19 +267,24 @@ class Contact:
         return Block(rows, self.operators.normal_columns()[j], values)
 
     def force_blocks(self) -> list[Block]:
-        """B^T: contact force by the multipliers; columns 2 j + component, active nodes only."""
+        """B^T: contact force by the multipliers; columns 2 j + component, active nodes only.
+
+        Entry by entry, without the zeros of D and between components: they would fill the system.
+        """
         o, s = self.operators, self.operators.segments
-        eye = np.eye(2)
-        blocks = []
-        for surface, rows, nodes, values in (
-            (self.slave, o.facet_nodes, o.facet_nodes, o.D),
-            (self.master, s.master, s.slave, -o.M),
-        ):
-            values = np.where(self.active[nodes][:, :, None], values, 0.0)
-            block = np.einsum("sjk,ab->skajb", values, eye).reshape(-1, 4, 4)
-            columns = (2 * nodes[:, :, None] + np.arange(2)).reshape(-1, 4)
-            blocks.append(Block(dofs_of(surface.nodes, rows), columns, block))
-        return blocks
+        return [
+            self._force_entries(self.slave, o.facet_nodes, o.facet_nodes, o.D),
+            self._force_entries(self.master, s.slave, s.master, -o.M),
+        ]
+
+    def _force_entries(self, surface: Surface, j: Indices, k: Indices, values: Array) -> Block:
+        """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and active multiplier j."""
+        used = (values != 0.0) & self.active[j][:, :, None]
+        j = np.broadcast_to(j[:, :, None], values.shape)[used]
+        k = np.broadcast_to(k[:, None, :], values.shape)[used]
+        columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
+        rows = dofs_of(surface.nodes, k[:, None]).reshape(-1, 1)
+        return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))
 
 
 def _normal_rows(block: Block, direction: Array) -> Block:

@@ -20,6 +20,7 @@ import numpy as np
 from mpi4py import MPI
 
 import ufl
+from ufl.algorithms import extract_arguments
 
 from fenics_mortar import compat
 from fenics_mortar.contact import Contact
@@ -152,6 +153,8 @@ class _CellField:
             if len(self._shape) > rank or max(self._shape, default=1) > 3:
                 right = "a scalar, vector or tensor" if rank else "a scalar"
                 raise ValueError(f"its shape is {self._shape}; right is {right}")
+            if extract_arguments(ufl.as_ufl(expression)):
+                raise ValueError("it holds a test or trial function")
             midpoint = MIDPOINT[V.dofmap.dof_layout.num_dofs]
             self._compiled = compat.create_expression(expression, midpoint)
 
@@ -180,6 +183,8 @@ def _pad(values: Array) -> Array:
 def _prepare(comm: MPI.Comm, path: str | Path, suffix: str) -> Path:
     """Make the folder; return the path of the first rank without its suffix (collective)."""
     path = Path(str(comm.bcast(path)).removesuffix(suffix))
+    if not path.name:
+        raise MortarError(f"'{path}' is no name of a file; right is e.g. 'results/series{suffix}'")
     make = partial(path.parent.mkdir, parents=True, exist_ok=True)
     _try_together(comm, comm.rank == 0, make, f"cannot make the folder '{path.parent}'")
     return path

@@ -12,6 +12,7 @@ import scenes
 from mpi4py import MPI
 
 import ufl
+from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import compat
@@ -81,8 +82,7 @@ def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell
     files = steps(shared_path / "series.pvd")
     assert list(files) == [0.0, 0.25]
     V = compat.scalar_space(scene.data.mesh, 0, "DG")
-    components = {name: values_in_cells(V, grad[i, j]) for name, i, j in
-                  (("xx", 0, 0), ("xy", 0, 1), ("yx", 1, 0), ("yy", 1, 1))}
+    components = [values_in_cells(V, grad[i, j]) for i in range(2) for j in range(2)]
     for time, pieces in files.items():
         meshes = [meshio.read(piece) for piece in pieces]
         found = {}
@@ -92,8 +92,7 @@ def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell
         num_cells = sum(len(mesh.cells[0].data) for mesh in meshes)
         assert num_cells == scene.data.mesh.topology.index_map(2).size_global
     # the last step: values at the midpoints of cells, with zeros for the third direction
-    mid = midpoints(scene)
-    right = gathered(mid, np.stack([components[c] for c in ("xx", "xy", "yx", "yy")], axis=1))
+    right = gathered(midpoints(scene), np.stack(components, axis=1))
     for mesh in meshes:
         assert mesh.cells[0].type == {"triangle": "triangle", "quadrilateral": "quad"}[cell]
         found = {name: mesh.cell_data[name][0] for name in fields}
@@ -112,9 +111,7 @@ def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell
 
 def values_in_cells(V, expression):
     """Values of a scalar in the owned cells, by interpolation."""
-    import dolfinx
-
-    function = dolfinx.fem.Function(V)
+    function = fem.Function(V)
     compat.interpolate_expression(function, expression)
     num_cells = V.mesh.topology.index_map(2).size_local
     return function.x.array[compat.dofmap(V)[:num_cells, 0]]
@@ -174,7 +171,7 @@ def test_two_slaves_of_one_name_in_files_get_two_series(shared_path):
         ({"": 1}, "not empty"),
         ({"number": 1.0}, "field 'number'"),
         ({"rank 3": "third"}, r"shape is \(2, 2, 2\)"),
-        ({"test": "test"}, "field 'test'"),
+        ({"test": "test"}, "test or trial function"),
     ],
 )
 def test_a_field_of_no_use_raises_on_all_ranks(shared_path, fields, message):
@@ -198,6 +195,8 @@ def test_a_path_of_no_use_raises_on_all_ranks(shared_path):
         ResultsWriter(shared_path / "file" / "series", scene.problem)
     with pytest.raises(fm.MortarError, match="folder"):
         plot(scene.problem, shared_path / "file" / "picture.png")
+    with pytest.raises(fm.MortarError, match="no name of a file"):
+        ResultsWriter("", scene.problem)
     with pytest.raises(fm.MortarError, match="series.pvd"):
         ResultsWriter(shared_path / "series", scene.problem).write(0.0)
     with pytest.raises(fm.MortarError, match="picture.png"):
