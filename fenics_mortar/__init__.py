@@ -7,6 +7,7 @@ from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, Surf
 from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
 from fenics_mortar.newton import NewtonOptions, NewtonReport
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.results import ResultsWriter, contact_table, plot
 
 __all__ = [
     "ContactPair",
@@ -17,8 +18,11 @@ __all__ = [
     "NewtonOptions",
     "NewtonReport",
     "NotConvergedError",
+    "ResultsWriter",
     "SurfaceError",
+    "contact_table",
     "dirichlet",
+    "plot",
     "read_gmsh",
     "vector_space",
 ]

@@ -16,6 +16,11 @@ import ufl
 from fenics_mortar import compat
 from fenics_mortar.surfaces import Array
 
+# A Newton step may leave each corner of a cell no less than this part of the area it has. It keeps
+# the iterates away from inverted cells, and is far from what they need when they converge.
+LEAST_AREA = 0.2
+# Below this part of a step nothing is gained by cutting it further.
+SMALLEST_STEP = 1e-3
 # Entries that K may have, over those of the bulk alone, before its pattern is made anew: contact
 # that slides along leaves zeros behind.
 MOST_FILL = 1.1
@@ -44,6 +49,9 @@ class Bulk:
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
         self._create_tangent()
         self.r: PETSc.Vec = compat.create_vector(self.V)
+        dofs = compat.dofmap(self.V)[: self.V.mesh.topology.index_map(2).size_local]
+        self._cells, self._X = dofs, self.V.tabulate_dof_coordinates()[:, :2].copy()
+        self._undeformed_areas = _corner_areas(self._X[dofs])
         self.num_owned = 2 * self.V.dofmap.index_map.size_local
         self.first = 2 * self.V.dofmap.index_map.local_range[0]
         self.prescribed: npt.NDArray[np.bool_] = np.zeros(u.x.array.size, bool)
@@ -98,20 +106,37 @@ class Bulk:
         compat.set_prescribed(values, self.bcs)
         return (values - self.u.x.array)[self.held]
 
-    def move(self, step: PETSc.Vec) -> None:
-        """Add a displacement increment (collective)."""
-        self.u.x.array[: self.num_owned] += step.array_r
+    def move(self, step: PETSc.Vec) -> float:
+        """Add a displacement increment, or as much of it as the cells bear (collective).
+
+        Returns:
+            The part that was added: the largest of 1, 1/2, 1/4, ... that leaves every corner of a
+            cell ``LEAST_AREA`` of the area it has now.
+        """
+        u = self.u.x.array
+        start, least = u.copy(), LEAST_AREA * np.maximum(self._corner_areas(), 0.0)
+        u[: self.num_owned] += step.array_r
         self.u.x.scatter_forward()
+        increment, part = u - start, 1.0
+        while part > SMALLEST_STEP and self._any_below(least):
+            part *= 0.5
+            u[:] = start + part * increment
+        return part
+
+    def _any_below(self, least: Array) -> bool:
+        return self.comm.allreduce(bool((self._corner_areas() < least).any()), MPI.LOR)
+
+    def _corner_areas(self) -> Array:
+        """Deformed over undeformed area at the corners of the cells owned here, (cells, corners)."""
+        x = self._X + self.u.x.array.reshape(-1, 2)
+        return _corner_areas(x[self._cells]) / self._undeformed_areas
 
     def inverted_cells(self) -> tuple[int, Array]:
         """Number of inverted cells and the reference position of one of them (collective)."""
-        num_cells = self.V.mesh.topology.index_map(2).size_local
-        dofs = compat.dofmap(self.V)[:num_cells]
-        X = self.V.tabulate_dof_coordinates()[:, :2]
-        x = X + self.u.x.array.reshape(-1, 2)
-        inverted = (_corner_areas(X[dofs]) * _corner_areas(x[dofs]) <= 0.0).any(axis=1)
-        found = self.comm.allgather(X[dofs[inverted]].mean(axis=1)[:1])
-        places = np.concatenate(found)
+        inverted = (self._corner_areas() <= 0.0).any(axis=1)
+        places = np.concatenate(
+            self.comm.allgather(self._X[self._cells[inverted]].mean(axis=1)[:1])
+        )
         count = self.comm.allreduce(int(inverted.sum()))
         return count, places[0] if count else np.full(2, np.nan)
 

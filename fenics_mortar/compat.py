@@ -243,9 +243,7 @@ def set_prescribed(values: Array, bcs: list[Any]) -> None:
 # Values of expressions
 
 
-def create_expression(
-    expression: ufl.core.expr.Expr, points: npt.ArrayLike
-) -> fem.Expression:
+def create_expression(expression: ufl.core.expr.Expr, points: npt.ArrayLike) -> fem.Expression:
     """Compile a UFL expression for reference ``points``, shape (num_points, 2) (collective)."""
     points = np.ascontiguousarray(points, dtype=np.float64)
     return fem.Expression(expression, points, **_own_options(fem.Expression))

@@ -56,7 +56,7 @@ class ContactPair:
             facet: exact on circles), "unit" (the choice of most codes) or "own" length.
         points: Gauss points per segment.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
-            [length]; half the diagonal of the smaller surface's box by default.
+            [length]; the diagonal of the smaller surface's box by default.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
         c_n: Weight of the gap in the active-set test, a plain number.
 
@@ -147,7 +147,7 @@ class Contact:
             pair.basis,
             pair.normals,
             pair.points,
-            pair.search_radius or 0.5 * min(float(np.hypot(*extent)) for extent in extents),
+            pair.search_radius or min(float(np.hypot(*extent)) for extent in extents),
             float(np.cos(np.radians(pair.max_angle))),
         )
         self.z: Array = np.zeros((self.slave.num_nodes, 2))
@@ -209,8 +209,8 @@ class Contact:
 
     @property
     def total_force(self) -> Array:
-        """Total contact force on the slave body, shape (2,) [stress length] (collective)."""
-        return self.operators.force(self.z)[0].sum(axis=0)
+        """Total force that acts on the slave body, shape (2,) [stress length] (collective)."""
+        return -self.operators.force(self.z)[0].sum(axis=0)
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""

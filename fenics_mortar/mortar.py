@@ -147,9 +147,10 @@ class MortarOperators:
         return np.concatenate([on_slave, dofs_of(self.master.nodes, self.segments.master)], axis=1)
 
     def force(self, z: Array) -> tuple[Array, Array]:
-        """Contact forces on slave and master nodes from multipliers ``z`` (slave nodes, 2).
+        """D^T z on slave and -M^T z on master nodes for multipliers ``z`` (slave nodes, 2).
 
-        Collective. Returns arrays (slave nodes, 2) and (master nodes, 2) [stress length].
+        Collective. These add to the internal forces: what acts on the bodies is minus them. Returns
+        arrays (slave nodes, 2) and (master nodes, 2) [stress length].
         """
         on_slave, on_master = np.zeros_like(self.x), np.zeros_like(self.m)
         forces = np.einsum("ejk,ejc->ekc", self.D, z[self.facet_nodes])

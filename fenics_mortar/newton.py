@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -33,14 +33,21 @@ class Status:
     noise: float
 
 
+class Step(NamedTuple):
+    """One Newton step: increment over the displacement, and the part of it that was taken."""
+
+    increment: float
+    part: float
+
+
 class Equations(Protocol):
     """What is solved: ``evaluate`` looks at the present state, ``advance`` moves it."""
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual and sets at the present state (collective)."""
 
-    def advance(self) -> float:
-        """Solve one linear system and move; return the increment over the displacement."""
+    def advance(self) -> Step:
+        """Solve one linear system and move."""
 
     def seconds(self) -> dict[str, float]:
         """Seconds spent since the last call, by phase."""
@@ -71,6 +78,7 @@ class Iteration:
     residual: float
     gap: float
     increment: float
+    part: float
     num_active: int
     num_changed: int
     seconds: dict[str, float]
@@ -111,7 +119,7 @@ class NewtonReport:
         lines.append("|" + "---:|" * (len(titles) + len(phases)))
         for number, it in enumerate(self.iterations):
             cells = [str(number), f"{it.residual:.2e}", f"{it.gap:.1e}"]
-            cells.append("–" if number == 0 else f"{it.increment:.1e}")
+            cells.append("–" if number == 0 else f"{it.increment:.1e}" + _shortened(it.part))
             cells += [str(it.num_active), str(it.num_changed)]
             cells += [f"{it.seconds.get(name, 0.0):.4f}" for name in phases]
             lines.append("| " + " | ".join(cells) + " |")
@@ -133,11 +141,11 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         NotConvergedError: On all ranks, with the record so far.
     """
     report = NewtonReport()
-    increment = np.inf
+    step = Step(np.inf, 1.0)
     for number in range(options.max_iterations + 1):
         if number:
             try:
-                increment = equations.advance()
+                step = equations.advance()
             except MortarError as error:
                 report.reason = f"iteration {number}: {error}"
                 raise NotConvergedError(report.reason, report) from error
@@ -147,7 +155,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             Iteration(
                 status.residual,
                 status.gap,
-                increment,
+                *step,
                 status.num_active,
                 status.num_changed,
                 equations.seconds(),
@@ -156,28 +164,35 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         if not np.isfinite([status.residual, status.force]).all():
             report.reason = f"iteration {number}: {equations.diagnose()}"
             raise NotConvergedError(report.reason, report)
-        if _is_solved(status, increment, report.force, options):
+        if _is_solved(status, step, report.force, options):
             report.converged = True
             report.reason = f"converged in {number} iterations"
             return report
     report.reason = f"not converged in {options.max_iterations} iterations: " + "; ".join(
-        _what_is_missing(status, increment, report.force, options)
+        _what_is_missing(status, step, report.force, options)
     )
     raise NotConvergedError(report.reason, report)
 
 
-def _is_solved(status: Status, increment: float, force: float, options: NewtonOptions) -> bool:
-    return not any(_what_is_missing(status, increment, force, options))
+def _shortened(part: float) -> str:
+    """Mark of a step that was cut."""
+    return "" if part == 1.0 else f" × {part:.2g}"
+
+
+def _is_solved(status: Status, step: Step, force: float, options: NewtonOptions) -> bool:
+    return not any(_what_is_missing(status, step, force, options))
 
 
 def _what_is_missing(
-    status: Status, increment: float, force: float, options: NewtonOptions
+    status: Status, step: Step, force: float, options: NewtonOptions
 ) -> Iterator[str]:
     """The tests of convergence that fail, in words."""
     allowed = options.residual_tolerance * force + status.noise
     if status.residual > allowed:
         yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"
-    if increment > options.increment_tolerance:
-        yield f"increment {increment:.1e} (allowed {options.increment_tolerance:.1e})"
+    if step.increment > options.increment_tolerance:
+        yield f"increment {step.increment:.1e} (allowed {options.increment_tolerance:.1e})"
+    if step.part < 1.0:
+        yield f"only {step.part:.1e} of the last step taken, since cells would have inverted"
     if status.num_changed:
         yield f"{status.num_changed} nodes changed between active and inactive"

@@ -19,7 +19,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MeshError, MortarError, SurfaceError, raise_together
 from fenics_mortar.mortar import LINEARIZATIONS
-from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, solve
+from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import SYSTEMS, Algorithm
@@ -127,8 +127,8 @@ class ContactProblem:
             active = sum(int(c.active.sum()) for c in self.contacts)
             return Status(residual, force, max(gaps, default=0.0), active, changed, self._noise())
 
-    def advance(self) -> float:
-        """Solve one linear system and move; return the increment over the displacement."""
+    def advance(self) -> Step:
+        """Solve one linear system and move, less than all the way if cells would invert."""
         with self._clock("bulk"):
             self.bulk.assemble_tangent()
         with self._clock("contact"):
@@ -136,13 +136,14 @@ class ContactProblem:
             self.system.assemble()
         with self._clock("solve"):
             step, multipliers = self.system.solve()
-        with self._clock("contact"):
-            self.bulk.move(step)
-            for contact, z in zip(self.contacts, multipliers, strict=True):
-                contact.z = z
+        with self._clock("bulk"):
+            part = self.bulk.move(step)
+        for contact, z in zip(self.contacts, multipliers, strict=True):
+            contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
         increment = float(step.norm(PETSc.NormType.INFINITY))
         step.destroy()
-        return increment / max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
+        size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
+        return Step(increment / size, part)
 
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase: bulk, contact, solve; of the slowest rank."""

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-import numpy as np
-
 from mpi4py import MPI
+
+import numpy as np
 
 import ufl
 from ufl.algorithms import extract_arguments
@@ -55,6 +55,7 @@ class ResultsWriter:
     def __init__(
         self, path: str | Path, problem: ContactProblem, fields: dict[str, Any] | None = None
     ) -> None:
+        """Compile the fields and make the folder (collective)."""
         self._problem, comm = problem, problem.comm
         self._fields = {name: _CellField(problem, e, name) for name, e in (fields or {}).items()}
         path = _prepare(comm, path, ".pvd")
@@ -82,6 +83,7 @@ class ResultsWriter:
             series.write(time, _surface_data(contact, u), {})
 
     def __enter__(self) -> ResultsWriter:
+        """Return the writer."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -175,9 +177,10 @@ def _owned_cells(problem: ContactProblem) -> Indices:
 
 def _pad(values: Array) -> Array:
     """Fill (n, a) up to (n, 3), and (n, a, b) to 3 x 3 in rows of 9; as VTK has them."""
-    padded = np.zeros((len(values), *(3 for _ in values.shape[1:])))
+    rank = values.ndim - 1
+    padded = np.zeros((len(values), *rank * (3,)))
     padded[tuple(slice(size) for size in values.shape)] = values
-    return padded.reshape(len(values), -1) if values.ndim > 1 else padded
+    return padded.reshape(len(values), 3**rank) if rank else padded
 
 
 def _prepare(comm: MPI.Comm, path: str | Path, suffix: str) -> Path:
@@ -217,10 +220,10 @@ def contact_table(problem: ContactProblem) -> str:
         contact.evaluate(problem.bulk.u.x.array, problem.linearization)
         forces = [-force.sum(axis=0) for force in contact.operators.force(contact.z)]
         gap = (contact.gap / contact.nodal_lengths)[contact.covered]
-        cells = [f"{contact.slave.name} – {contact.master.name}"]
+        cells = [f"{contact.slave.name} - {contact.master.name}"]
         cells += [f"({f[0]:.4e}, {f[1]:.4e})" for f in (*forces, forces[0] + forces[1])]
         cells += [f"{contact.active.sum()} of {contact.slave.num_nodes}"]
-        cells += [f"{contact.pressure.max():.4e}", f"{gap.min():.2e}" if gap.size else "–"]
+        cells += [f"{contact.pressure.max():.4e}", f"{gap.min():.2e}" if gap.size else "-"]
         rows.append(f"| {' | '.join(cells)} |")
     return "\n".join(rows)
 
@@ -278,7 +281,7 @@ def plot(
             bar.outline.set_visible(False)
         _draw_pressure(axes, problem.contacts, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
         if scale != 1.0:
-            axes.plot([], [], " ", color=INK, label=f"displacement × {scale:g}")
+            axes.plot([], [], " ", color=INK, label=f"displacement x {scale:g}")
         if axes.get_legend_handles_labels()[1]:
             place = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.05), "labelcolor": "linecolor"}
             axes.legend(**place, frameon=False, fontsize=9, handletextpad=0.0, ncols=2)

@@ -1,0 +1,93 @@
+# # Hertz: a cylinder pressed on a block
+#
+# This demo compares contact pressure and half-width with the theory of Hertz and draws them.
+#
+# ## Problem
+# A half cylinder of radius R = 8 mm is pressed on a block of the same linear elastic material, plane
+# strain, without friction. By Hertz's theory a force P per length makes
+#
+# a = sqrt(4 P R / (pi E*)),   p = 2 P / (pi a) sqrt(1 - (x/a)^2),   E* = E / (2 (1 - nu^2)).
+#
+# P is the computed contact force, so the comparison is that of the distribution. The theory is for
+# half planes: its own error grows with a / R, here it is below 1 %. The computed half-width is
+# that of the distribution's second moment, int p x^2 / int p = a^2 / 4.
+#
+# ## Implementation
+
+# +
+import sys
+from pathlib import Path
+
+import gmsh
+import numpy as np
+
+from mpi4py import MPI
+
+import ufl
+from dolfinx import fem
+
+root = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(root), str(root / "meshes")]
+import half_cylinder_on_block
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+R, E, nu = 8.0, 200.0, 0.3
+# -
+
+model = None
+if comm.rank == 0:
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    model = half_cylinder_on_block.build(
+        radius=R, width=48.0, height=24.0, h=0.02, fine=0.5, growth=0.15
+    )
+data = fm.read_gmsh(model, comm)
+if comm.rank == 0:
+    gmsh.finalize()
+
+# The top of the cylinder goes down without moving sideways, the bottom of the block is held.
+
+# +
+V = fm.vector_space(data.mesh, 1)
+u, v = fem.Function(V), ufl.TestFunction(V)
+mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+strain = ufl.sym(ufl.grad(u))
+stress = 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
+residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 1})
+
+held = fem.Constant(data.mesh, (0.0, 0.0))
+push = fem.Constant(data.mesh, (0.0, 0.0))
+bcs = [fm.dirichlet(V, data, "block/bottom", held), fm.dirichlet(V, data, "cylinder/top", push)]
+contact = fm.ContactPair(data, slave="cylinder/arc", master="block/top")
+problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefix="hertz_")
+
+for depth in (0.02, 0.04):
+    push.value[1] = -depth
+    report = problem.solve()
+# -
+
+# ## Comparison
+
+# +
+pair = problem.contacts[0]
+x, p = pair.operators.x[:, 0], pair.pressure
+P, weights = pair.total_force[1], pair.operators.diagonal
+E_star = E / (2 * (1 - nu**2))
+a = np.sqrt(4 * P * R / (np.pi * E_star))
+p0 = 2 * P / (np.pi * a)
+a_mesh = 2 * np.sqrt((weights * p * x**2).sum() / (weights * p).sum())
+near = np.abs(x) < 0.7 * a  # the peak from a fit: p^2 is linear in x^2
+p0_mesh = np.sqrt(np.polyfit(x[near] ** 2, p[near] ** 2, 1)[1])
+if comm.rank == 0:
+    print(f"force {P:.4f} N/mm, {pair.active.sum()} nodes in contact, a / R = {a / R:.3f}\n")
+    print("| | theory | computed | difference |\n|---|---:|---:|---:|")
+    for name, exact, found in (("half-width [mm]", a, a_mesh), ("peak [MPa]", p0, p0_mesh)):
+        print(f"| {name} | {exact:.5f} | {found:.5f} | {100 * (found / exact - 1):+.2f} % |")
+fm.plot(problem, "results/hertz.png", stress=-stress[1, 1], label="pressure, vertical [MPa]")
+# -
+
+# ## Check
+
+assert abs(a_mesh / a - 1) < 0.02 and abs(p0_mesh / p0 - 1) < 0.02

@@ -1,0 +1,107 @@
+# # The experiment of Foltyn and Vlach
+#
+# This demo repeats the static problem of L. Foltyn, O. Vlach: *Implementation of full linearization
+# in semismooth Newton method for 2D contact problem* (2016), with its Table 1: the saddle-point
+# system (Alg. 1), the condensed one (Alg. 2) and the fixed-point iteration, in which D, M and n are
+# not linearized.
+#
+# ## Problem
+# The paper says: 10 x 10 elements in the slave body, 20 x 10 in the master body, displacements
+# prescribed on the upper halves of the slave's sides and on the master's bottom, accuracy 1e-9. It
+# gives neither dimensions nor material nor load; those below are ours, so the numbers can be
+# compared in kind, not digit by digit. Norms are relative to the contact force, the paper's are not.
+#
+# ## Implementation
+
+# +
+import sys
+from pathlib import Path
+
+import gmsh
+import numpy as np
+
+from mpi4py import MPI
+
+import ufl
+from dolfinx import fem
+
+root = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(root), str(root / "meshes")]
+import two_blocks
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+PAPER = {
+    "Alg. 1": [6.13e1, 6.53e-1, 5.62e-4, 3.17e-7, 8.08e-10],
+    "Alg. 2": [6.13e1, 6.53e-1, 5.62e-4, 3.17e-7, 7.85e-10],
+    "fixed point": [6.00e4, 3.30e0, 2.97e0, 3.30e-3, 3.13e-4, 7.38e-6, 4.75e-7, 1.92e-8, 1.01e-9],
+}
+PAPER["fixed point"].append(4.54e-11)
+# -
+
+model = None
+if comm.rank == 0:
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    model = two_blocks.build(split=True)
+blocks = fm.read_gmsh(model, comm)
+if comm.rank == 0:
+    gmsh.finalize()
+
+
+# The upper halves of the slave's sides go down by 0.05 of its width and turn nothing; the law is
+# compressible neo-Hookean in plane strain.
+
+# +
+def solve(algorithm, linearization):
+    """Solve from the undeformed state; return the displacement and the record."""
+    V = fm.vector_space(blocks.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    E, nu = 1.0e3, 0.3
+    mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+    F = ufl.Identity(2) + ufl.grad(u)
+    P = mu * (F - ufl.inv(F).T) + lmbda * ufl.ln(ufl.det(F)) * ufl.inv(F).T
+    residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 3})
+    push = fem.Constant(blocks.mesh, (0.01, -0.05))
+    held = fem.Constant(blocks.mesh, (0.0, 0.0))
+    bcs = [fm.dirichlet(V, blocks, ["upper/left/top", "upper/right/top"], push)]
+    bcs += [fm.dirichlet(V, blocks, "lower/bottom", held)]
+    problem = fm.ContactProblem(
+        residual,
+        u,
+        [fm.ContactPair(blocks, slave="upper/bottom", master="lower/top")],
+        bcs=bcs,
+        petsc_options_prefix="paper_",
+        algorithm=algorithm,
+        linearization=linearization,
+        newton=fm.NewtonOptions(residual_tolerance=1e-9),
+    )
+    report = problem.solve()
+    return u.x.array, np.array(report.residuals[1:]) / report.force
+
+
+OURS = {
+    "Alg. 1": solve("saddle", "full"),
+    "Alg. 2": solve("condensed", "full"),
+    "fixed point": solve("condensed", "frozen"),
+}
+# -
+
+# ## Table 1, the paper's beside ours
+
+if comm.rank == 0:
+    columns = [f"{name}, {who}" for name in PAPER for who in ("paper", "ours")]
+    print("| k | " + " | ".join(columns) + " |\n" + "|---:" * (1 + len(columns)) + "|")
+    for k in range(max(len(norms) for _, norms in OURS.values())):
+        rows = [norms for name in PAPER for norms in (PAPER[name], OURS[name][1])]
+        cells = [f"{norms[k]:.2e}" if k < len(norms) else "" for norms in rows]
+        print(f"| {k + 1} | " + " | ".join(cells) + " |")
+
+# ## Check
+# Both algorithms have the same iterates, Newton is quadratic, the fixed point is linear.
+
+full, fixed = OURS["Alg. 1"][1], OURS["fixed point"][1]
+assert len(full) <= 6 and len(fixed) >= 2 * len(full)
+assert np.allclose(OURS["Alg. 1"][0], OURS["Alg. 2"][0], rtol=0, atol=1e-12)
+assert np.allclose(OURS["Alg. 1"][1][:-1], OURS["Alg. 2"][1][:-1], rtol=1e-6)

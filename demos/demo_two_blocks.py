@@ -1,0 +1,95 @@
+# # Two blocks pressed together
+#
+# This demo shows how to
+# - name bodies and contact surfaces in gmsh and read them under `mpirun`,
+# - write any bulk energy in UFL,
+# - say with one line that two surfaces are in contact,
+# - solve load steps by the semismooth Newton method, and look at the results.
+#
+# ## Problem
+# A block of 1 x 1 mm with 10 facets stands on one of 2.2 x 1 mm with 20. The lower one is held at
+# its bottom; the top of the upper one is moved down by 0.15 mm and then to the right by 0.2 mm. Both
+# are compressible neo-Hookean, plane strain. There is no friction.
+#
+# ## Implementation
+
+# +
+import sys
+from pathlib import Path
+
+import gmsh
+import numpy as np
+
+from mpi4py import MPI
+
+import ufl
+from dolfinx import fem
+
+root = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(root), str(root / "meshes")]
+import two_blocks
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+# -
+
+# The mesh is made on the first rank; a file works the same: `fm.read_gmsh("blocks.msh", comm)`.
+
+model = None
+if comm.rank == 0:
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    model = two_blocks.build()
+blocks = fm.read_gmsh(model, comm)
+if comm.rank == 0:
+    gmsh.finalize()
+
+# The bulk: displacement, energy and residual are plain UFL [mm, MPa].
+
+# +
+V = fm.vector_space(blocks.mesh, 1)
+u, v = fem.Function(V, name="displacement"), ufl.TestFunction(V)
+
+E, nu = 100.0, 0.3
+mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+F = ufl.variable(ufl.Identity(2) + ufl.grad(u))
+J = ufl.det(F)
+psi = mu / 2 * (ufl.tr(F.T * F) - 2) - mu * ufl.ln(J) + lmbda / 2 * ufl.ln(J) ** 2
+P = ufl.diff(psi, F)
+residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 3})
+# -
+
+# Prescribed displacements are `Constant`s that the loop below changes.
+
+held = fem.Constant(blocks.mesh, (0.0, 0.0))
+push = fem.Constant(blocks.mesh, (0.0, 0.0))
+bcs = [fm.dirichlet(V, blocks, "lower/bottom", held), fm.dirichlet(V, blocks, "upper/top", push)]
+
+# Contact is one line: the slave carries the multiplier, its points are projected to the master.
+
+contact = fm.ContactPair(blocks, slave="upper/bottom", master="lower/top")
+problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefix="two_blocks_")
+
+# ## Load steps
+
+path = [(0.0, -0.05 * k) for k in (1, 2, 3)] + [(0.1 * k, -0.15) for k in (1, 2)]
+with fm.ResultsWriter("results/two_blocks", problem, {"stress": P * F.T / J}) as results:
+    for step, displacement in enumerate(path, start=1):
+        push.value[:] = displacement
+        report = problem.solve()
+        results.write(step)
+        if comm.rank == 0:
+            print(f"\nstep {step}: top moved by {displacement} mm\n\n{report.table()}")
+
+table = fm.contact_table(problem)
+fm.plot(problem, "results/two_blocks.png", stress=-(P * F.T / J)[1, 1], title="two blocks")
+if comm.rank == 0:
+    print(f"\n{table}")
+
+# ## Check
+# Newton ends quadratically, and the two blocks push each other with forces that cancel.
+
+on_slave, on_master = problem.contacts[0].operators.force(problem.contacts[0].z)
+assert report.num_iterations <= 8
+assert np.abs(on_slave.sum(axis=0) + on_master.sum(axis=0)).max() < 1e-12 * np.abs(on_slave).max()

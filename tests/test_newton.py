@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: MIT
+"""Newton on small equations without contact: order, tests of convergence, record."""
+
+import numpy as np
+import pytest
+
+import fenics_mortar as fm
+from fenics_mortar.newton import Status, Step, solve
+
+
+class Root:
+    """x^2 = 2 by Newton's method, or by a method with a wrong derivative."""
+
+    def __init__(self, x=1.0, factor=1.0, changes=()):
+        self.x, self.factor, self.changes = x, factor, list(changes)
+
+    def evaluate(self, *, start):
+        changed = self.changes.pop(0) if self.changes else 0
+        return Status(abs(self.x**2 - 2), 2.0, 0.0, 1, changed, 1e-15)
+
+    def advance(self):
+        dx = -(self.x**2 - 2) / (2 * self.x * self.factor)
+        self.x += dx
+        return Step(abs(dx / self.x), 1.0)
+
+    def seconds(self):
+        return {"solve": 1.0}
+
+    def diagnose(self):
+        return "x is not finite"
+
+
+def test_newton_converges_quadratically():
+    report = solve(Root(), fm.NewtonOptions())
+    r = np.array(report.residuals)
+    assert report.converged and report.num_iterations <= 6
+    assert (r[1:4] <= r[:3] ** 2).all()
+
+
+def test_set_that_changes_keeps_newton_going():
+    report = solve(Root(changes=[0] * 7 + [1]), fm.NewtonOptions())
+    assert report.num_iterations == 5
+    report = solve(Root(changes=[0, 1, 1, 1, 1, 1, 1, 1]), fm.NewtonOptions())
+    assert report.num_iterations == 8
+
+
+def test_failure_keeps_the_record_and_says_what_is_missing():
+    with pytest.raises(fm.NotConvergedError, match="residual .* .allowed") as failure:
+        solve(Root(factor=3.0), fm.NewtonOptions(max_iterations=4))
+    assert len(failure.value.report.iterations) == 5
+    assert not failure.value.report.converged
+
+
+def test_state_that_is_not_finite_is_diagnosed():
+    with pytest.raises(fm.NotConvergedError, match="iteration 0: x is not finite"):
+        solve(Root(x=np.nan), fm.NewtonOptions())
+
+
+def test_error_in_a_step_is_kept_with_the_record():
+    class Broken(Root):
+        def advance(self):
+            raise fm.MortarError("singular")
+
+    with pytest.raises(fm.NotConvergedError, match="iteration 1: singular") as failure:
+        solve(Broken(), fm.NewtonOptions())
+    assert len(failure.value.report.iterations) == 1
+
+
+def test_shortened_step_is_not_convergence():
+    class Short(Root):
+        def advance(self):
+            return Step(super().advance().increment, 0.5)
+
+    with pytest.raises(fm.NotConvergedError, match="only 5.0e-01 of the last step"):
+        solve(Short(), fm.NewtonOptions(max_iterations=8))
+
+
+def test_table_is_markdown_with_a_row_per_iteration():
+    report = solve(Root(), fm.NewtonOptions())
+    lines = report.table().splitlines()
+    assert lines[0].count("|") == lines[2].count("|") == 8
+    assert sum(line.startswith("|") for line in lines) == 2 + len(report.iterations)
+    assert "converged in" in lines[-1]
+    assert report.total_seconds() == {"solve": float(len(report.iterations))}

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: MIT
+"""D, M, gap, normals and derivatives as PETSc objects; shares of the ranks."""
+
+import numpy as np
+import pytest
+from scenes import pressed_blocks
+
+from mpi4py import MPI
+
+from fenics_mortar.mortar import share_of
+
+comm = MPI.COMM_WORLD
+
+
+def moved_scene(**options):
+    """A state with partly covered facets, off any symmetry."""
+    scene = pressed_blocks(n_upper=7, n_lower=5, width_upper=1.3, width_lower=1.2, **options)
+    scene.u.interpolate(lambda X: np.stack([0.03 * X[1] + 0.01 * X[0] ** 2, -0.02 * X[0] * X[1]]))
+    scene.u.x.scatter_forward()
+    contact = scene.contact
+    contact.evaluate(scene.u.x.array, scene.problem.linearization)
+    contact.update_active(start=True)
+    return scene
+
+
+def dense(mat):
+    """The whole matrix on every rank."""
+    rows = mat[slice(*mat.getOwnershipRange()), :]
+    return np.concatenate(comm.allgather(rows))
+
+
+def whole(vec):
+    return np.concatenate(comm.allgather(vec.array))
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("basis", ["dual", "standard"])
+def test_row_sums_of_D_and_M_are_equal(slave, basis):
+    problem = moved_scene(slave=slave, pair={"basis": basis}).problem
+    D, M = dense(problem.D), dense(problem.M)
+    assert np.abs(D.sum(axis=1) - M.sum(axis=1)).max() < 1e-15
+    if basis == "dual":
+        assert np.abs(D - np.diag(np.diag(D))).max() == 0.0
+
+
+def test_operators_do_not_depend_on_the_number_of_ranks():
+    scene = moved_scene()
+    reference = comm.bcast(scene.contact.operators.gap)
+    assert np.array_equal(scene.contact.operators.gap, reference)
+    D = dense(scene.problem.D)
+    assert np.abs(np.diag(D) - scene.contact.operators.diagonal).max() < 1e-16
+
+
+def test_linear_fields_pass_exactly_from_master_to_slave():
+    scene = pressed_blocks(n_upper=7, n_lower=5, width_upper=1.0, width_lower=1.2)
+    scene.problem.evaluate(start=True)
+    D, M, contact = dense(scene.problem.D), dense(scene.problem.M), scene.contact
+    linear = np.array([1.0, -2.0])
+    assert np.abs(D @ contact.slave.X @ linear - M @ contact.master.X @ linear).max() < 1e-14
+
+
+def test_derivative_matrices_are_the_change_of_the_operators():
+    scene = moved_scene()
+    problem, contact = scene.problem, scene.contact
+    z = np.random.default_rng(0).uniform(-1, 1, contact.z.shape)
+    matrices = problem.matrices
+    found = {
+        "gap": matrices.gap_derivative(),
+        "normals": matrices.normals_derivative(),
+        "slave": matrices.slave_force_derivative(z),
+        "master": matrices.master_force_derivative(z),
+    }
+    size, first = problem.bulk.num_owned, problem.bulk.first
+    direction = np.random.default_rng(1).uniform(-1, 1, problem.bulk.r.getSize())
+    mine = direction[first : first + size]
+    u0 = scene.u.x.array[:size].copy()
+
+    def functions(step):
+        scene.u.x.array[:size] = u0 + step * mine
+        scene.u.x.scatter_forward()
+        contact.evaluate(scene.u.x.array, problem.linearization)
+        on_slave, on_master = contact.operators.force(z)
+        forces = []
+        for side, values in ((contact.slave, on_slave), (contact.master, on_master)):
+            target = np.zeros(size)
+            side.scatter_add(values, target)
+            forces.append(np.concatenate(comm.allgather(target)))
+        gap, normals = whole(problem.matrices.gap()), whole(problem.matrices.normals())
+        return {"gap": gap, "normals": normals, "slave": forces[0], "master": forces[1]}
+
+    step = 1e-5  # the central difference errs by step^2 = 1e-10 and by rounding, 1e-16 / step
+    plus, minus = functions(step), functions(-step)
+    for name, matrix in found.items():
+        exact = (plus[name] - minus[name]) / (2 * step)
+        vector = matrix.createVecRight()
+        vector.array[:] = mine
+        error = np.abs(whole(matrix * vector) - exact).max() / np.abs(exact).max()
+        assert error < 1e-8, name
+
+
+def test_facets_are_shared_evenly_whoever_owns_them():
+    sizes = comm.allgather(share_of(np.arange(101), comm).size)
+    assert sum(sizes) == 101 and max(sizes) - min(sizes) <= 1

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""Surfaces: orientation, order, replication, gathering."""
+
+import numpy as np
+import pytest
+import rings
+import two_blocks
+from scenes import read
+
+from mpi4py import MPI
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.surfaces import extract_surface
+
+comm = MPI.COMM_WORLD
+
+
+def surface(build, name, **options):
+    data = read(build, **options)
+    V = fm.vector_space(data.mesh, 1)
+    return V, extract_surface(V, data.facet_tags, data.boundary_tag(name), name)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("name, normal", [("upper/bottom", (0, -1)), ("lower/top", (0, 1))])
+def test_body_lies_on_the_left_of_each_facet(name, normal, cell):
+    _, side = surface(two_blocks.build, name, cell=cell)
+    edges = side.X[side.facets[:, 1]] - side.X[side.facets[:, 0]]
+    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / side.lengths[:, None]
+    assert np.allclose(outward, normal, atol=1e-12)
+
+
+def test_open_curve_is_numbered_from_end_to_end():
+    _, side = surface(two_blocks.build, "lower/top", n_lower=7)
+    assert side.num_nodes == 8
+    assert (np.diff(side.X[:, 0]) < 0).all()  # the body is on the left
+    assert side.previous.tolist() == [-1, 0, 1, 2, 3, 4, 5, 6]
+    assert side.following.tolist() == [1, 2, 3, 4, 5, 6, 7, -1]
+
+
+def test_closed_curve_has_no_end_and_starts_at_its_leftmost_node():
+    _, side = surface(rings.build, "inner/outside", n_inner=12)
+    assert (side.previous >= 0).all() and (side.following >= 0).all()
+    assert len(side.facets) == side.num_nodes == 12
+    assert side.X[0] == pytest.approx(side.X[np.lexsort(side.X.T[::-1])[0]])
+
+
+def test_surface_is_the_same_on_all_ranks_and_owned_once():
+    _, side = surface(two_blocks.build, "upper/bottom")
+    for array in (side.X, side.facets, side.nodes, side.owners):
+        assert np.array_equal(comm.bcast(array), array)
+    assert comm.allreduce(side.owned.size) == side.num_nodes
+    assert (side.owners[side.owned] == comm.rank).all()
+
+
+def test_numbering_does_not_depend_on_the_number_of_ranks():
+    _, side = surface(two_blocks.build, "upper/bottom")
+    data = read(two_blocks.build, comm=MPI.COMM_SELF)
+    V = fm.vector_space(data.mesh, 1)
+    alone = extract_surface(V, data.facet_tags, data.boundary_tag("upper/bottom"), "alone")
+    assert np.abs(side.X - alone.X).max() < 1e-15
+    assert np.array_equal(side.facets, alone.facets)
+
+
+def test_gather_brings_a_function_to_all_ranks():
+    V, side = surface(two_blocks.build, "upper/bottom")
+    u = fem.Function(V)
+    u.interpolate(lambda X: np.stack([2 * X[0] + X[1], X[0] - X[1]]))
+    exact = np.stack([2 * side.X[:, 0] + side.X[:, 1], side.X[:, 0] - side.X[:, 1]], axis=1)
+    assert np.abs(side.gather(u.x.array) - exact).max() < 1e-14
+
+
+def test_scatter_adds_each_value_once():
+    V, side = surface(two_blocks.build, "upper/bottom")
+    target = np.zeros(2 * V.dofmap.index_map.size_local)
+    side.scatter_add(np.ones((side.num_nodes, 2)), target)
+    assert comm.allreduce(target.sum()) == 2 * side.num_nodes
+
+
+def test_nodal_lengths_sum_to_the_length():
+    _, side = surface(two_blocks.build, "upper/bottom", width_upper=1.5)
+    assert side.nodal_lengths.sum() == pytest.approx(1.5, rel=1e-14)
+    assert side.nodal_lengths[0] == pytest.approx(side.nodal_lengths[1] / 2, rel=1e-12)

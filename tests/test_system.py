@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: MIT
+"""Both linear systems: equal iterates, Dirichlet conditions on contact surfaces, several pairs."""
+
+import gmsh
+import numpy as np
+import pytest
+import two_blocks
+from scenes import TIGHT, internal, linear_elastic, neo_hookean, pressed_blocks, read
+
+from mpi4py import MPI
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
+
+
+def largest(values):
+    return comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("linearization", ["full", "no_normals", "no_segments", "frozen"])
+def test_saddle_and_condensed_system_have_the_same_iterates(slave, linearization):
+    scenes = []
+    for algorithm in ("saddle", "condensed"):
+        options = {"algorithm": algorithm, "linearization": linearization}
+        scene = pressed_blocks(slave=slave, problem=options, **MESH)
+        scene.loads["push"].value[:] = (0.02, -0.08)
+        scene.problem.evaluate(start=True)
+        scenes.append(scene)
+    one, other = scenes
+    for _ in range(4):
+        for scene in scenes:
+            scene.problem.advance()
+            scene.problem.evaluate(start=False)
+        size = largest(one.u.x.array)
+        assert largest(one.u.x.array - other.u.x.array) < 1e-10 * size
+        assert largest(one.contact.z - other.contact.z) < 1e-10 * largest(one.contact.z)
+        assert np.array_equal(one.contact.active, other.contact.active)
+
+
+@pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
+def test_symmetry_plane_through_the_surface_gives_half_of_the_whole(algorithm):
+    """Half of a symmetric scene with u_x = 0 on the plane has the pressures of the whole."""
+    whole = pressed_blocks(problem={"algorithm": algorithm}, cell="quadrilateral", **HALF["whole"])
+    whole.loads["push"].value[1] = -0.05
+    whole.problem.solve()
+    data = read(two_blocks.build, cell="quadrilateral", **HALF["half"])
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, "lower/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "upper/top", np.array([0.0, -0.05])),
+        fm.dirichlet(V, data, ["upper/left", "lower/left"], 0.0, component=0),
+    ]
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    half = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)),
+        u,
+        [pair],
+        bcs=bcs,
+        petsc_options_prefix="half_",
+        algorithm=algorithm,
+        newton=TIGHT,
+    )
+    half.solve()
+    z, exact = half.contacts[0].pressure, whole.contact.pressure[-half.contacts[0].slave.num_nodes :]
+    assert largest(z - exact) < 1e-11 * largest(exact)
+
+
+HALF = {
+    "whole": {"n_upper": 8, "n_lower": 12, "width_upper": 1.0, "width_lower": 2.0},
+    "half": {"n_upper": 4, "n_lower": 6, "width_upper": 0.5, "width_lower": 1.0, "offset": 0.0},
+}
+
+
+@pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
+def test_node_with_prescribed_displacement_has_no_multiplier(algorithm):
+    scene = pressed_blocks(problem={"algorithm": algorithm}, **MESH)
+    V, data = scene.u.function_space, scene.data
+    bcs = [
+        *scene.problem.bulk.bcs,
+        fm.dirichlet(V, data, ["upper/left"], np.array([0.0, -0.05])),
+    ]
+    u = fem.Function(V)
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)),
+        u,
+        [fm.ContactPair(data, "upper/bottom", "lower/top")],
+        bcs=bcs,
+        petsc_options_prefix="test_",
+        algorithm=algorithm,
+        newton=TIGHT,
+    )
+    scene.loads["push"].value[1] = -0.05
+    problem.solve()
+    contact = problem.contacts[0]
+    assert not contact.carries[0] and contact.carries[1:].all()
+    assert np.abs(contact.z[0]).max() == 0.0
+    forces = contact.operators.force(contact.z)
+    assert np.abs(forces[0].sum(axis=0) + forces[1].sum(axis=0)).max() < 1e-13
+    assert np.abs(forces[0][0]).max() > 0.0  # the neighbour's weight reaches the held node
+
+
+def three_blocks():
+    """Three blocks upon each other, the middle one slave above and below."""
+    from _shared import add_block, generate
+
+    gmsh.model.add("three_blocks")
+    bodies, boundaries = {}, {}
+    for name, low, left, right, counts in (
+        ("low", 0.0, 0.0, 2.0, (9, 3)),
+        ("middle", 1.0, 0.4, 1.6, (7, 3)),
+        ("high", 2.0, 0.3, 1.5, (5, 3)),
+    ):
+        corners = np.array([(left, low), (right, low), (right, low + 1), (left, low + 1)])
+        surface, sides = add_block(corners, *counts, "quadrilateral")
+        bodies[name] = [surface]
+        boundaries |= {f"{name}/{side}": [curve] for side, curve in sides.items()}
+    return generate(bodies, boundaries)
+
+
+@pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
+def test_three_bodies_in_two_pairs_carry_the_same_force(algorithm):
+    data = read(three_blocks)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, "low/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "high/top", np.array([0.0, -0.1])),
+        # without friction nothing else keeps the middle block from moving sideways
+        fm.dirichlet(V, data, "middle/left", 0.0, component=0),
+    ]
+    pairs = [
+        fm.ContactPair(data, "middle/bottom", "low/top"),
+        fm.ContactPair(data, "high/bottom", "middle/top"),
+    ]
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, 100.0, 0.3)),
+        u,
+        pairs,
+        bcs=bcs,
+        petsc_options_prefix="three_",
+        algorithm=algorithm,
+    )
+    problem.solve()
+    below, above = (contact.total_force for contact in problem.contacts)
+    assert below[1] > 0.0 and above[1] > 0.0
+    assert below[1] == pytest.approx(above[1], rel=1e-9)
+
+
+def test_surface_that_is_slave_and_master_is_not_condensed():
+    data = read(three_blocks)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, "low/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "middle/top", np.array([0.0, -0.1])),
+    ]
+    pairs = [
+        fm.ContactPair(data, "middle/bottom", "low/top"),
+        fm.ContactPair(data, "high/bottom", "middle/bottom"),
+    ]
+    with pytest.raises(ValueError, match="saddle"):
+        fm.ContactProblem(
+            internal(u, linear_elastic(u, 100.0, 0.3)),
+            u,
+            pairs,
+            bcs=bcs,
+            petsc_options_prefix="three_",
+            algorithm="condensed",
+        )
+
+
+def test_standard_multipliers_are_not_condensed():
+    with pytest.raises(ValueError, match="not diagonal"):
+        pressed_blocks(pair={"basis": "standard"}, problem={"algorithm": "condensed"}, **MESH)
+
+
+def test_petsc_options_of_the_prefix_reach_the_solver():
+    options = {"petsc_options": {"pc_type": "lu", "ksp_type": "gmres", "ksp_rtol": 1e-12}}
+    scene = pressed_blocks(problem={**options, "petsc_options_prefix": "mine_"}, **MESH)
+    assert scene.problem.system.ksp.getType() == "gmres"
+    assert scene.problem.system.ksp.getOptionsPrefix() == "mine_"
+    scene.loads["push"].value[1] = -0.05
+    assert scene.problem.solve().converged
