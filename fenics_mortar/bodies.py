@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
+from fenics_mortar.errors import place
 from fenics_mortar.surfaces import Array, Indices
 
 # A rigid motion counts as resisted if it meets more than this part of the body's stiffness.
@@ -46,8 +47,8 @@ class FloatingBody:
         x, y, rotation = motion @ self.motions
         if abs(rotation) > 0.1:
             pole = self.centre + self.size / rotation * np.array([-y, x])
-            return f"rotate about ({pole[0]:.4g}, {pole[1]:.4g})"
-        return f"move along ({x:.3f}, {y:.3f})"
+            return f"rotate about {place(pole)}"
+        return f"move along {place(np.round((x, y), 4) + 0.0)}"
 
 
 def _rigid_motions(X: Array, centre: Array, size: float) -> Array:
@@ -92,20 +93,40 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
     found = []
     for label in range(num_bodies):
         mine = labels == label
-        body = _centre_and_size(X[mine], bulk.comm)
+        body = centre_and_size(X[mine], bulk.comm)
         motions = np.where(mine[None, :, None], _rigid_motions(X, *body), 0.0)
         motions = motions.reshape(3, -1)
         held = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
-        stiff = _apply(bulk.K, motions) / max(bulk.comm.allreduce(diagonal.max(initial=0.0), MPI.MAX), 1e-300)
-        gram = bulk.comm.allreduce(held @ held.T + stiff @ stiff.T)
-        values, vectors = np.linalg.eigh(gram)
-        free = vectors[:, values < RESISTED**2 * bulk.comm.allreduce(int(mine.sum()))].T
+        stiffest = diagonal[np.repeat(mine, 2)].max(initial=0.0)
+        stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), 1e-300)
+        stiff = _apply(bulk.K, motions) / stiffest
+        size, directions = resistance(np.hstack([held, stiff]), bulk.comm)
+        free = directions[size < RESISTED * np.sqrt(bulk.comm.allreduce(int(mine.sum())))]
         if len(free):
             found.append(FloatingBody(label, *body, free))
     return found
 
 
-def _centre_and_size(X: Array, comm: MPI.Comm) -> tuple[Array, float]:
+def resistance(answers: Array, comm: MPI.Comm) -> tuple[Array, Array]:
+    """How much motions are resisted, from all that answers to them (collective).
+
+    Args:
+        answers: Local answers to each of m motions, shape (m, n).
+        comm: Communicator of the answers.
+
+    Returns:
+        Norms of the answers to m orthonormal combinations of the motions, in descending order, and
+        these combinations, shape (m, m). Unlike an eigenvalue of the Gram matrix, a norm is right
+        to round-off.
+    """
+    count = len(answers)
+    triangle = np.linalg.qr(np.vstack([answers.T, np.zeros((count, count))]), mode="r")
+    _, norms, combinations = np.linalg.svd(np.concatenate(comm.allgather(triangle)))
+    return norms, combinations
+
+
+def centre_and_size(X: Array, comm: MPI.Comm) -> tuple[Array, float]:
+    """Mean and radius of gyration of the points ``X`` of all ranks (collective)."""
     count = comm.allreduce(len(X))
     centre = comm.allreduce(X.sum(axis=0)) / count
     return centre, float(np.sqrt(comm.allreduce(((X - centre) ** 2).sum()) / count))

@@ -14,6 +14,7 @@ from petsc4py import PETSc
 import ufl
 
 from fenics_mortar import compat
+from fenics_mortar.errors import MortarError, count_places
 from fenics_mortar.surfaces import Array
 
 # A Newton step may leave each corner of a cell no less than this part of the area it has. It keeps
@@ -21,6 +22,8 @@ from fenics_mortar.surfaces import Array
 LEAST_AREA = 0.2
 # Below this part of a step nothing is gained by cutting it further.
 SMALLEST_STEP = 1e-3
+# A corner of a cell is flat if the area it spans is below this part of the cell's extent squared.
+FLAT = 1e-13
 # Entries that K may have, over those of the bulk alone, before its pattern is made anew: contact
 # that slides along leaves zeros behind.
 MOST_FILL = 1.1
@@ -39,19 +42,30 @@ class Bulk:
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
+
+    Raises:
+        MortarError: If a condition is of another space.
     """
 
     def __init__(self, residual: Any, u: Any, bcs: list[Any], jacobian: Any | None = None) -> None:
         self.u, self.V, self.bcs = u, u.function_space, list(bcs)
         self.comm: MPI.Comm = self.V.mesh.comm
+        for number, bc in enumerate(self.bcs):
+            if not compat.is_part_of(self.V, bc.function_space):
+                raise MortarError(
+                    f"Dirichlet condition {number} is of another space; right is the space of u or "
+                    "a component of it"
+                )
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(self.V))
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
+        self._constants = {*residual.constants(), *jacobian.constants()}
+        self._coefficients = {*residual.coefficients(), *jacobian.coefficients()}
         self._create_tangent()
         self.r: PETSc.Vec = compat.create_vector(self.V)
         dofs = compat.dofmap(self.V)[: self.V.mesh.topology.index_map(2).size_local]
         self._cells, self._X = dofs, self.V.tabulate_dof_coordinates()[:, :2].copy()
-        self._undeformed_areas = _corner_areas(self._X[dofs])
+        self._undeformed_areas = _proper_corner_areas(self._X[dofs])
         self.num_owned = 2 * self.V.dofmap.index_map.size_local
         self.first = 2 * self.V.dofmap.index_map.local_range[0]
         self.prescribed: npt.NDArray[np.bool_] = np.zeros(u.x.array.size, bool)
@@ -131,14 +145,46 @@ class Bulk:
         x = self._X + self.u.x.array.reshape(-1, 2)
         return _corner_areas(x[self._cells]) / self._undeformed_areas
 
-    def inverted_cells(self) -> tuple[int, Array]:
-        """Number of inverted cells and the reference position of one of them (collective)."""
+    def check_finite(self) -> None:
+        """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
+
+        Raises:
+            MortarError: On all ranks; says what is not finite, and where.
+        """
+        values = self.u.x.array.copy()
+        count, where = self.count_nodes(~np.isfinite(values))
+        if count:
+            raise MortarError(
+                f"the displacement is not finite at {count} nodes, one at {where}; reset it, for "
+                "example to a copy made before the last solve"
+            )
+        compat.set_prescribed(values, self.bcs)
+        count, where = self.count_nodes(~np.isfinite(values))
+        if count:
+            raise MortarError(
+                f"the prescribed displacement is not finite at {count} nodes, one at {where}"
+            )
+        data = [(f"a constant of the residual is {c.value}", c.value) for c in self._constants]
+        for f in self._coefficients:
+            data.append((f"function '{f.name}' of the residual is not finite", f.x.array))
+        for message, numbers in data:
+            if self.comm.allreduce(not np.isfinite(numbers).all(), MPI.LOR):
+                raise MortarError(message)
+
+    def count_nodes(self, dofs: npt.NDArray[np.bool_]) -> tuple[int, str]:
+        """Number of nodes with any of the marked local dofs, and a place (collective)."""
+        marked = dofs[: self.num_owned].reshape(-1, 2).any(axis=1)
+        return count_places(self.comm, self._X[np.flatnonzero(marked)])
+
+    def flat_cells(self) -> tuple[int, str]:
+        """Number of cells without area in the reference state, and a place (collective)."""
+        flat = np.isnan(self._undeformed_areas).all(axis=1)
+        return count_places(self.comm, self._X[self._cells[flat]].mean(axis=1))
+
+    def inverted_cells(self) -> tuple[int, str]:
+        """Number of inverted cells, and the reference place of one (collective)."""
         inverted = (self._corner_areas() <= 0.0).any(axis=1)
-        places = np.concatenate(
-            self.comm.allgather(self._X[self._cells[inverted]].mean(axis=1)[:1])
-        )
-        count = self.comm.allreduce(int(inverted.sum()))
-        return count, places[0] if count else np.full(2, np.nan)
+        return count_places(self.comm, self._X[self._cells[inverted]].mean(axis=1))
 
 
 def _corner_areas(x: Array) -> Array:
@@ -147,3 +193,9 @@ def _corner_areas(x: Array) -> Array:
     x = x[:, around]
     after, before = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
     return after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0]
+
+
+def _proper_corner_areas(x: Array) -> Array:
+    """As ``_corner_areas``, with nan at corners that are flat, as where two nodes are one."""
+    areas, extent = _corner_areas(x), np.ptp(x, axis=1).max(axis=1, initial=0.0)
+    return np.where(np.abs(areas) > FLAT * extent[:, None] ** 2, areas, np.nan)

@@ -64,6 +64,15 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
 
 
+def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
+    """Tell whether the space ``part`` is ``V`` or a component of it.
+
+    Python's space is the C++ space until 0.6; conditions give the one or the other.
+    """
+    outer, inner = (getattr(space, "_cpp_object", space) for space in (V, part))
+    return outer.contains(inner)
+
+
 def petsc_vec(function: fem.Function) -> PETSc.Vec:
     """Return the PETSc vector, with ghosts, that shares the memory of ``function``.
 

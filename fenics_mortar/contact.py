@@ -23,7 +23,7 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.errors import SurfaceError, raise_together
+from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
     Basis,
@@ -62,7 +62,10 @@ class ContactPair:
 
     Raises:
         ValueError: If an option is not one of those named.
-        MeshError: If a name or tag is unknown.
+        MeshError: If a name or tag is unknown or has no facets.
+
+    Note:
+        Collective.
     """
 
     def __init__(
@@ -84,17 +87,19 @@ class ContactPair:
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
-        if points < 2:
-            raise ValueError(f"points={points}: at least 2 Gauss points per segment")
+        if not isinstance(points, (int, np.integer)) or points < 2:
+            raise ValueError(f"points={points}: a whole number, at least 2 per segment")
         if search_radius is not None and not search_radius > 0.0:
             raise ValueError(f"search_radius={search_radius}: a positive length, or None")
         if not 0.0 < max_angle < 90.0:
             raise ValueError(f"max_angle={max_angle}: between 0 and 90 degrees")
-        if not c_n > 0.0:
+        if not 0.0 < c_n < np.inf:
             raise ValueError(f"c_n={c_n}: a positive number")
         self.data = data
         self.slave_name, self.master_name = str(slave), str(master)
         self.slave_tag, self.master_tag = data.boundary_tag(slave), data.boundary_tag(master)
+        for name in (slave, master):
+            data.boundary_facets(name)
         self.basis, self.normals, self.points = basis, normals, points
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
 
@@ -157,15 +162,13 @@ class Contact:
 
     def _check_sides(self) -> None:
         both = np.intersect1d(self.slave.nodes, self.master.nodes)
-        error = None
         if both.size:
             where = self.slave.X[np.flatnonzero(self.slave.nodes == both[0])[0]]
-            error = SurfaceError(
+            raise SurfaceError(
                 f"slave '{self.pair.slave_name}' and master '{self.pair.master_name}' share "
-                f"{both.size} nodes, one at {where}; the two sides must be different surfaces "
-                "that are not joined in the mesh"
+                f"{both.size} nodes, one at {place(where)}; the two sides must be different "
+                "surfaces that are not joined in the mesh"
             )
-        raise_together(self.slave.comm, error)
 
     def _normals_on_planes(self, normals: Array) -> Array:
         """Normal of slave nodes held in one component, along the free one; nan elsewhere.
@@ -225,8 +228,10 @@ class Contact:
         """Set the active set from the complementarity function; return how many nodes changed.
 
         With ``start`` nodes that touch join it, since before the first solve there is no pressure
-        that could tell.
+        that could tell; multipliers that a failed solve left as nan are forgotten.
         """
+        if start:
+            self.z[~np.isfinite(self.z)] = 0.0
         gap, on = self.gap, self.covered
         weight = self.pair.c_n * self.stiffness / self.nodal_lengths
         trial = np.where(on, self.pressure - weight * np.where(on, gap, 0.0), 0.0)

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy.typing as npt
+
 if TYPE_CHECKING:
     from mpi4py import MPI
 
@@ -39,7 +41,17 @@ def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
     Raises:
         MortarError: The error of the lowest rank that has one, on every rank.
     """
-    if not comm.allreduce(error is not None):
-        return
-    first = next(e for e in comm.allgather(error) if e is not None)
-    raise first if error is None else error
+    if comm.allreduce(error is not None):
+        raise next(e for e in comm.allgather(error) if e is not None)
+
+
+def place(x: npt.ArrayLike) -> str:
+    """A position in words."""
+    return "({:.4g}, {:.4g})".format(*x)
+
+
+def count_places(comm: MPI.Comm, places: npt.ArrayLike) -> tuple[int, str]:
+    """Count the places (n, 2) of all ranks; put the lowest of them in words (collective)."""
+    mine = [tuple(map(float, x)) for x in places]
+    everything = [x for lowest in comm.allgather(sorted(mine)[:1]) for x in lowest]
+    return comm.allreduce(len(mine)), place(min(everything)) if everything else "nowhere"

@@ -77,8 +77,13 @@ class MeshData:
             Local facet indices, shape (num_facets,); with dolfinx 0.5 facets of ghost cells too.
 
         Raises:
-            MeshError: If a name is unknown, or a boundary has no facets on any rank.
+            MeshError: If a name is unknown, a boundary has no facets on any rank, or the tags are
+                not those of the facets of a plane mesh.
         """
+        check_plane(self.mesh)
+        if self.facet_tags is None or self.facet_tags.dim != 1:
+            given = "missing" if self.facet_tags is None else f"of dimension {self.facet_tags.dim}"
+            raise MeshError(f"facet_tags are {given}; right are tags of dimension 1")
         names = [names] if isinstance(names, (str, int, np.integer)) else names
         if len(names) == 0:
             raise MeshError(f"no boundary is given; the mesh has {self._tagged()}")
@@ -98,9 +103,18 @@ class MeshData:
 def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:
     if isinstance(name, (int, np.integer)):
         return int(name)
-    if name not in tags:
+    if not isinstance(name, str) or name not in tags:
         raise MeshError(f"no {kind} {name!r}; the mesh has {sorted(tags)}")
     return tags[name]
+
+
+def check_plane(mesh: dmesh.Mesh) -> None:
+    """Refuse meshes that are not of plane bodies (local, equal on all ranks)."""
+    if mesh.topology.dim != 2 or mesh.geometry.dim != 2:
+        raise MeshError(
+            f"the mesh has cells of dimension {mesh.topology.dim} in space of dimension "
+            f"{mesh.geometry.dim}; contact is for plane bodies: right is 2 in 2"
+        )
 
 
 # Reading

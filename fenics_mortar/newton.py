@@ -53,7 +53,7 @@ class Equations(Protocol):
         """Seconds spent since the last call, by phase."""
 
     def diagnose(self) -> str:
-        """Say what is wrong with a state that is not finite (collective)."""
+        """Say what is wrong with the state; "" if nothing can be seen (collective)."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +64,22 @@ class NewtonOptions:
         max_iterations: Linear systems solved at the most.
         residual_tolerance: Residual over force, the largest force seen so far.
         increment_tolerance: Largest displacement increment over the largest displacement.
+
+    Raises:
+        ValueError: If a number is not positive.
     """
 
     max_iterations: int = 30
     residual_tolerance: float = 1e-10
     increment_tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not self.max_iterations >= 1:
+            raise ValueError(f"max_iterations={self.max_iterations}: at least 1")
+        for what in ("residual_tolerance", "increment_tolerance"):
+            if not 0.0 < getattr(self, what) < np.inf:
+                raise ValueError(f"{what}={getattr(self, what)}: a positive number")
 
 
 @dataclass(frozen=True)
@@ -147,8 +158,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             try:
                 step = equations.advance()
             except MortarError as error:
-                report.reason = f"iteration {number}: {error}"
-                raise NotConvergedError(report.reason, report) from error
+                raise _failure(equations, report, f"iteration {number}: {error}") from error
         status = equations.evaluate(start=number == 0)
         report.force = max(report.force, status.force)
         report.iterations.append(
@@ -162,16 +172,20 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             )
         )
         if not np.isfinite([status.residual, status.force]).all():
-            report.reason = f"iteration {number}: {equations.diagnose()}"
-            raise NotConvergedError(report.reason, report)
+            raise _failure(equations, report, f"iteration {number}: the residual is not finite")
         if _is_solved(status, step, report.force, options):
             report.converged = True
             report.reason = f"converged in {number} iterations"
             return report
-    report.reason = f"not converged in {options.max_iterations} iterations: " + "; ".join(
-        _what_is_missing(status, step, report.force, options)
-    )
-    raise NotConvergedError(report.reason, report)
+    missing = "; ".join(_what_is_missing(status, step, report.force, options))
+    reason = f"not converged in {options.max_iterations} iterations: {missing}"
+    raise _failure(equations, report, reason)
+
+
+def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConvergedError:
+    """Complete the record; return the error to raise (collective)."""
+    report.reason = "; ".join(filter(None, (reason, equations.diagnose())))
+    return NotConvergedError(report.reason, report)
 
 
 def _shortened(part: float) -> str:

@@ -14,10 +14,23 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from fenics_mortar import compat
-from fenics_mortar.bodies import find_floating_bodies, label_bodies
+from fenics_mortar.bodies import (
+    FloatingBody,
+    centre_and_size,
+    find_floating_bodies,
+    label_bodies,
+    resistance,
+)
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, ContactPair
-from fenics_mortar.errors import MeshError, MortarError, SurfaceError, raise_together
+from fenics_mortar.errors import (
+    MeshError,
+    MortarError,
+    NotConvergedError,
+    SurfaceError,
+    place,
+)
+from fenics_mortar.mesh import check_plane
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
@@ -26,6 +39,8 @@ from fenics_mortar.system import SYSTEMS, Algorithm
 from fenics_mortar.tangent import TangentCheck, check_tangent
 
 EPSILON = float(np.finfo(float).eps)
+# Active contact holds a body if all its free motions close or open gaps by more than this part.
+HELD = 1e-10
 
 
 class ContactProblem:
@@ -71,13 +86,17 @@ class ContactProblem:
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
     ) -> None:
+        if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
+            raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
         _check_space(u.function_space, pairs)
         if linearization not in LINEARIZATIONS:
-            raise ValueError(f"linearization={linearization!r}: {', '.join(LINEARIZATIONS)}")
+            allowed = ", ".join(LINEARIZATIONS)
+            raise ValueError(f"linearization={linearization!r}: allowed are {allowed}")
         if algorithm is None:
             algorithm = "condensed" if all(p.basis == "dual" for p in pairs) else "saddle"
         if algorithm not in get_args(Algorithm):
-            raise ValueError(f"algorithm={algorithm!r}: {', '.join(get_args(Algorithm))}")
+            allowed = ", ".join(get_args(Algorithm))
+            raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
         self._clock = _Clock()
@@ -85,16 +104,16 @@ class ContactProblem:
         self.comm: MPI.Comm = self.bulk.comm
         self.contacts = [Contact(pair, self.bulk.V, self.bulk.prescribed) for pair in pairs]
         self._check_slave_nodes()
-        self._check_state("at the start")
+        self._check_cells()
+        self.bulk.check_finite()
         self.bulk.assemble_tangent()
+        self._labels, num_bodies = label_bodies(self.bulk.V)
         self._set_stiffness()
-        labels, num_bodies = label_bodies(self.bulk.V)
-        self._labels = labels
-        self._floating = find_floating_bodies(self.bulk, labels, num_bodies)
+        self._floating = find_floating_bodies(self.bulk, self._labels, num_bodies)
         self.system = SYSTEMS[algorithm](
             self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
         )
-        self._solved_before = False
+        self._last_converged = False
 
     # Solving
 
@@ -106,11 +125,17 @@ class ContactProblem:
 
         Raises:
             NotConvergedError: On all ranks; holds the record. ``u`` and the multipliers are left
-                at the last iterate.
+                at the last iterate; to solve again, reset ``u`` and mend what was wrong.
+            MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
         """
+        self.bulk.check_finite()
         self._clock.read()
-        report = solve(self, self.newton)
-        self._solved_before = True
+        try:
+            report = solve(self, self.newton)
+        except NotConvergedError:
+            self._last_converged = False
+            raise
+        self._last_converged = True
         return report
 
     def evaluate(self, *, start: bool) -> Status:
@@ -121,7 +146,7 @@ class ContactProblem:
             changed = 0
             for contact in self.contacts:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
-                changed += contact.update_active(start=start and not self._solved_before)
+                changed += contact.update_active(start=start and not self._last_converged)
             residual, force = self._residual_and_force()
             gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
             active = sum(int(c.active.sum()) for c in self.contacts)
@@ -151,11 +176,11 @@ class ContactProblem:
         return {name: self.comm.allreduce(value, MPI.MAX) for name, value in mine.items()}
 
     def diagnose(self) -> str:
-        """Say why a state is not finite."""
+        """Count inverted cells, if there are any."""
         count, where = self.bulk.inverted_cells()
         if count:
-            return f"{count} cells are inverted, one at {where}; try smaller load steps"
-        return "residual or tangent is not finite, though no cell is inverted"
+            return f"{count} cells are inverted, one at {where}: try smaller load steps"
+        return ""
 
     def _residual_and_force(self) -> tuple[float, float]:
         """Norm of all equations and of the forces they are made of [stress length].
@@ -205,42 +230,50 @@ class ContactProblem:
                     where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
                     raise SurfaceError(
                         f"{both.size} nodes are slaves in two pairs, '{one.slave.name}' and "
-                        f"'{other.slave.name}', one at {where}; make one of the two a master there"
+                        f"'{other.slave.name}', one at {place(where)}; make one of the two a master there"
                     )
 
-    def _check_state(self, when: str) -> None:
-        bad = not np.isfinite(self.bulk.u.x.array).all()
-        error = MortarError(f"the displacement is not finite {when}") if bad else None
-        raise_together(self.comm, error)
+    def _check_cells(self) -> None:
+        count, where = self.bulk.flat_cells()
+        if count:
+            raise MeshError(f"{count} cells have no area, one at {where}")
 
     def _set_stiffness(self) -> None:
         """Give each contact the mean diagonal of K at its slave nodes."""
         diagonal = self.bulk.K.getDiagonal().array_r
+        if self.comm.allreduce(not np.isfinite(diagonal).all(), MPI.LOR):
+            reason = self.diagnose() or "check the residual form"
+            raise MortarError(
+                f"the bulk tangent is not finite at the initial displacement: {reason}"
+            )
+        loose = (diagonal == 0.0) & ~self.bulk.prescribed[: self.bulk.num_owned]
+        count, where = self.bulk.count_nodes(loose)
+        if count:
+            bodies = set().union(*self.comm.allgather(set(self._labels[np.flatnonzero(loose) // 2])))
+            names = ", ".join(self._name_of(label) for label in sorted(bodies))
+            raise MortarError(
+                f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
+                "the residual form has to hold the stress of every body"
+            )
         largest = float(np.abs(diagonal).max(initial=0.0))
         self._stiffest: float = self.comm.allreduce(largest, MPI.MAX)
-        if not np.isfinite(self._stiffest) or self._stiffest == 0.0:
-            raise MortarError(
-                "the bulk tangent is zero or not finite in the initial state: "
-                "check the residual form and the initial displacement"
-            )
         for contact in self.contacts:
             contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
 
     def _refuse_free_motion(self) -> None:
         """Raise if a body can move rigidly against neither bulk, supports nor active contact."""
         for body in self._floating:
-            gram = np.zeros((len(body.motions), len(body.motions)))
-            for contact in self.contacts:
-                gram += self._resistance(contact, body)
-            values, vectors = np.linalg.eigh(gram)
-            if values[0] <= 1e-20:
+            none = np.zeros((len(body.motions), 0))
+            approach = np.hstack([none, *(self._approach(c, body) for c in self.contacts)])
+            norms, motions = resistance(approach, self.comm)
+            if norms[-1] <= HELD:
                 raise MortarError(
-                    f"{self._name_of(body)} can {body.describe(vectors[:, 0])} freely: it has no "
-                    "sufficient Dirichlet conditions and the active contact does not hold it"
+                    f"{self._name_of(body.label)} can {body.describe(motions[-1])} freely: its "
+                    "Dirichlet conditions do not hold it and the active contact does not either"
                 )
 
-    def _resistance(self, contact: Contact, body: Any) -> Array:
-        """Gram matrix of the normal approach of active nodes under the body's free motions."""
+    def _approach(self, contact: Contact, body: FloatingBody) -> Array:
+        """Normal approach of active nodes under the free motions, shape (motions, active nodes)."""
         o = contact.operators
         approach = np.zeros((len(body.motions), contact.slave.num_nodes))
         sides = []
@@ -254,24 +287,23 @@ class ContactProblem:
             np.add.at(approach[i], o.facet_nodes, on_slave)
             np.add.at(approach[i], s.slave, -on_master)
         self.comm.Allreduce(MPI.IN_PLACE, approach)
-        approach = approach[:, contact.active] / o.diagonal[contact.active]
-        return approach @ approach.T
+        return approach[:, contact.active] / o.diagonal[contact.active]
 
     def _surface_labels(self, surface: Any) -> Array:
         labels = np.repeat(self._labels, 2).astype(float)
         return surface.gather(labels)[:, 0]
 
-    def _name_of(self, body: Any) -> str:
-        """Name of a body from the cell tags, or where it is."""
-        place = f"the body around ({body.centre[0]:.4g}, {body.centre[1]:.4g})"
-        for contact in self.contacts:
-            data = contact.pair.data
-            cells = compat.dofmap(self.bulk.V)[:, 0]
-            for name, tag in data.bodies.items():
-                mine = data.cell_tags.find(tag)
-                if self.comm.allreduce(bool((self._labels[cells[mine]] == body.label).any()), MPI.LOR):
+    def _name_of(self, label: int) -> str:
+        """Name of a body from the cell tags, or where it is (collective)."""
+        first = compat.dofmap(self.bulk.V)[:, 0]
+        for data in (contact.pair.data for contact in self.contacts):
+            for name, tag in data.bodies.items() if data.cell_tags is not None else ():
+                found = self._labels[first[data.cell_tags.find(tag)]] == label
+                if self.comm.allreduce(bool(found.any()), MPI.LOR):
                     return f"body '{name}'"
-        return place
+        X = self.bulk.V.tabulate_dof_coordinates()[: self.bulk.num_owned // 2, :2]
+        mine = self._labels[: len(X)] == label
+        return f"the body around {place(centre_and_size(X[mine], self.comm)[0])}"
 
     # For research
 
@@ -323,24 +355,37 @@ class _Clock:
 
 
 def _check_space(V: Any, pairs: Sequence[ContactPair]) -> None:
-    """Refuse what the package cannot do, before anything is computed."""
+    """Refuse what the package cannot do, before anything is computed (collective)."""
     mesh = V.mesh
     if compat.scalar_is_complex():
         raise MortarError("PETSc has complex scalars; install the real build (petsc-real)")
-    if mesh.topology.dim != 2 or mesh.geometry.dim != 2:
-        raise MeshError(
-            f"the mesh has dimension {mesh.topology.dim} in {mesh.geometry.dim}D space; "
-            "contact is for plane bodies: cells of dimension 2 in 2D"
-        )
-    if V.dofmap.index_map_bs != 2:
-        raise MortarError("the displacement needs a vector-valued Lagrange space of degree 1")
+    check_plane(mesh)
+    _check_coordinates(mesh)
     corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
-    if V.dofmap.dof_layout.num_dofs != corners:
+    if compat.geometry_dofmap(mesh).shape[1] != corners:
+        raise MeshError("the mesh has curved cells; contact needs straight ones, of first order")
+    layout = V.dofmap.dof_layout
+    at_vertices = layout.num_dofs == corners and len(layout.entity_dofs(0, 0)) == 1
+    if V.dofmap.index_map_bs != 2 or not at_vertices:
         raise MortarError(
-            "the displacement space is not of degree 1 (P1 or Q1): use vector_space(mesh, 1)"
+            "the displacement is not in the Lagrange space of plane vectors of degree 1 (P1 or "
+            "Q1): use vector_space(mesh, 1)"
         )
     for pair in pairs:
         if pair.data.mesh is not mesh:
             raise MeshError(
                 f"the pair '{pair.slave_name}' - '{pair.master_name}' belongs to another mesh"
             )
+
+
+def _check_coordinates(mesh: Any) -> None:
+    """Refuse nan and inf; a node without a place is called by its number in the input."""
+    bad = ~np.isfinite(mesh.geometry.x).all(axis=1)
+    numbers = np.unique(
+        np.concatenate(mesh.comm.allgather(np.asarray(mesh.geometry.input_global_indices)[bad]))
+    )
+    if numbers.size:
+        raise MeshError(
+            f"coordinates of {numbers.size} nodes are not finite, e.g. of node {numbers[0]} "
+            "(counted from 0, as given)"
+        )

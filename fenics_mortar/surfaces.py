@@ -20,7 +20,7 @@ from mpi4py import MPI
 from dolfinx import mesh as dmesh
 
 from fenics_mortar import compat
-from fenics_mortar.errors import SurfaceError, raise_together
+from fenics_mortar.errors import SurfaceError, count_places, place
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -103,18 +103,11 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
         The surface, the same on all ranks.
 
     Raises:
-        SurfaceError: If no facet has the tag, or a facet is not on the boundary of the mesh, has
-            zero length or a coordinate that is not finite, or if more than two facets meet in a
-            node. Raised on all ranks.
+        SurfaceError: If no facet has the tag, or a facet is not on the boundary of the mesh or has
+            zero length, or if more than two facets meet in a node. Raised on all ranks.
     """
     comm = V.mesh.comm
-    error, mine = None, (np.zeros((0, 2), np.int64), np.zeros((0, 2, 2)))
-    try:
-        mine = _local_facets(V, facet_tags, tag, name)
-    except SurfaceError as problem:
-        error = problem
-    raise_together(comm, error)
-    pieces = comm.allgather(mine)
+    pieces = comm.allgather(_local_facets(V, facet_tags, tag, name))
     ends = np.concatenate([piece[0] for piece in pieces])
     coordinates = np.concatenate([piece[1] for piece in pieces])
     nodes, X, facets = _number_nodes(ends, coordinates, name)
@@ -130,19 +123,24 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
 
 
 def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array]:
-    """Global nodes (m, 2) and reference coordinates (m, 2, 2) of the facets owned here."""
+    """Global nodes (m, 2) and reference coordinates (m, 2, 2) of the facets owned here.
+
+    Collective. A facet counts if any rank that has it gave it the tag.
+    """
     mesh = V.mesh
     mesh.topology.create_connectivity(1, 2)
     mesh.topology.create_connectivity(2, 1)
-    tagged = facet_tags.find(tag)
-    tagged = tagged[tagged < mesh.topology.index_map(1).size_local]
-    exterior = dmesh.exterior_facet_indices(mesh.topology)
-    inside = np.setdiff1d(tagged, exterior)
-    if inside.size:
-        where = dmesh.compute_midpoints(mesh, 1, inside[:1].astype(np.int32))[0, :2]
+    facet_map = mesh.topology.index_map(1)
+    begin, end = facet_map.local_range
+    tagged = facet_map.local_to_global(facet_tags.find(tag).astype(np.int32))
+    tagged = np.unique(np.concatenate(mesh.comm.allgather(tagged)))
+    tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
+    inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
+    count, where = count_places(mesh.comm, dmesh.compute_midpoints(mesh, 1, inside)[:, :2])
+    if count:
         raise SurfaceError(
-            f"surface '{name}': {inside.size} of its facets are not on the boundary of the mesh, "
-            f"the first at {where}; a contact surface is part of the outline of one body"
+            f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
+            f"one at {where}; a contact surface is part of the outline of one body"
         )
     facet_cells, cell_facets = mesh.topology.connectivity(1, 2), mesh.topology.connectivity(2, 1)
     dofmap, x = compat.dofmap(V), V.tabulate_dof_coordinates()[:, :2]
@@ -157,8 +155,6 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
         ends[i] = (a, b) if on_left else (b, a)
     coordinates = x[ends].reshape(-1, 2, 2)
-    if not np.isfinite(coordinates).all():
-        raise SurfaceError(f"surface '{name}': a node has a coordinate that is not finite")
     to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
     return np.asarray(to_global, np.int64).reshape(-1, 2), coordinates
 
@@ -174,7 +170,8 @@ def _number_nodes(ends: Indices, coordinates: Array, name: str) -> tuple[Indices
     shortest = int(np.argmin(lengths))
     if lengths[shortest] <= 1e-12 * lengths.max():
         raise SurfaceError(
-            f"surface '{name}': the facet at {X[facets[shortest, 0]]} has zero length"
+            f"surface '{name}': the facet at {place(X[facets[shortest, 0]])} has zero length; "
+            "merge its two nodes"
         )
     return nodes, X, facets
 
@@ -189,7 +186,7 @@ def _order_curves(
         for table, node, other in ((following, a, b), (previous, b, a)):
             if table[node] >= 0:
                 raise SurfaceError(
-                    f"surface '{name}' branches at {X[node]}: more than two of its facets, or two "
+                    f"surface '{name}' branches at {place(X[node])}: more than two of its facets, or two "
                     "that do not continue each other, meet there; split it into two surfaces"
                 )
             table[node] = other

@@ -81,10 +81,11 @@ def pressed_blocks(
     nu: float = 0.3,
     pair: dict[str, Any] | None = None,
     problem: dict[str, Any] | None = None,
+    comm=MPI.COMM_WORLD,
     **mesh: Any,
 ) -> Scene:
     """Two blocks, the lower held at its bottom, the upper moved at its top by ``loads['push']``."""
-    data = read(two_blocks.build, **mesh)
+    data = read(two_blocks.build, comm=comm, **mesh)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
     held, push = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))

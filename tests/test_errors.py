@@ -395,10 +395,8 @@ def test_complex_petsc_is_refused(monkeypatch):
 def test_mesh_in_space_is_refused():
     mesh = dmesh.create_unit_cube(COMM, 2, 2, 2)
     mesh.topology.create_entities(2)
-    none = np.empty(0, np.int32)
     facets = dmesh.locate_entities_boundary(mesh, 2, lambda x: np.isclose(x[0], 0.0))
     tags = dmesh.meshtags(mesh, 2, np.sort(facets), np.ones(facets.size, np.int32))
-    assert none.size == 0
     data = fm.MeshData(mesh, None, tags, {}, {"slave": 1, "master": 1})
     u = fem.Function(fm.vector_space(mesh, 1))
     with refused(fm.MeshError, "dimension 3", "plane bodies"):
@@ -439,7 +437,7 @@ def test_curved_cells_are_refused():
         return model
 
     data = read(build)
-    with refused(fm.MeshError, "cells of degree 2", "first order"):
+    with refused(fm.MeshError, "curved cells", "first order"):
         problem_on(data, [fm.ContactPair(data, "upper/bottom", "lower/top")])
 
 
@@ -461,13 +459,13 @@ def test_dirichlet_condition_of_another_space_is_refused(case):
 # Bodies that are not held
 
 
-def pushed_block(*, gap=0.0, pin=(), sideways=0.0, down=1.0, **mesh):
-    """Upper block without Dirichlet conditions but ``pin``, with a traction on its top."""
-    data = read(two_blocks.build, **SMALL, gap=gap, **mesh)
+def pushed_block(*, gap=0.0, pin=(), algorithm=None):
+    """Upper block without Dirichlet conditions but those of a corner, with a traction on its top."""
+    data = read(two_blocks.build, **SMALL, gap=gap)
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
     ds = ufl.Measure("ds", domain=data.mesh, subdomain_data=data.facet_tags)
-    traction = fem.Constant(data.mesh, (sideways, -down))
+    traction = fem.Constant(data.mesh, (0.0, -1.0))
     load = ufl.inner(traction, v) * ds(data.boundaries["upper/top"])
     bcs = [fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0))]
     data.mesh.topology.create_connectivity(0, 2)
@@ -482,13 +480,14 @@ def pushed_block(*, gap=0.0, pin=(), sideways=0.0, down=1.0, **mesh):
         u,
         [fm.ContactPair(data, "upper/bottom", "lower/top")],
         bcs=bcs,
+        algorithm=algorithm,
         petsc_options_prefix="test_errors_",
     )
 
 
 def test_body_that_can_slide_is_named_with_its_motion():
     problem = pushed_block()
-    with refused(fm.NotConvergedError, r"body 'upper' can move along \(-?1.000, -?0.000\)", "held"):
+    with refused(fm.NotConvergedError, r"body 'upper' can move along \(-?1, 0\)", "hold"):
         problem.solve()
 
 
@@ -516,15 +515,7 @@ def test_body_is_described_by_its_place_where_there_are_no_names():
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_contact_alone_holds_a_body_that_touches(algorithm):
     """Nodes that touch are active from the start; only sliding along is held by a condition."""
-    problem = pushed_block(pin=(0,))
-    problem = fm.ContactProblem(
-        problem.residual,
-        problem.bulk.u,
-        [problem.contacts[0].pair],
-        bcs=problem.bulk.bcs,
-        algorithm=algorithm,
-        petsc_options_prefix="test_errors_",
-    )
+    problem = pushed_block(pin=(0,), algorithm=algorithm)
     assert problem.solve().converged
     assert np.allclose(problem.contacts[0].total_force, [0.0, 1.0], atol=1e-8)
 
@@ -594,7 +585,7 @@ def assert_nothing_lost(problem, report):
 def test_too_few_iterations_say_what_is_missing_and_can_be_continued():
     scene = small_blocks(problem={"newton": fm.NewtonOptions(max_iterations=1)})
     scene.loads["push"].value[1] = -0.05
-    with refused(fm.NotConvergedError, "not converged in 1 iterations", "residual .* allowed"):
+    with refused(fm.NotConvergedError, "not converged in 1 iterations", "residual .*allowed"):
         scene.problem.solve()
     report = failure(scene.problem)
     assert report.num_iterations == 1
@@ -659,7 +650,7 @@ def test_inverted_cells_at_the_start_are_named():
     [
         ({"basis": "quadratic"}, "basis='quadratic': allowed are dual, standard"),
         ({"normals": "none"}, "normals='none': allowed are opposite, unit, own"),
-        ({"points": 1}, "points=1: at least 2"),
+        ({"points": 1}, "points=1: .*at least 2"),
         ({"points": 2.5}, "points=2.5: .*whole number"),
         ({"search_radius": 0.0}, "search_radius=0.0: a positive length"),
         ({"search_radius": np.nan}, "search_radius=nan: a positive length"),

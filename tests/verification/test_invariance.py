@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: MIT
+"""What must not matter: ranks, units, rigid motion. What must hold: momentum, order, tangent."""
+
+import numpy as np
+import pytest
+from scenes import internal, neo_hookean, pressed_blocks, rotation
+from scipy.spatial import cKDTree
+
+from mpi4py import MPI
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 9, "n_lower": 14, "layers_upper": 12, "layers_lower": 12}
+PATH = [(0.01, -0.06), (0.2, -0.08)]
+
+
+def solve(scene, path=PATH):
+    reports = []
+    for displacement in path:
+        scene.loads["push"].value[:] = displacement
+        reports.append(scene.problem.solve())
+    return reports
+
+
+def nodal(scene):
+    """Positions and displacements of all nodes, on every rank."""
+    owned = scene.problem.bulk.num_owned // 2
+    X = scene.u.function_space.tabulate_dof_coordinates()[:owned, :2]
+    u = scene.u.x.array[: 2 * owned].reshape(-1, 2)
+    across = scene.u.function_space.mesh.comm
+    return np.concatenate(across.allgather(X)), np.concatenate(across.allgather(u))
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_result_is_that_of_one_rank(slave, algorithm):
+    options = {"slave": slave, "problem": {"algorithm": algorithm}, **MESH}
+    together, alone = pressed_blocks(**options), pressed_blocks(comm=MPI.COMM_SELF, **options)
+    reports, references = solve(together), solve(alone)
+    for report, reference in zip(reports, references, strict=True):
+        sets = [[(i.num_active, i.num_changed) for i in r.iterations] for r in (report, reference)]
+        assert sets[0] == sets[1]
+    assert np.array_equal(together.contact.active, alone.contact.active)
+    z, exact = together.contact.z, alone.contact.z
+    assert np.abs(z - exact).max() < 1e-10 * np.abs(exact).max()
+    (X, u), (X_alone, u_alone) = nodal(together), nodal(alone)
+    _, partner = cKDTree(X_alone).query(X)
+    assert np.abs(u - u_alone[partner]).max() < 1e-10 * np.abs(u_alone).max()
+
+
+def test_ranks_without_contact_nodes_and_cuts_through_the_interface_occur():
+    """The meshes of these tests are distributed in the ways that are hard."""
+    tall = pressed_blocks(n_upper=3, n_lower=4, layers_upper=30, layers_lower=30)
+    wide = pressed_blocks(
+        n_upper=40, n_lower=60, layers_upper=2, layers_lower=8, width_upper=4.0, width_lower=4.4
+    )
+    counts = comm.allgather(tall.contact.slave.owned.size + tall.contact.master.owned.size)
+    cut = comm.allgather(wide.contact.master.owned.size)
+    if comm.size > 2:
+        assert min(counts) == 0
+    if comm.size > 1:
+        assert np.count_nonzero(np.array(cut) > 5) > 1
+    for scene in (tall, wide):
+        scene.loads["push"].value[1] = -0.02
+        assert scene.problem.solve().converged
+
+
+def test_units_do_not_matter():
+    """m and Pa against mm and MPa: the same iterations, residuals relative to the force."""
+    histories = []
+    for length, stress in ((1e-3, 1e6), (1.0, 1.0), (1e3, 1e-6)):
+        sizes = {name: length for name in ("width_upper", "height_upper", "height_lower")}
+        scene = pressed_blocks(E=100.0 * stress, **sizes, width_lower=2.2 * length, **MESH)
+        path = [(length * x, length * y) for x, y in PATH]
+        reports = solve(scene, path)
+        for report in reports:
+            rows = [(i.num_active, i.num_changed) for i in report.iterations]
+            histories.append((rows, np.array(report.residuals) / report.force))
+    for step in range(2):
+        rows, norms = histories[step]
+        for other_rows, other in (histories[2 + step], histories[4 + step]):
+            assert rows == other_rows
+            seen = norms > 1e-9  # below that rounding differs
+            assert np.allclose(norms[seen], other[seen], rtol=1e-5)
+
+
+@pytest.mark.parametrize("angle", [30.0, 90.0, 163.0])
+def test_rigid_motion_of_everything_leaves_the_pressures(angle):
+    """The whole solved scene is turned by its Dirichlet conditions and a start from there."""
+    scene = pressed_blocks(**MESH)
+    solve(scene, [(0.02, -0.06)])
+    pressure = scene.contact.pressure.copy()
+    u, V = scene.u, scene.u.function_space
+    turn = rotation(np.radians(angle))
+    turned = fem.Function(V)
+    X = V.tabulate_dof_coordinates()[:, :2]
+    turned.x.array[:] = ((X + u.x.array.reshape(-1, 2)) @ turn.T - X + [5.0, -3.0]).ravel()
+    bcs = [fm.dirichlet(V, scene.data, name, turned) for name in ("lower/bottom", "upper/top")]
+    moved = fem.Function(V)
+    moved.x.array[:] = turned.x.array
+    problem = fm.ContactProblem(
+        internal(moved, neo_hookean(moved, 100.0, 0.3)),
+        moved,
+        [fm.ContactPair(scene.data, "upper/bottom", "lower/top", search_radius=0.5)],
+        bcs=bcs,
+        petsc_options_prefix="turned_",
+        newton=fm.NewtonOptions(residual_tolerance=1e-12),
+    )
+    problem.solve()
+    assert np.abs(problem.contacts[0].pressure - pressure).max() < 1e-10 * pressure.max()
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+def test_contact_forces_of_both_sides_cancel(slave):
+    scene = pressed_blocks(slave=slave, n_upper=7, n_lower=11, width_upper=2.4)
+    solve(scene)  # the upper block overhangs: facets covered in part
+    on_slave, on_master = scene.contact.operators.force(scene.contact.z)
+    defect = np.abs(on_slave.sum(axis=0) + on_master.sum(axis=0)).max()
+    assert defect < 1e-14 * (np.abs(on_slave).sum() + np.abs(on_master).sum())
+
+
+def test_contact_force_is_the_reaction_of_the_held_boundary():
+    scene = pressed_blocks(**MESH)
+    solve(scene)
+    problem, contact = scene.problem, scene.contact
+    total = problem.bulk.r.array_r[: problem.bulk.num_owned].copy()
+    top = scene.data.boundary_facets("upper/top")
+    dofs = fem.locate_dofs_topological(scene.u.function_space, 1, top)
+    dofs = dofs[dofs < problem.bulk.num_owned // 2]
+    reaction = comm.allreduce(total.reshape(-1, 2)[dofs].sum(axis=0))
+    assert np.abs(contact.total_force + reaction).max() < 1e-10 * np.abs(reaction).max()
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_newton_is_quadratic_to_rounding(algorithm):
+    """r_{k+1} <= C r_k^2 with one C in the last three iterations above rounding."""
+    scene = pressed_blocks(problem={"algorithm": algorithm}, **MESH)
+    report = solve(scene, [(0.0, -0.06)])[-1]
+    r = np.array(report.residuals[1:]) / report.force
+    r = r[: np.argmax(r < 1e-13) + 1]
+    assert len(r) >= 4 and (np.diff([i.num_active for i in report.iterations[-4:]]) == 0).all()
+    constants = r[1:] / r[:-1] ** 2
+    above = r[1:] > 1e-13
+    assert constants[above][-3:].max() < 30 * constants[above][0]
+    assert r[-1] < 1e-12
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("basis", ["dual", "standard"])
+@pytest.mark.parametrize("normals", ["opposite", "unit", "own"])
+def test_assembled_tangent_has_second_order_remainder(slave, basis, normals):
+    """Partly covered facets, all nodes moved at random, and the whole scene turned."""
+    pair = {"basis": basis, "normals": normals}
+    scene = pressed_blocks(
+        slave=slave, pair=pair, n_upper=6, n_lower=5, width_upper=1.33, width_lower=1.2, rotation=0.4
+    )
+    size = scene.problem.bulk.num_owned
+    noise = np.random.default_rng(0).uniform(-0.01, 0.01, scene.problem.bulk.r.getSize())
+    scene.u.x.array[:size] = noise[scene.problem.bulk.first :][:size]
+    scene.u.x.scatter_forward()
+    scene.contact.evaluate(scene.u.x.array, scene.problem.linearization)
+    scene.contact.active[:] = scene.contact.covered
+    check = scene.problem.check_tangent(print_table=False)
+    for name, slope in check.slopes.items():
+        assert slope == pytest.approx(2.0, abs=0.05), (name, check.table())
+
+
+@pytest.mark.parametrize("switch, blind", [("no_normals", "n"), ("no_segments", "M")])
+def test_tangent_check_sees_a_missing_term(switch, blind):
+    """On partly covered facets: on others the motion of segment ends cancels."""
+    scene = pressed_blocks(slave="lower", problem={"linearization": switch}, **MESH)
+    noise = np.random.default_rng(0).uniform(-0.01, 0.01, scene.problem.bulk.r.getSize())
+    size = scene.problem.bulk.num_owned
+    scene.u.x.array[:size] = noise[scene.problem.bulk.first :][:size]
+    scene.u.x.scatter_forward()
+    scene.contact.evaluate(scene.u.x.array, scene.problem.linearization)
+    scene.contact.active[:] = scene.contact.covered
+    slopes = scene.problem.check_tangent(print_table=False).slopes
+    assert slopes[blind] < 1.2
+    assert slopes["whole"] < 1.5
+    assert slopes["bulk"] == pytest.approx(2.0, abs=0.05)
+
+
+def test_tangent_is_right_where_nodes_lie_upon_nodes():
+    """The kinks of M cancel there, but only if slivers of no length keep their derivative."""
+    inner = pressed_blocks(n_upper=10, n_lower=20, width_upper=1.0, width_lower=2.0)
+    inner.problem.evaluate(start=True)
+    slopes = inner.problem.check_tangent(print_table=False).slopes
+    assert min(slopes.values()) > 1.95
+
+
+def test_fixed_point_is_linear_and_needs_twice_the_iterations():
+    counts = {}
+    for linearization in ("full", "frozen"):
+        scene = pressed_blocks(
+            problem={
+                "linearization": linearization,
+                "newton": fm.NewtonOptions(residual_tolerance=1e-9),
+            },
+            **MESH,
+        )
+        counts[linearization] = solve(scene, [(0.01, -0.06)])[-1].num_iterations
+    assert counts["full"] <= 6
+    assert counts["frozen"] >= 2 * counts["full"]
+
+
+def test_mesh_by_arrays_gives_the_same_as_gmsh():
+    """Contact pairs by tag number on a mesh that gmsh never saw."""
+    from dolfinx import mesh as dmesh
+
+    from fenics_mortar import compat
+
+    def grid(nx, ny, left, low, width):
+        x = np.stack(np.meshgrid(np.linspace(0, 1, nx + 1), np.linspace(0, 1, ny + 1)), axis=-1)
+        first = (np.arange(ny)[:, None] * (nx + 1) + np.arange(nx)).ravel()
+        cells = first[:, None] + np.array([0, 1, nx + 1, nx + 2])
+        return x.reshape(-1, 2) * [width, 1.0] + [left, low], cells
+
+    (x1, cells1), (x2, cells2) = grid(20, 10, 0.0, 0.0, 2.2), grid(10, 10, 0.6, 1.0, 1.0)
+    here = comm.rank == 0
+    x = np.concatenate([x1, x2]) if here else np.zeros((0, 2))
+    cells = np.concatenate([cells1, cells2 + len(x1)]) if here else np.zeros((0, 4), np.int64)
+    mesh = compat.create_mesh(comm, cells, x, "quadrilateral")
+    mesh.topology.create_connectivity(1, 2)
+
+    exterior = dmesh.exterior_facet_indices(mesh.topology)
+    midpoints = dmesh.compute_midpoints(mesh, 1, exterior)
+    f2c = mesh.topology.connectivity(1, 2)
+    cell_y = np.array(
+        [dmesh.compute_midpoints(mesh, 2, f2c.links(f)[:1].astype(np.int32))[0, 1] for f in exterior]
+    ).reshape(-1)
+    tags = np.zeros(exterior.size, np.int32)
+    for tag, level, above in ((1, 0.0, False), (2, 1.0, False), (3, 1.0, True), (4, 2.0, True)):
+        on = np.isclose(midpoints[:, 1], level) & ((cell_y > 1.0) == above)
+        tags[on] = tag
+    used = tags > 0
+    facet_tags = dmesh.meshtags(mesh, 1, exterior[used], tags[used])
+    data = fm.MeshData(mesh, None, facet_tags)
+    V = fm.vector_space(mesh, 1)
+    u = fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, 1, np.zeros(2)),
+        fm.dirichlet(V, data, 4, np.array([0.01, -0.06])),
+    ]
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)),
+        u,
+        [fm.ContactPair(data, 3, 2)],
+        bcs=bcs,
+        petsc_options_prefix="arrays_",
+    )
+    problem.solve()
+    scene = pressed_blocks()
+    solve(scene, [(0.01, -0.06)])
+    z, exact = problem.contacts[0].z, scene.contact.z
+    assert np.abs(z - exact).max() < 1e-9 * np.abs(exact).max()
