@@ -164,12 +164,18 @@ class Bulk:
             raise MortarError(
                 f"the prescribed displacement is not finite at {count} nodes, one at {where}"
             )
-        data = [(f"a constant of the residual is {c.value}", c.value) for c in self._constants]
-        for f in self._coefficients:
-            data.append((f"function '{f.name}' of the residual is not finite", f.x.array))
-        for message, numbers in data:
-            if self.comm.allreduce(not np.isfinite(numbers).all(), MPI.LOR):
-                raise MortarError(message)
+        messages = [
+            f"a constant of the residual is {constant.value}"
+            for constant in self._constants
+            if not np.isfinite(constant.value).all()
+        ] + [
+            f"function '{function.name}' of the residual is not finite"
+            for function in self._coefficients
+            if not np.isfinite(function.x.array).all()
+        ]
+        everywhere = sorted(set().union(*self.comm.allgather(set(messages))))
+        if everywhere:
+            raise MortarError("; ".join(everywhere))
 
     def count_nodes(self, dofs: npt.NDArray[np.bool_]) -> tuple[int, str]:
         """Number of nodes with any of the marked local dofs, and a place (collective)."""

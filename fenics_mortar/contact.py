@@ -212,8 +212,8 @@ class Contact:
 
     @property
     def total_force(self) -> Array:
-        """Total force that acts on the slave body, shape (2,) [stress length] (collective)."""
-        return -self.operators.force(self.z)[0].sum(axis=0)
+        """Total force that acts on the slave body, shape (2,) [stress length]."""
+        return -self.operators.weight @ self.z
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""

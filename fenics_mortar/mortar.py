@@ -107,6 +107,7 @@ class MortarOperators:
         diagonal: D[j, j] of every slave node, shape (slave nodes,) [length].
         gap: Weighted gap of every slave node, shape (slave nodes,) [length^2].
         cover: Integral of N_j over the covered part, shape (slave nodes,) [length].
+        weight: Integral of Phi_j, the row sum of D, shape (slave nodes,) [length].
         num_segments: Segments on all ranks together.
     """
 
@@ -125,6 +126,7 @@ class MortarOperators:
     diagonal: Array
     gap: Array
     cover: Array
+    weight: Array
     num_segments: int
     linearization: Linearization
 
@@ -280,13 +282,16 @@ def evaluate_mortar(
         edges, left, s.partial, BASES[options.basis], s.offsets, s.pair_offsets, moments,
         D, dD, M, dM, gap, dgap, cover,
     )  # fmt: skip
-    nodal = np.zeros((3, slave.num_nodes))
-    for row, values in zip(nodal, (np.einsum("ejj->ej", D), gap, cover), strict=True):
+    nodal = np.zeros((4, slave.num_nodes))
+    on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
+    for row, values in zip(nodal, on_facets, strict=True):
         row += np.bincount(nodes.ravel(), values.ravel(), slave.num_nodes)
     slave.comm.Allreduce(MPI.IN_PLACE, nodal)
     num_segments = slave.comm.allreduce(s.num_segments)
+    diagonal, gaps, covers, weights = nodal
     return MortarOperators(
-        slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
+        slave, master, x, m, n, dn, s, D, M, dD, dM, dgap,
+        diagonal, gaps, covers, weights, num_segments, linearization,
     )  # fmt: skip
 
 

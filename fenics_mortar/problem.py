@@ -23,13 +23,7 @@ from fenics_mortar.bodies import (
 )
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, ContactPair
-from fenics_mortar.errors import (
-    MeshError,
-    MortarError,
-    NotConvergedError,
-    SurfaceError,
-    place,
-)
+from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError, place
 from fenics_mortar.mesh import check_plane
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
@@ -230,7 +224,8 @@ class ContactProblem:
                     where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
                     raise SurfaceError(
                         f"{both.size} nodes are slaves in two pairs, '{one.slave.name}' and "
-                        f"'{other.slave.name}', one at {place(where)}; make one of the two a master there"
+                        f"'{other.slave.name}', one at {place(where)}; make one of the two a "
+                        "master there"
                     )
 
     def _check_cells(self) -> None:
@@ -249,8 +244,9 @@ class ContactProblem:
         loose = (diagonal == 0.0) & ~self.bulk.prescribed[: self.bulk.num_owned]
         count, where = self.bulk.count_nodes(loose)
         if count:
-            bodies = set().union(*self.comm.allgather(set(self._labels[np.flatnonzero(loose) // 2])))
-            names = ", ".join(self._name_of(label) for label in sorted(bodies))
+            mine = set(self._labels[np.flatnonzero(loose) // 2].tolist())
+            bodies = sorted(set().union(*self.comm.allgather(mine)))
+            names = ", ".join(self._name_of(label) for label in bodies)
             raise MortarError(
                 f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
                 "the residual form has to hold the stress of every body"
@@ -265,7 +261,7 @@ class ContactProblem:
         for body in self._floating:
             none = np.zeros((len(body.motions), 0))
             approach = np.hstack([none, *(self._approach(c, body) for c in self.contacts)])
-            norms, motions = resistance(approach, self.comm)
+            norms, motions = resistance(approach, MPI.COMM_SELF)
             if norms[-1] <= HELD:
                 raise MortarError(
                     f"{self._name_of(body.label)} can {body.describe(motions[-1])} freely: its "

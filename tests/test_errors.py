@@ -268,7 +268,7 @@ def test_direction_of_gmsh_lines_does_not_matter(cell):
         return gmsh.model
 
     usual, turned = (surface_of(read(square, turned=t), "top") for t in (False, True))
-    assert np.array_equal(usual.X, turned.X)
+    assert np.allclose(usual.X, turned.X, atol=1e-15)
     assert np.array_equal(usual.facets, turned.facets)
     assert (usual.X[usual.facets[:, 0], 0] > usual.X[usual.facets[:, 1], 0]).all()
 
@@ -286,10 +286,10 @@ def test_orientation_of_cells_does_not_matter(cell):
         problem = problem_on(data, u=u, bcs=bcs)
         problem.solve()
         contact = problem.contacts[0]
-        results.append([contact.slave.X, contact.slave.facets, contact.z])
+        results.append([contact.slave.X, contact.slave.facets, contact.pressure])
     for one, other in zip(*results, strict=True):
         assert np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max())
-    assert results[0][2][:, 1].max() > 1.0
+    assert results[0][2].min() > 1.0
 
 
 def test_slave_out_of_reach_of_the_master_is_no_error():
@@ -362,7 +362,7 @@ def test_load_that_is_not_finite_is_named():
         problem.solve()
     weight.x.array[:] = 0.0
     value.value[0] = np.nan
-    with refused(fm.MortarError, r"prescribed displacement is not finite at .* one at \(.*, 0\)"):
+    with refused(fm.MortarError, r"prescribed displacement is not finite at 5 nodes, one at \("):
         problem.solve()
     value.value[0] = 0.0
     assert problem.solve().converged
@@ -517,7 +517,7 @@ def test_contact_alone_holds_a_body_that_touches(algorithm):
     """Nodes that touch are active from the start; only sliding along is held by a condition."""
     problem = pushed_block(pin=(0,), algorithm=algorithm)
     assert problem.solve().converged
-    assert np.allclose(problem.contacts[0].total_force, [0.0, 1.0], atol=1e-8)
+    assert problem.contacts[0].total_force[1] == pytest.approx(1.0, rel=1e-8)
 
 
 # Singular systems
@@ -532,7 +532,7 @@ def test_body_without_stiffness_is_refused():
     residual = work * dx(data.bodies["lower"])
     bcs = [fm.dirichlet(V, data, b, (0.0, 0.0)) for b in ("lower/bottom", "upper/top")]
     pair = fm.ContactPair(data, "upper/bottom", "lower/top")
-    with refused(fm.MortarError, r"no stiffness at 15 nodes, one at \(.*\) of body 'upper'"):
+    with refused(fm.MortarError, r"no stiffness at 15 nodes, one at \(.*\), of body 'upper'"):
         fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="test_errors_")
 
 

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: MIT
+"""Every demo as its own process, in serial and on several ranks; each ends in assertions."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DEMOS = sorted((Path(__file__).resolve().parents[1] / "demos").glob("demo_*.py"))
+# a demo promises a minute; a loaded machine gets four
+LIMIT = 240
+
+
+def run(demo, ranks, folder):
+    command = [sys.executable, str(demo)]
+    if ranks > 1:
+        command = ["mpirun", "-n", str(ranks), *command]
+    # the ranks of a test run must not be taken for those of the demo
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX"))}
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LIMIT
+    )
+
+
+def code_lines(demo):
+    lines = [line.strip() for line in demo.read_text().splitlines()]
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+@pytest.mark.serial
+@pytest.mark.demo
+@pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
+def test_demo_runs_in_serial(demo, tmp_path):
+    finished = run(demo, 1, tmp_path)
+    assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-4000:]
+
+
+@pytest.mark.serial
+@pytest.mark.demo
+@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
+def test_demo_runs_on_several_ranks(demo, ranks, tmp_path):
+    finished = run(demo, ranks, tmp_path)
+    assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-4000:]
+
+
+@pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
+def test_demo_is_short_and_ends_in_an_assertion(demo):
+    lines = code_lines(demo)
+    assert len(lines) < 60
+    assert lines[-1].startswith("assert")
