@@ -99,7 +99,7 @@ class Bulk:
         self._num_entries = 0.0
         self._added_pattern: object = None
 
-    def add_to_tangent(self, other: PETSc.Mat, pattern: object) -> None:
+    def add_to_tangent(self, other: PETSc.Mat, pattern: object) -> bool:
         """Add a sparse matrix to ``K`` in place (collective).
 
         The pattern of ``K`` grows to the union; it is kept until it has become wasteful.
@@ -107,12 +107,19 @@ class Bulk:
         Args:
             other: What to add, with the layout of ``K``.
             pattern: Equal to that of the last call if the pattern of ``other`` is the same.
+
+        Returns:
+            Whether the pattern of ``K`` may have changed.
         """
-        structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
-        if pattern == self._added_pattern:
-            structure = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
-        self.K.axpy(1.0, other, structure)
+        structure = PETSc.Mat.Structure
+        changed = pattern != self._added_pattern
         self._added_pattern = pattern
+        self.K.axpy(
+            1.0,
+            other,
+            structure.DIFFERENT_NONZERO_PATTERN if changed else structure.SUBSET_NONZERO_PATTERN,
+        )
+        return changed
 
     def distance_to_prescribed(self) -> Array:
         """Prescribed value minus present displacement of the ``held`` dofs (local)."""

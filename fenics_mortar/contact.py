@@ -103,6 +103,10 @@ class ContactPair:
         self.basis, self.normals, self.points = basis, normals, points
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
 
+    def __repr__(self) -> str:
+        """The two sides."""
+        return f"ContactPair({self.slave_name!r}, {self.master_name!r})"
+
 
 @dataclass(frozen=True)
 class Rows:

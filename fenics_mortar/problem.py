@@ -144,7 +144,7 @@ class ContactProblem:
             residual, force = self._residual_and_force()
             gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
             active = sum(int(c.active.sum()) for c in self.contacts)
-            return Status(residual, force, max(gaps, default=0.0), active, changed, self._noise())
+            return Status(residual, force, float(max(gaps, default=0.0)), active, changed, self._noise())
 
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way if cells would invert."""

@@ -108,9 +108,8 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
     """
     comm = V.mesh.comm
     pieces = comm.allgather(_local_facets(V, facet_tags, tag, name))
-    ends = np.concatenate([piece[0] for piece in pieces])
-    coordinates = np.concatenate([piece[1] for piece in pieces])
-    nodes, X, facets = _number_nodes(ends, coordinates, name)
+    ends, coordinates, given = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
+    nodes, X, facets = _number_nodes(ends, coordinates, given, name)
     order, facets, previous, following = _order_curves(facets, X, name)
     nodes = nodes[order]
     begin, end = V.dofmap.index_map.local_range
@@ -122,8 +121,8 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
     )
 
 
-def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array]:
-    """Global nodes (m, 2) and reference coordinates (m, 2, 2) of the facets owned here.
+def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array, Indices]:
+    """Nodes of the facets owned here, shape (m, 2); their positions, (m, 2, 2), and input numbers.
 
     Collective. A facet counts if any rank that has it gave it the tag.
     """
@@ -155,17 +154,25 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
         ends[i] = (a, b) if on_left else (b, a)
     coordinates = x[ends].reshape(-1, 2, 2)
+    given = np.empty(len(x), np.int64)
+    given[dofmap] = np.asarray(mesh.geometry.input_global_indices)[compat.geometry_dofmap(mesh)]
     to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
-    return np.asarray(to_global, np.int64).reshape(-1, 2), coordinates
+    return np.asarray(to_global, np.int64).reshape(-1, 2), coordinates, given[ends]
 
 
-def _number_nodes(ends: Indices, coordinates: Array, name: str) -> tuple[Indices, Array, Indices]:
+def _number_nodes(
+    ends: Indices, coordinates: Array, given: Indices, name: str
+) -> tuple[Indices, Array, Indices]:
     """Number the nodes of the gathered facets and check the facets."""
     if not ends.size:
         raise SurfaceError(f"surface '{name}' has no facets")
     nodes, first, inverse = np.unique(ends.ravel(), return_index=True, return_inverse=True)
     X = coordinates.reshape(-1, 2)[first]
     facets = inverse.reshape(-1, 2).astype(np.int64)
+    order = np.argsort(given.ravel()[first], kind="stable")
+    twice = order[:-1][np.diff(given.ravel()[first][order]) == 0]
+    if twice.size:  # dolfinx does not join cells of two ranks that meet in a corner only
+        raise _branching(name, X[twice[0]])
     lengths = np.linalg.norm(X[facets[:, 1]] - X[facets[:, 0]], axis=1)
     shortest = int(np.argmin(lengths))
     if lengths[shortest] <= 1e-12 * lengths.max():
@@ -174,6 +181,13 @@ def _number_nodes(ends: Indices, coordinates: Array, name: str) -> tuple[Indices
             "merge its two nodes"
         )
     return nodes, X, facets
+
+
+def _branching(name: str, X: Array) -> SurfaceError:
+    return SurfaceError(
+        f"surface '{name}' branches at {place(X)}: more than two of its facets, or two that do not "
+        "continue each other, meet there; split it into two surfaces"
+    )
 
 
 def _order_curves(
@@ -185,10 +199,7 @@ def _order_curves(
     for a, b in facets:
         for table, node, other in ((following, a, b), (previous, b, a)):
             if table[node] >= 0:
-                raise SurfaceError(
-                    f"surface '{name}' branches at {place(X[node])}: more than two of its facets, or two "
-                    "that do not continue each other, meet there; split it into two surfaces"
-                )
+                raise _branching(name, X[node])
             table[node] = other
     by_place = np.lexsort((X[:, 1], X[:, 0]))
     ends_first = np.concatenate([by_place[previous[by_place] < 0], by_place])

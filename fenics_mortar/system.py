@@ -162,7 +162,9 @@ class CondensedSystem(LinearSystem):
         K_S = self._slave_tangent()
         bracket = R.matMult(K_S)
         bracket.axpy(1.0, direct, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        self.bulk.add_to_tangent(bracket, (*pattern, self._slave_K_c.num_patterns))
+        if self.bulk.add_to_tangent(bracket, (*pattern, self._slave_K_c.num_patterns)):
+            # PETSc does not see that a sum has another pattern, and would keep the symbolic factors
+            self.ksp.reset()
         bracket.destroy()
         self.matrix = self.bulk.K
         self._assemble_rhs(laws, R)

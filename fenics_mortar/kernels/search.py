@@ -129,17 +129,24 @@ def distance_if_facing(y, xi, least_cosine):
 
 
 @kernel
-def keep_nearest(found, count, tolerance):
-    """Order the first ``count`` rows of ``found`` by distance, drop overlaps, sort by place.
-
-    Rows: (distance, xi_a, xi_b, master facet, lower is node, upper is node). Returns how many stay.
-    """
+def sort_rows(rows, count, column):
+    """Sort the first ``count`` rows (a few) by one column; equal ones keep their order."""
     for i in range(1, count):
         for j in range(i, 0, -1):
-            if found[j, 0] >= found[j - 1, 0]:
+            if rows[j, column] >= rows[j - 1, column]:
                 break
-            for c in range(6):
-                found[j, c], found[j - 1, c] = found[j - 1, c], found[j, c]
+            for c in range(rows.shape[1]):
+                rows[j, c], rows[j - 1, c] = rows[j - 1, c], rows[j, c]
+
+
+@kernel
+def keep_nearest(found, count, tolerance):
+    """Of segments that lie over one another keep the nearest, and sort what stays by place.
+
+    Rows of ``found``: (distance, xi_a, xi_b, master facet, lower is node, upper is node); the first
+    ``count`` are looked at. Returns how many stay.
+    """
+    sort_rows(found, count, 0)
     kept = 0
     for i in range(count):
         free = True
@@ -149,12 +156,7 @@ def keep_nearest(found, count, tolerance):
         if free:
             found[kept] = found[i]
             kept += 1
-    for i in range(1, kept):
-        for j in range(i, 0, -1):
-            if found[j, 1] >= found[j - 1, 1]:
-                break
-            for c in range(6):
-                found[j, c], found[j - 1, c] = found[j - 1, c], found[j, c]
+    sort_rows(found, kept, 1)
     return kept
 
 
