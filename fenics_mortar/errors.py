@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
@@ -45,12 +46,12 @@ def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
         raise next(e for e in comm.allgather(error) if e is not None)
 
 
-def place(x: npt.ArrayLike) -> str:
+def place(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:
     """A position in words."""
-    return "({:.4g}, {:.4g})".format(*x)
+    return f"({x[0]:.4g}, {x[1]:.4g})"
 
 
-def count_places(comm: MPI.Comm, places: npt.ArrayLike) -> tuple[int, str]:
+def count_places(comm: MPI.Comm, places: npt.NDArray[np.float64]) -> tuple[int, str]:
     """Count the places (n, 2) of all ranks; put the lowest of them in words (collective)."""
     mine = [tuple(map(float, x)) for x in places]
     everything = [x for lowest in comm.allgather(sorted(mine)[:1]) for x in lowest]

@@ -293,7 +293,9 @@ class ContactProblem:
         """Name of a body from the cell tags, or where it is (collective)."""
         first = compat.dofmap(self.bulk.V)[:, 0]
         for data in (contact.pair.data for contact in self.contacts):
-            for name, tag in data.bodies.items() if data.cell_tags is not None else ():
+            if data.cell_tags is None:
+                continue
+            for name, tag in data.bodies.items():
                 found = self._labels[first[data.cell_tags.find(tag)]] == label
                 if self.comm.allreduce(bool(found.any()), MPI.LOR):
                     return f"body '{name}'"

@@ -468,7 +468,7 @@ def test_dirichlet_condition_of_another_space_is_refused(case):
 
 
 def pushed_block(*, gap=0.0, pin=(), algorithm=None):
-    """Upper block without Dirichlet conditions but those of a corner, with a traction on its top."""
+    """Upper block pushed by a traction, without Dirichlet conditions but those of a corner."""
     data = read(two_blocks.build, **SMALL, gap=gap)
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
@@ -640,8 +640,8 @@ def squared_volume(u, E, nu):
 def test_inverted_cells_are_counted_and_located():
     scene = small_blocks()
     scene.u.interpolate(lambda x: (np.zeros_like(x[0]), -2.0 * x[1]))
-    where = r"iteration 0: the residual is not finite; 30 cells are inverted, one at \(0.1\d+, 0.1667\)"
-    with refused(fm.NotConvergedError, where, "smaller load"):
+    where = r"30 cells are inverted, one at \(0.1\d+, 0.1667\)"
+    with refused(fm.NotConvergedError, "iteration 0: .* not finite", where, "smaller load"):
         scene.problem.solve()
     assert_nothing_lost(scene.problem, failure(scene.problem))
     scene.u.x.array[:] = 0.0
@@ -704,6 +704,15 @@ def test_a_pair_without_its_list_is_refused():
     data = blocks_of_arrays()
     with refused(ValueError, r"pairs=ContactPair\('slave', 'master'\): .*list of ContactPair"):
         problem_on(data, fm.ContactPair(data, "slave", "master"))
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_problem_without_pairs_is_solved(algorithm):
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    ends = {"base": 0.0, "master": 0.01, "slave": -0.01, "top": 0.0}
+    bcs = [fm.dirichlet(u.function_space, data, name, (0.0, y)) for name, y in ends.items()]
+    assert problem_on(data, [], u=u, bcs=bcs, algorithm=algorithm).solve().converged
 
 
 def test_standard_basis_cannot_be_condensed():

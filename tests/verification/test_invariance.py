@@ -139,13 +139,12 @@ def test_newton_is_quadratic_to_rounding(algorithm):
     """r_{k+1} <= C r_k^2 with one C in the last three iterations above rounding."""
     scene = pressed_blocks(problem={"algorithm": algorithm}, **MESH)
     report = solve(scene, [(0.0, -0.06)])[-1]
+    assert len({iteration.num_active for iteration in report.iterations}) == 1
     r = np.array(report.residuals[1:]) / report.force
-    r = r[: np.argmax(r < 1e-13) + 1]
-    assert len(r) >= 4 and (np.diff([i.num_active for i in report.iterations[-4:]]) == 0).all()
-    constants = r[1:] / r[:-1] ** 2
-    above = r[1:] > 1e-13
-    assert constants[above][-3:].max() < 30 * constants[above][0]
-    assert r[-1] < 1e-12
+    assert r.min() < 1e-12
+    above = r[r > 1e-12]  # what follows is rounding
+    constants = above[1:] / above[:-1] ** 2
+    assert len(constants) >= 2 and constants.max() < 10 * constants.min()
 
 
 @pytest.mark.parametrize("slave", ["upper", "lower"])
