@@ -1,7 +1,7 @@
 # # How long the contact kernels take
 #
-# Search, integrals and all derivatives of two flat surfaces that do not match, for growing numbers of
-# facets; the median of several runs after the compilation. Run it by itself, without `mpirun`.
+# Search, integrals and all derivatives of two wavy surfaces that do not match, for growing numbers
+# of facets; the median of several runs after the compilation. Run it by itself, without `mpirun`.
 
 # +
 import sys
@@ -33,7 +33,9 @@ def median(function, repeats=7):
 def measure(facets):
     """Seconds of search and integrals for ``facets`` slave and as many master facets."""
     x = np.stack([np.linspace(0, 1, facets + 1), 0.1 * np.sin(np.linspace(0, 9, facets + 1))], 1)
-    m = np.stack([np.linspace(1.01, -0.01, facets + 1), 0.1 * np.sin(np.linspace(9.1, -0.1, facets + 1))], 1)
+    m = np.stack(
+        [np.linspace(1.01, -0.01, facets + 1), 0.1 * np.sin(np.linspace(9.1, -0.1, facets + 1))], 1
+    )
     chain = np.arange(facets + 1)
     slave = master = np.stack([chain[:-1], chain[1:]], axis=1)
     n, dn = np.empty_like(x), np.zeros((facets + 1, 2, 6))
@@ -58,9 +60,8 @@ def measure(facets):
         geometry = (x, n, dn, m)
         segment.tabulate_segments(geometry, nodes, end_is_node, POINTS, True, *moments)
         edges = np.diff(x, axis=0)
-        basis.tabulate_facets(
-            edges, left, partial, basis.DUAL, offsets, offsets, moments, *values
-        )
+        own = (edges, left, partial)
+        basis.tabulate_facets(own, basis.DUAL, offsets, offsets, moments, values)
 
     return count, median(find), median(integrate)
 
@@ -69,5 +70,7 @@ print("| facets a side | segments | search [s] | integrals [s] | per segment [us
 print("|---:|---:|---:|---:|---:|")
 for facets in (100, 1000, 10_000, 100_000):
     count, found, integrated = measure(facets)
-    print(f"| {facets} | {count} | {found:.4f} | {integrated:.5f} | {1e6 * integrated / count:.2f} |")
+    print(
+        f"| {facets} | {count} | {found:.4f} | {integrated:.5f} | {1e6 * integrated / count:.2f} |"
+    )
 # -

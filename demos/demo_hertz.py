@@ -3,8 +3,8 @@
 # This demo compares contact pressure and half-width with the theory of Hertz and draws them.
 #
 # ## Problem
-# A half cylinder of radius R = 8 mm is pressed on a block of the same linear elastic material, plane
-# strain, without friction. By Hertz's theory a force P per length makes
+# A half cylinder of radius R = 8 mm is pressed on a block of the same linear elastic material, in
+# plane strain, without friction. By Hertz's theory a force P per length makes
 #
 # a = sqrt(4 P R / (pi E*)),   p = 2 P / (pi a) sqrt(1 - (x/a)^2),   E* = E / (2 (1 - nu^2)).
 #
@@ -18,11 +18,11 @@
 import sys
 from pathlib import Path
 
+from mpi4py import MPI
+
 import gmsh
 import numpy as np
 from matplotlib.figure import Figure
-
-from mpi4py import MPI
 
 import ufl
 from dolfinx import fem

@@ -3,10 +3,10 @@
 # This demo shows finite strain, large sliding and load steps of several facets.
 #
 # ## Problem
-# Shallow ironing, the frictionless variant (geometry after Yastrebov 2011): an indenter with a round
-# bottom of the radius 0.75 mm goes down by 1 mm, 0.8 mm of it into a block of 12 x 4 mm, ten times
-# softer, and is drawn by 10 mm along it. Both are compressible neo-Hookean, plane strain, nu = 0.32.
-# Each step of the slide goes over two facets of the block, more than three of the indenter.
+# Shallow ironing, the frictionless variant (geometry after Yastrebov 2011): an indenter with a
+# round bottom of the radius 0.75 mm goes down by 1 mm, 0.8 mm of it into a block of 12 x 4 mm, ten
+# times softer, and is drawn by 10 mm along it. Both are compressible neo-Hookean, nu = 0.32. Each
+# step of the slide goes over two facets of the block, more than three of the indenter.
 #
 # ## Implementation
 
@@ -14,10 +14,10 @@
 import sys
 from pathlib import Path
 
+from mpi4py import MPI
+
 import gmsh
 import numpy as np
-
-from mpi4py import MPI
 
 import ufl
 from dolfinx import fem

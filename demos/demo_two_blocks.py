@@ -8,7 +8,7 @@
 #
 # ## Problem
 # A block of 1 x 1 mm with 10 facets stands on one of 2.2 x 1 mm with 20. The lower one is held at
-# its bottom; the top of the upper one is moved down by 0.15 mm and then to the right by 0.2 mm. Both
+# its bottom; the top of the upper one goes down by 0.15 mm and then to the right by 0.2 mm. Both
 # are compressible neo-Hookean, plane strain. There is no friction.
 #
 # ## Implementation
@@ -17,10 +17,10 @@
 import sys
 from pathlib import Path
 
+from mpi4py import MPI
+
 import gmsh
 import numpy as np
-
-from mpi4py import MPI
 
 import ufl
 from dolfinx import fem

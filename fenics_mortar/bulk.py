@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
 
 import ufl
 
@@ -61,6 +61,9 @@ class Bulk:
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
         self._constants = {*residual.constants(), *jacobian.constants()}
         self._coefficients = {*residual.coefficients(), *jacobian.coefficients()}
+        self.K: PETSc.Mat
+        self._num_entries: float
+        self._added_pattern: object
         self._create_tangent()
         self.r: PETSc.Vec = compat.create_vector(self.V)
         dofs = compat.dofmap(self.V)[: self.V.mesh.topology.index_map(2).size_local]
@@ -97,7 +100,7 @@ class Bulk:
         """Create ``K`` with the pattern of the form."""
         self.K = compat.create_matrix(self._tangent)
         self._num_entries = 0.0
-        self._added_pattern: object = None
+        self._added_pattern = None
 
     def add_to_tangent(self, other: PETSc.Mat, pattern: object) -> bool:
         """Add a sparse matrix to ``K`` in place (collective).
@@ -148,7 +151,7 @@ class Bulk:
         return self.comm.allreduce(bool((self._corner_areas() < least).any()), MPI.LOR)
 
     def _corner_areas(self) -> Array:
-        """Deformed over undeformed area at the corners of the cells owned here, (cells, corners)."""
+        """Deformed over undeformed area at the corners of the owned cells, (cells, corners)."""
         x = self._X + self.u.x.array.reshape(-1, 2)
         return _corner_areas(x[self._cells]) / self._undeformed_areas
 

@@ -24,10 +24,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
-
-from mpi4py import MPI
 
 from fenics_mortar.kernels import basis, normals, segment
 from fenics_mortar.segments import Segments, find_segments
@@ -278,10 +278,10 @@ def evaluate_mortar(
     left = np.where(carries[nodes[:, 1]], basis.BOTH, basis.ONLY_FIRST)
     left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
     edges = x[nodes[:, 1]] - x[nodes[:, 0]]
+    values = (D, dD, M, dM, gap, dgap, cover)
     basis.tabulate_facets(
-        edges, left, s.partial, BASES[options.basis], s.offsets, s.pair_offsets, moments,
-        D, dD, M, dM, gap, dgap, cover,
-    )  # fmt: skip
+        (edges, left, s.partial), BASES[options.basis], s.offsets, s.pair_offsets, moments, values
+    )
     nodal = np.zeros((4, slave.num_nodes))
     on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
     for row, values in zip(nodal, on_facets, strict=True):

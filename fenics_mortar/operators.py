@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from petsc4py import PETSc
+
+import numpy as np
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
@@ -61,7 +61,9 @@ class OperatorMatrices:
 
     def slave_force_derivative(self, z: Array, pair: int = 0) -> PETSc.Mat:
         """d(D^T z)/dd at fixed ``z`` (slave nodes, 2), shape (N, N) [stress]."""
-        return self._assemble([self._contacts[pair].operators.slave_force_derivative(z)], None, None)
+        return self._assemble(
+            [self._contacts[pair].operators.slave_force_derivative(z)], None, None
+        )
 
     def master_force_derivative(self, z: Array, pair: int = 0) -> PETSc.Mat:
         """-d(M^T z)/dd at fixed ``z`` (slave nodes, 2), shape (N, N) [stress]."""

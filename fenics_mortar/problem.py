@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, get_args
 
-import numpy as np
-
 from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
 
 from fenics_mortar import compat
 from fenics_mortar.bodies import (
@@ -142,9 +142,13 @@ class ContactProblem:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
                 changed += contact.update_active(start=start and not self._last_converged)
             residual, force = self._residual_and_force()
-            gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
+            gaps = [
+                np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts
+            ]
             active = sum(int(c.active.sum()) for c in self.contacts)
-            return Status(residual, force, float(max(gaps, default=0.0)), active, changed, self._noise())
+            return Status(
+                residual, force, float(max(gaps, default=0.0)), active, changed, self._noise()
+            )
 
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way if cells would invert."""
@@ -340,7 +344,7 @@ class _Clock:
         self._seconds: dict[str, float] = {}
 
     @contextmanager
-    def __call__(self, phase: str):  # type: ignore[no-untyped-def]  # noqa: ANN204
+    def __call__(self, phase: str) -> Iterator[None]:
         start = time.perf_counter()
         yield
         self._seconds[phase] = self._seconds.get(phase, 0.0) + time.perf_counter() - start

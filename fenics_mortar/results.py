@@ -172,7 +172,7 @@ class _CellField:
 def _owned_cells(problem: ContactProblem) -> Indices:
     """Nodes of the cells of this rank, shape (owned cells, nodes), in the order of dolfinx."""
     num_cells = problem.bulk.V.mesh.topology.index_map(2).size_local
-    return compat.dofmap(problem.bulk.V)[:num_cells]
+    return compat.dofmap(problem.bulk.V)[:num_cells].astype(np.int64)
 
 
 def _pad(values: Array) -> Array:
@@ -263,7 +263,7 @@ def plot(
     x = x + scale * problem.bulk.u.x.array.reshape(-1, 2)
     nodes = problem.bulk.V.dofmap.index_map.local_to_global(cells.ravel()).reshape(cells.shape)
     values = np.zeros(len(cells)) if field is None else field.evaluate()
-    pieces = comm.gather((nodes, x[cells], values))
+    pieces: Any = comm.gather((nodes, x[cells], values))
     for contact in problem.contacts:
         contact.evaluate(problem.bulk.u.x.array, problem.linearization)
 

@@ -99,9 +99,7 @@ def find_segments(
     )
 
 
-def _pairs(
-    offsets: Indices, pair_counts: Indices, partial: npt.NDArray[np.bool_]
-) -> Indices:
+def _pairs(offsets: Indices, pair_counts: Indices, partial: npt.NDArray[np.bool_]) -> Indices:
     """Segments (i, k) of each pair, k running fastest within a facet."""
     counts = np.diff(offsets)
     facet = np.repeat(np.arange(counts.size), pair_counts)

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterable
-
-import numpy as np
-import numpy.typing as npt
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
 
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
@@ -47,7 +48,7 @@ class BlockMatrix:
         self._sizes = ((rows, None), (columns, None))
         self._block_size = block_size
         self._pattern: tuple[npt.NDArray, npt.NDArray] | None = None
-        self.mat: PETSc.Mat | None = None
+        self.mat: Any = None
         self.num_patterns = 0
 
     def assemble(self, blocks: Iterable[Block]) -> PETSc.Mat:

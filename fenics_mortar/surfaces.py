@@ -12,10 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
-
-from mpi4py import MPI
 
 from dolfinx import mesh as dmesh
 
@@ -66,7 +66,8 @@ class Surface:
     @property
     def nodal_lengths(self) -> Array:
         """Integral of each nodal shape function over the reference surface, shape (n,) [length]."""
-        return np.bincount(self.facets.ravel(), np.repeat(self.lengths / 2, 2), self.num_nodes)
+        halves = np.repeat(self.lengths / 2, 2)
+        return np.bincount(self.facets.ravel(), halves, self.num_nodes).astype(np.float64)
 
     def gather(self, values: Array) -> Array:
         """Collect nodal values of a function of the space on all ranks (collective).
@@ -117,7 +118,16 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
     owners = np.searchsorted(starts, nodes, side="right") - 1
     owned = np.flatnonzero((nodes >= begin) & (nodes < end))
     return Surface(
-        name, X[order], facets, previous, following, nodes, owners, owned, nodes[owned] - begin, comm
+        name,
+        X[order],
+        facets,
+        previous,
+        following,
+        nodes,
+        owners,
+        owned,
+        nodes[owned] - begin,
+        comm,
     )
 
 

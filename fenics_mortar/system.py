@@ -30,10 +30,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Literal
 
-import numpy as np
-
 from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
 
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
@@ -162,7 +162,7 @@ class CondensedSystem(LinearSystem):
         self._R = BlockMatrix(self.comm, size, mine)
         self._direct = BlockMatrix(self.comm, size, size, 2)
         self._slave_K_c = BlockMatrix(self.comm, mine, size)
-        self._slave_K: PETSc.Mat | None = None
+        self._slave_K: Any = None
         dofs = np.empty((self.num_multipliers, 2), np.int64)
         for contact, place in self._numbered():
             dofs[self.local(contact, place)] = dofs_of(
@@ -174,7 +174,10 @@ class CondensedSystem(LinearSystem):
     def assemble(self) -> None:
         """Add R K_S + K_c + C to K, and build -(1 + R) r + rhs."""
         laws = [contact.rows() for contact in self.contacts]
-        direct, R = self._direct.assemble(self._direct_blocks(laws)), self._R.assemble(self._R_blocks(laws))
+        direct, R = (
+            self._direct.assemble(self._direct_blocks(laws)),
+            self._R.assemble(self._R_blocks(laws)),
+        )
         pattern = (self.bulk.num_entries(), self._direct.num_patterns, self._R.num_patterns)
         K_S = self._slave_tangent()
         bracket = R.matMult(K_S)
@@ -316,9 +319,9 @@ class SaddleSystem(LinearSystem):
         size = self.bulk.num_owned
         self._rhs.array[:size] = -self.bulk.r.array_r[:size]
         for contact, place in self._numbered():
-            self._rhs.array[size:].reshape(-1, 2)[self.local(contact, place)] = (
-                contact.rows().rhs[contact.slave.owned]
-            )
+            self._rhs.array[size:].reshape(-1, 2)[self.local(contact, place)] = contact.rows().rhs[
+                contact.slave.owned
+            ]
         self._hold(self.matrix, self._rhs, self.matrix.getOwnershipRange()[0])
 
     def scale(self, contact: Contact) -> Array:
@@ -343,7 +346,9 @@ class SaddleSystem(LinearSystem):
         for contact, place in self._numbered():
             mine = contact.slave.owned
             dofs = 2 * place[mine][:, None] + np.arange(2)
-            yield Block(dofs, dofs, contact.rows().A_z[mine] * self.scale(contact)[mine, None, None])
+            yield Block(
+                dofs, dofs, contact.rows().A_z[mine] * self.scale(contact)[mine, None, None]
+            )
 
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve for dd and zeta; z is handed to all ranks."""

@@ -7,13 +7,12 @@ the slope in t is 2 if the derivative is right and 1 if a term is missing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from petsc4py import PETSc
+
+import numpy as np
 
 from fenics_mortar.contact import Contact
 from fenics_mortar.surfaces import Array
@@ -144,7 +143,8 @@ class _Probe:
         o = contact.operators
         diagonal = np.where(contact.active, o.diagonal, contact.nodal_lengths)
         normal = np.where(contact.active[:, None], o.n * (contact.stiffness / diagonal)[:, None], 0)
-        return normal, o.tau * (diagonal * contact.active)[:, None], diagonal * ~contact.active
+        inactive = np.where(contact.active, 0.0, diagonal)
+        return normal, o.tau * (diagonal * contact.active)[:, None], inactive
 
     def values(self, step: float) -> dict[str, Array]:
         """All functions at the step; distributed arrays are parts of this rank."""

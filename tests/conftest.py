@@ -14,9 +14,9 @@ for folder in (ROOT, ROOT / "meshes", ROOT / "tests", ROOT / "tests" / "kernels"
 # command gives all ranks one fresh folder; a plain pytest gets its own.
 os.environ.setdefault("NUMBA_CACHE_DIR", tempfile.mkdtemp(prefix="fenics_mortar-numba-"))
 
-import pytest  # noqa: E402
-
 from mpi4py import MPI  # noqa: E402
+
+import pytest  # noqa: E402
 
 
 def pytest_collection_modifyitems(items):

@@ -6,11 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from mpi4py import MPI
+
 import gmsh
 import numpy as np
 import two_blocks
-
-from mpi4py import MPI
 
 import ufl
 from dolfinx import fem
@@ -97,9 +97,7 @@ def pressed_blocks(
     other = {"upper": "lower", "lower": "upper"}[slave]
     contact = fm.ContactPair(data, sides[slave], sides[other], **(pair or {}))
     options = {"petsc_options_prefix": "test_", "newton": TIGHT, **(problem or {})}
-    problem_ = fm.ContactProblem(
-        internal(u, material(u, E, nu)), u, [contact], bcs=bcs, **options
-    )
+    problem_ = fm.ContactProblem(internal(u, material(u, E, nu)), u, [contact], bcs=bcs, **options)
     return Scene(data, u, problem_, {"push": push})
 
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
 """D, M, gap, normals and derivatives as PETSc objects; shares of the ranks."""
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from scenes import pressed_blocks
-
-from mpi4py import MPI
 
 from fenics_mortar.mortar import share_of
 

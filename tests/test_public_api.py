@@ -14,7 +14,9 @@ def test_public_name_exists_and_is_documented(name):
     assert inspect.getdoc(thing)
 
 
-@pytest.mark.parametrize("name", ["ContactPair", "ContactProblem", "read_gmsh", "dirichlet", "plot"])
+@pytest.mark.parametrize(
+    "name", ["ContactPair", "ContactProblem", "read_gmsh", "dirichlet", "plot"]
+)
 def test_public_call_documents_arguments_and_errors(name):
     text = inspect.getdoc(getattr(fm, name))
     assert "Args:" in text and "Raises:" in text

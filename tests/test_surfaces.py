@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Surfaces: orientation, order, replication, gathering."""
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 import rings
 import two_blocks
 from scenes import read
-
-from mpi4py import MPI
 
 from dolfinx import fem
 

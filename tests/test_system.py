@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Both linear systems: equal iterates, Dirichlet conditions on contact surfaces, several pairs."""
 
+from mpi4py import MPI
+
 import gmsh
 import numpy as np
 import pytest
 import two_blocks
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, pressed_blocks, read
-
-from mpi4py import MPI
 
 from dolfinx import fem
 
@@ -67,7 +67,10 @@ def test_symmetry_plane_through_the_surface_gives_half_of_the_whole(algorithm):
         newton=TIGHT,
     )
     half.solve()
-    z, exact = half.contacts[0].pressure, whole.contact.pressure[-half.contacts[0].slave.num_nodes :]
+    z, exact = (
+        half.contacts[0].pressure,
+        whole.contact.pressure[-half.contacts[0].slave.num_nodes :],
+    )
     assert largest(z - exact) < 1e-11 * largest(exact)
 
 

@@ -196,20 +196,21 @@ def facet_derivatives(table, segments, size, mean, variance, edge, partial, dD, 
 
 
 @kernel
-def tabulate_facets(
-    edges, left, partial, basis, offsets, pair_offsets, segments, D, dD, M, dM, g, dg, cover
-):
+def tabulate_facets(facets, basis, offsets, pair_offsets, segments, values):
     """Make D, M and the weighted gap of all facets from the moments of their segments.
 
-    ``edges`` (f, 2): vector from the first to the second node of each facet; ``left`` (f,): which
-    nodes carry a multiplier; ``partial`` (f,): whether a part of the facet is not covered; facet e
-    owns the segments offsets[e]:offsets[e+1] and the pairs pair_offsets[e]:pair_offsets[e+1] of
-    them: (i, k), k running fastest, where it is partly covered, else only i = k. ``segments`` = (ends, dends, M, dM, g, dg) of ``tabulate_segments``.
-    Fills D (f, 2, 2), dD (n, 2, 2, 12), M (n, 2, 2), dM (pairs, 2, 2, 12), g (f, 2),
-    dg (n, 2, 12) and cover (f, 2), the integrals of N_1 and N_2 over the covered part. ``dM`` must
-    come zeroed; rows of facets without segments are left as they are.
+    ``facets`` = (edges (f, 2): vector from the first to the second node of each facet; left (f,):
+    which nodes carry a multiplier; partial (f,): whether a part of the facet is not covered). Facet
+    e owns the segments offsets[e]:offsets[e+1] and the pairs pair_offsets[e]:pair_offsets[e+1] of
+    them: (i, k), k running fastest, where it is partly covered, else only i = k. ``segments`` =
+    (ends, dends, M, dM, g, dg) of ``tabulate_segments``. Fills ``values`` = (D (f, 2, 2),
+    dD (n, 2, 2, 12), M (n, 2, 2), dM (pairs, 2, 2, 12), g (f, 2), dg (n, 2, 12), cover (f, 2):
+    the integrals of N_1 and N_2 over the covered part). dM must come zeroed; rows of facets without
+    segments are left as they are.
     """
+    edges, left, partial = facets
     ends, dends, Mp, dMp, gp, dgp = segments
+    D, dD, M, dM, g, dg, cover = values
     for e in range(edges.shape[0]):
         i, j, p, q = offsets[e], offsets[e + 1], pair_offsets[e], pair_offsets[e + 1]
         if i == j:

@@ -24,7 +24,7 @@ from fenics_mortar.kernels import kernel
 
 @kernel
 def side_of_ray(x, n, point):
-    """tau . (point - x): positive where ``point`` lies ahead of the ray from ``x`` along ``n``."""
+    """Tau . (point - x): positive where ``point`` lies ahead of the ray from ``x`` along ``n``."""
     return n[0] * (point[1] - x[1]) - n[1] * (point[0] - x[0])
 
 

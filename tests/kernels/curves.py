@@ -84,10 +84,9 @@ class Curves:
         M, dM = empty(count, 2, 2), empty(len(self.pairs), 2, 2, 12)
         g, dg, cover = empty(facets, 2), empty(count, 2, 12), empty(facets, 2)
         edges = x[self.slave[:, 1]] - x[self.slave[:, 0]]
-        tabulate_facets(
-            edges, self.left, self.partial, self.basis, self.offsets, self.pair_offsets, moments,
-            D, dD, M, dM, g, dg, cover,
-        )  # fmt: skip
+        values = (D, dD, M, dM, g, dg, cover)
+        own = (edges, self.left, self.partial)
+        tabulate_facets(own, self.basis, self.offsets, self.pair_offsets, moments, values)
         return {"D": D, "M": M, "g": g, "dD": dD, "dM": dM, "dg": dg, "cover": cover}
 
     @property

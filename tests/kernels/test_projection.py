@@ -17,7 +17,9 @@ def facets(seed, parallel_normals=False):
     """Local coordinates of a slave facet on top and a master facet below, normals varying."""
     rng = np.random.default_rng(seed)
     x = np.array([[0.0, 0.0], [1.0, 0.0]]) + rng.uniform(-0.1, 0.1, (2, 2))
-    n = np.array([[0.0, -1.0], [0.0, -1.0]]) + (not parallel_normals) * rng.uniform(-0.2, 0.2, (2, 2))
+    n = np.array([[0.0, -1.0], [0.0, -1.0]]) + (not parallel_normals) * rng.uniform(
+        -0.2, 0.2, (2, 2)
+    )
     n /= np.linalg.norm(n, axis=1)[:, None]
     m = np.array([[0.8, -0.1], [0.3, -0.1]]) + rng.uniform(-0.1, 0.1, (2, 2))
     return np.concatenate([x.ravel(), n.ravel(), m.ravel()])

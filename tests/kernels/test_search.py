@@ -13,7 +13,9 @@ def all_to_all(pair):
     n, _ = pair.normals(pair.x)
     found, everything = np.empty((1000, 6)), np.arange(len(pair.master))
     counts = [
-        search.facet_segments((pair.x, n, pair.m), nodes, pair.master, everything, 10.0, LIMITS, found)
+        search.facet_segments(
+            (pair.x, n, pair.m), nodes, pair.master, everything, 10.0, LIMITS, found
+        )
         for nodes in pair.slave
     ]
     return np.array(counts)
@@ -53,7 +55,9 @@ def test_wall_that_faces_the_other_way_is_no_partner():
 
 def test_nearest_of_two_walls_is_taken():
     x = np.array([[0.0, 0], [1, 0]])
-    walls = np.array([[1.2, -0.9], [-0.2, -0.9], [-9.0, -0.5], [9.0, -0.5], [1.2, 0.1], [-0.2, 0.1]])
+    walls = np.array(
+        [[1.2, -0.9], [-0.2, -0.9], [-9.0, -0.5], [9.0, -0.5], [1.2, 0.1], [-0.2, 0.1]]
+    )
     pair = Curves(x, walls)
     assert pair.masters.tolist() == [4]
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
 """What must not matter: ranks, units, rigid motion. What must hold: momentum, order, tangent."""
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from scenes import internal, neo_hookean, pressed_blocks, rotation
 from scipy.spatial import cKDTree
-
-from mpi4py import MPI
 
 from dolfinx import fem
 
@@ -154,7 +154,13 @@ def test_assembled_tangent_has_second_order_remainder(slave, basis, normals):
     """Partly covered facets, all nodes moved at random, and the whole scene turned."""
     pair = {"basis": basis, "normals": normals}
     scene = pressed_blocks(
-        slave=slave, pair=pair, n_upper=6, n_lower=5, width_upper=1.33, width_lower=1.2, rotation=0.4
+        slave=slave,
+        pair=pair,
+        n_upper=6,
+        n_lower=5,
+        width_upper=1.33,
+        width_lower=1.2,
+        rotation=0.4,
     )
     size = scene.problem.bulk.num_owned
     noise = np.random.default_rng(0).uniform(-0.01, 0.01, scene.problem.bulk.r.getSize())
@@ -229,7 +235,10 @@ def test_mesh_by_arrays_gives_the_same_as_gmsh():
     midpoints = dmesh.compute_midpoints(mesh, 1, exterior)
     f2c = mesh.topology.connectivity(1, 2)
     cell_y = np.array(
-        [dmesh.compute_midpoints(mesh, 2, f2c.links(f)[:1].astype(np.int32))[0, 1] for f in exterior]
+        [
+            dmesh.compute_midpoints(mesh, 2, f2c.links(f)[:1].astype(np.int32))[0, 1]
+            for f in exterior
+        ]
     ).reshape(-1)
     tags = np.zeros(exterior.size, np.int32)
     for tag, level, above in ((1, 0.0, False), (2, 1.0, False), (3, 1.0, True), (4, 2.0, True)):
