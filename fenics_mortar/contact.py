@@ -40,6 +40,10 @@ from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
+# A slave node held in one component lies on a symmetry plane if the cosine between its normal and
+# the free component is above the first (20 degrees), and is held along its normal if below the
+# second.
+PLANE_COSINE, HELD_COSINE = 0.94, 0.1
 # Before the first solve a node is active if it touches: gap below this part of its length.
 TOUCHING = 1e-8
 
@@ -135,6 +139,8 @@ class Contact:
         operators: D, M, gap and derivatives at the last evaluated state.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        oblique: Whether the one prescribed component of a slave node is neither along nor across
+            its normal, shape (slave nodes,), bool.
     """
 
     def __init__(self, pair: ContactPair, V: Any, prescribed: npt.NDArray[np.bool_]) -> None:
@@ -145,10 +151,7 @@ class Contact:
         self.master: Surface = extract_surface(V, tags, pair.master_tag, pair.master_name)
         self._check_sides()
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
-        normals, _ = evaluate_normals(self.slave, self.slave.X, pair.normals)
-        self._plane_normals = self._normals_on_planes(normals)
-        on_plane = np.isfinite(self._plane_normals[:, 0])
-        self.carries = (self.free.sum(axis=1) == 2.0) | on_plane
+        self._classify_nodes()
         if not self.carries.any():
             raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
         extents = [np.ptp(side.X, axis=0) for side in (self.slave, self.master)]
@@ -174,16 +177,22 @@ class Contact:
                 "surfaces that are not joined in the mesh"
             )
 
-    def _normals_on_planes(self, normals: Array) -> Array:
-        """Normal of slave nodes held in one component, along the free one; nan elsewhere.
+    def _classify_nodes(self) -> None:
+        """Set ``carries``, ``oblique`` and the normals on symmetry planes, from reference normals.
 
-        Such a node lies on a symmetry plane: by symmetry its normal has no component across it.
-        A node held along its normal gets nan as well: it carries no multiplier.
+        A node held in one component, whose normal is about along the other one, lies on a symmetry
+        plane: by symmetry its normal is along the free component. If its normal is oblique, it is
+        held for another reason, and keeps its normal. A node held along its normal, or altogether,
+        carries no multiplier.
         """
-        half_free = (self.free.sum(axis=1) == 1.0) & (np.abs(normals * self.free).max(axis=1) > 0.5)
-        planes = np.full_like(normals, np.nan)
-        planes[half_free] = (np.sign(normals) * self.free)[half_free]
-        return planes
+        normals, _ = evaluate_normals(self.slave, self.slave.X, self.pair.normals)
+        half_held = self.free.sum(axis=1) == 1.0
+        cosine = np.abs(normals * self.free).max(axis=1)
+        on_plane = half_held & (cosine > PLANE_COSINE)
+        self.oblique = half_held & ~on_plane & (cosine > HELD_COSINE)
+        self.carries = (self.free.sum(axis=1) == 2.0) | on_plane | self.oblique
+        self._plane_normals: Array = np.full_like(normals, np.nan)
+        self._plane_normals[on_plane] = (np.sign(normals) * self.free)[on_plane]
 
     @property
     def nodal_lengths(self) -> Array:

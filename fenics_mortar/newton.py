@@ -134,6 +134,8 @@ class NewtonReport:
             cells += [str(it.num_active), str(it.num_changed)]
             cells += [f"{it.seconds.get(name, 0.0):.4f}" for name in phases]
             lines.append("| " + " | ".join(cells) + " |")
+        sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
+        lines.append("| " + " | ".join(["sum", *[""] * (len(titles) - 1), *sums]) + " |")
         lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
         return "\n".join(lines)
 

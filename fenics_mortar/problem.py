@@ -29,7 +29,7 @@ from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.surfaces import Array
-from fenics_mortar.system import SYSTEMS, Algorithm
+from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
 from fenics_mortar.tangent import TangentCheck, check_tangent
 
 EPSILON = float(np.finfo(float).eps)
@@ -49,7 +49,7 @@ class ContactProblem:
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver; MUMPS LU by default.
         algorithm: "condensed" (the paper's Alg. 2, dual multipliers only) or "saddle" (Alg. 1);
-            condensed by default where all pairs are dual.
+            condensed by default where D can be inverted node by node.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
@@ -86,9 +86,7 @@ class ContactProblem:
         if linearization not in LINEARIZATIONS:
             allowed = ", ".join(LINEARIZATIONS)
             raise ValueError(f"linearization={linearization!r}: allowed are {allowed}")
-        if algorithm is None:
-            algorithm = "condensed" if all(p.basis == "dual" for p in pairs) else "saddle"
-        if algorithm not in get_args(Algorithm):
+        if algorithm not in (None, *get_args(Algorithm)):
             allowed = ", ".join(get_args(Algorithm))
             raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
         self.newton = newton or NewtonOptions()
@@ -104,10 +102,14 @@ class ContactProblem:
         self._labels, num_bodies = label_bodies(self.bulk.V)
         self._set_stiffness()
         self._floating = find_floating_bodies(self.bulk, self._labels, num_bodies)
+        if algorithm is None:
+            algorithm = "saddle" if obstacle_to_condensation(self.contacts) else "condensed"
         self.system = SYSTEMS[algorithm](
             self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
         )
         self._last_converged = False
+        for contact in self.contacts:
+            contact.evaluate(u.x.array, self.linearization)
 
     # Solving
 

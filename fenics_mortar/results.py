@@ -261,7 +261,9 @@ def plot(
     cells = _owned_cells(problem)
     x = problem.bulk.V.tabulate_dof_coordinates()[:, :2]
     x = x + scale * problem.bulk.u.x.array.reshape(-1, 2)
-    nodes = problem.bulk.V.dofmap.index_map.local_to_global(cells.ravel()).reshape(cells.shape)
+    nodes = problem.bulk.V.dofmap.index_map.local_to_global(cells.ravel().astype(np.int32)).reshape(
+        cells.shape
+    )
     values = np.zeros(len(cells)) if field is None else field.evaluate()
     pieces: Any = comm.gather((nodes, x[cells], values))
     for contact in problem.contacts:

@@ -28,6 +28,7 @@ contact pattern costs neither memory nor a new symbolic factorization.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Literal
 
 from mpi4py import MPI
@@ -35,7 +36,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar import compat
+from fenics_mortar import compat, errors
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, Rows
 from fenics_mortar.errors import MortarError
@@ -74,11 +75,9 @@ class LinearSystem:
         self._first_multiplier = int((owners < self.comm.rank).sum())
         self.ksp = PETSc.KSP().create(self.comm)
         self.ksp.setOptionsPrefix(prefix)
-        database = PETSc.Options(prefix)
-        for name, value in {**DIRECT, **options}.items():
-            if not database.hasName(name):
-                database.setValue(name, value)
-        self.ksp.setFromOptions()
+        self._prefix, self._options = prefix, {**DIRECT, **options}
+        with self._in_database():
+            self.ksp.setFromOptions()
         self.matrix: PETSc.Mat
         self._rhs: PETSc.Vec
 
@@ -89,6 +88,19 @@ class LinearSystem:
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve; return dd and the new multipliers of every contact (collective)."""
         raise NotImplementedError
+
+    @contextmanager
+    def _in_database(self) -> Iterator[None]:
+        """Have our options in PETSc's database, but for those that the user has there already."""
+        database = PETSc.Options(self._prefix)
+        ours = {k: v for k, v in self._options.items() if not database.hasName(k)}
+        for name, value in ours.items():
+            database.setValue(name, value)
+        try:
+            yield
+        finally:
+            for name in ours:
+                database.delValue(name)
 
     def local(self, contact: Contact, place: Indices) -> Indices:
         """Local positions of the multipliers owned here."""
@@ -120,7 +132,8 @@ class LinearSystem:
         """
         solution = rhs.duplicate()
         self.ksp.setOperators(matrix)
-        self.ksp.solve(rhs, solution)
+        with self._in_database():
+            self.ksp.solve(rhs, solution)
         defect, relative = self._defect(matrix, rhs, solution)
         if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
             correction = rhs.duplicate()
@@ -270,6 +283,11 @@ def obstacle_to_condensation(contacts: Sequence[Contact]) -> str | None:
         names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
         if contact.pair.basis != "dual":
             return f"{names} has basis '{contact.pair.basis}', so D is not diagonal"
+        if contact.oblique.any():
+            where = errors.place(contact.slave.X[contact.oblique][0])
+            return (
+                f"a slave node of {names} at {where} is held in one component oblique to its normal"
+            )
         for other in contacts:
             if np.intersect1d(contact.slave.nodes, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"

@@ -79,6 +79,6 @@ def test_table_is_markdown_with_a_row_per_iteration():
     report = solve(Root(), fm.NewtonOptions())
     lines = report.table().splitlines()
     assert lines[0].count("|") == lines[2].count("|") == 8
-    assert sum(line.startswith("|") for line in lines) == 2 + len(report.iterations)
+    assert sum(line.startswith("|") for line in lines) == 3 + len(report.iterations)
     assert "converged in" in lines[-1]
     assert report.total_seconds() == {"solve": float(len(report.iterations))}

@@ -108,6 +108,68 @@ def test_node_with_prescribed_displacement_has_no_multiplier(algorithm):
     assert np.abs(forces[0][0]).max() > 0.0  # the neighbour's weight reaches the held node
 
 
+@pytest.mark.parametrize("algorithm", [None, "saddle"])
+def test_body_that_moves_only_vertically_feels_the_oblique_normal(algorithm):
+    """The upper block is held sideways: the force is along the normal all the same."""
+    data = read(two_blocks.build, inclination=np.radians(25), **MESH)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    Vx = V.sub(0)
+    upper = data.cell_tags.find(data.body_tag("upper"))
+    sideways = fem.locate_dofs_topological((Vx, Vx.collapse()[0]), 2, upper)
+    zero = fem.Function(Vx.collapse()[0])
+    bcs = [
+        fm.dirichlet(V, data, "lower/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "upper/top", -0.05, component=1),
+        fem.dirichletbc(zero, sideways, Vx),
+    ]
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, 100.0, 0.3)),
+        u,
+        [fm.ContactPair(data, "upper/bottom", "lower/top")],
+        bcs=bcs,
+        petsc_options_prefix="oblique_",
+        algorithm=algorithm,
+    )
+    problem.solve()
+    contact = problem.contacts[0]
+    assert contact.carries.all() and contact.oblique.all()
+    tangential = np.einsum("jc,jc->j", contact.operators.tau, contact.z)
+    assert np.abs(tangential).max() < 1e-12 * np.abs(contact.z).max()
+    fx, fy = contact.total_force
+    assert abs(fx / fy) == pytest.approx(np.tan(np.radians(25)), rel=0.1)
+    with pytest.raises(ValueError, match="oblique to its normal"):
+        fm.ContactProblem(
+            internal(u, linear_elastic(u, 100.0, 0.3)),
+            u,
+            [fm.ContactPair(data, "upper/bottom", "lower/top")],
+            bcs=bcs,
+            petsc_options_prefix="oblique_",
+            algorithm="condensed",
+        )
+
+
+def test_options_of_one_problem_do_not_reach_the_next():
+    first = pressed_blocks(problem={"petsc_options": {"ksp_type": "gmres"}}, **MESH)
+    second = pressed_blocks(**MESH)
+    assert first.problem.system.ksp.getType() == "gmres"
+    assert second.problem.system.ksp.getType() == "preonly"
+
+
+def test_problem_without_pairs_is_that_of_the_bulk():
+    scene = pressed_blocks(**MESH)
+    u = scene.u
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, 100.0, 0.3)),
+        u,
+        [],
+        bcs=scene.problem.bulk.bcs,
+        petsc_options_prefix="bulk_",
+    )
+    scene.loads["push"].value[1] = 0.1
+    assert problem.solve().converged
+
+
 def three_blocks():
     """Three blocks upon each other, the middle one slave above and below."""
     from _shared import add_block, generate
