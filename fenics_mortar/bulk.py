@@ -10,6 +10,7 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 import ufl
 
@@ -197,6 +198,26 @@ class Bulk:
         flat = np.isnan(self._undeformed_areas).all(axis=1)
         return count_places(self.comm, self._X[self._cells[flat]].mean(axis=1))
 
+    def inside_other_body(
+        self, points: Array, bodies: Array, labels: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.bool_]:
+        """Which points lie inside a deformed cell of another body than their own (collective).
+
+        Args:
+            points: Positions, equal on all ranks, shape (n, 2) [length].
+            bodies: Body of each point, shape (n,).
+            labels: Body of each local node.
+        """
+        inside = np.zeros(len(points), bool)
+        if len(points) and len(self._cells):
+            corners = (self._X + self.u.x.array.reshape(-1, 2))[self._cells]
+            centres, own = corners.mean(axis=1), labels[self._cells[:, 0]]
+            radius = np.linalg.norm(corners - centres[:, None], axis=2).max()
+            for i, near in enumerate(cKDTree(centres).query_ball_point(points, radius)):
+                cells = np.array([c for c in near if own[c] != bodies[i]], np.int64)
+                inside[i] = _contains(corners[cells], points[i]).any()
+        return self.comm.allreduce(inside, MPI.LOR)
+
     def inverted_cells(self) -> tuple[int, str]:
         """Number of inverted cells, and the reference place of one (collective)."""
         inverted = (self._corner_areas() <= 0.0).any(axis=1)
@@ -209,6 +230,15 @@ def _corner_areas(x: Array) -> Array:
     x = x[:, around]
     after, before = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
     return after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0]
+
+
+def _contains(corners: Array, point: Array) -> npt.NDArray[np.bool_]:
+    """Whether ``point`` lies on one side of all edges of each convex cell (n, corners, 2)."""
+    around = [0, 1, 2] if corners.shape[1] == 3 else [0, 1, 3, 2]
+    x = corners[:, around]
+    edges, r = np.roll(x, -1, axis=1) - x, point - x
+    sides = edges[..., 0] * r[..., 1] - edges[..., 1] * r[..., 0]
+    return (sides > 0.0).all(axis=1) | (sides < 0.0).all(axis=1)
 
 
 def _proper_corner_areas(x: Array) -> Array:

@@ -22,6 +22,7 @@ from fenics_mortar.bodies import (
     resistance,
 )
 from fenics_mortar.bulk import Bulk
+from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError, place
 from fenics_mortar.mesh import check_plane
@@ -308,6 +309,10 @@ class ContactProblem:
         X = self.bulk.V.tabulate_dof_coordinates()[: self.bulk.num_owned // 2, :2]
         mine = self._labels[: len(X)] == label
         return f"the body around {place(centre_and_size(X[mine], self.comm)[0])}"
+
+    def certificates(self) -> list[Certificate]:
+        """Measure balance, signs and penetration of each pair; see ``Certificate``."""
+        return [certify(self.bulk, contact, self._labels) for contact in self.contacts]
 
     # For research
 

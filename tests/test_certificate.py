@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: MIT
+"""The certificate of sound states, and of states that only look solved."""
+
+import indenter_on_block
+import numpy as np
+import pytest
+from scenes import internal, neo_hookean, pressed_blocks, read
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+
+def solved(**options):
+    scene = pressed_blocks(**options)
+    scene.loads["push"].value[:] = (0.02, -0.06)
+    scene.problem.solve()
+    return scene
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("basis", ["dual", "standard"])
+def test_solved_state_has_no_violations(slave, basis):
+    scene = solved(slave=slave, pair={"basis": basis}, n_upper=7, n_lower=11)
+    (certificate,) = scene.problem.certificates()
+    assert certificate.violations() == []
+    assert certificate.force < 1e-14 and certificate.shear < 1e-12
+    assert certificate.overlap < 1e-10 and certificate.complementarity < 1e-10
+    assert certificate.unpaired == 0
+
+
+def test_moment_of_flat_contact_balances():
+    scene = pressed_blocks(n_upper=4, n_lower=6, nu=0.0, width_upper=1.0, width_lower=1.0)
+    scene.loads["push"].value[1] = -0.02
+    scene.problem.solve()
+    assert scene.problem.certificates()[0].moment < 1e-12
+
+
+def test_tension_and_overlap_are_seen():
+    scene = solved(n_upper=7, n_lower=11)
+    contact = scene.contact
+    contact.z[3] *= -0.5
+    assert any("tension" in v for v in scene.problem.certificates()[0].violations())
+    contact.z[3] *= -2.0
+    scene.u.x.array[:] *= 2.0
+    contact.evaluate(scene.u.x.array, scene.problem.linearization)
+    assert any("overlap" in v for v in scene.problem.certificates()[0].violations())
+
+
+def test_contact_that_was_missed_is_seen():
+    """An indenter in the middle of the block with a search radius too short to find its surface."""
+    data = read(
+        indenter_on_block.build, n_block=24, layers_block=8, n_indenter=6, layers_indenter=4
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, "block/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "indenter/top", np.array([3.0, -1.5])),
+    ]
+    pair = fm.ContactPair(data, "indenter/arc", "block/top", search_radius=0.3)
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=bcs, petsc_options_prefix="missed_"
+    )
+    problem.solve()  # nothing resists: this converges
+    (certificate,) = problem.certificates()
+    assert np.abs(problem.contacts[0].total_force).max() == 0.0
+    assert certificate.unpaired >= problem.contacts[0].slave.num_nodes
+    assert any("contact was missed" in v for v in certificate.violations())
+
+
+def test_nodes_beyond_the_edge_are_uncovered_but_not_inside():
+    scene = solved(slave="lower", n_upper=7, n_lower=11)
+    (certificate,) = scene.problem.certificates()
+    assert certificate.uncovered > 0 and certificate.unpaired == 0
