@@ -8,6 +8,7 @@ from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
 from fenics_mortar.newton import NewtonOptions, NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.results import ResultsWriter, contact_table, plot
+from fenics_mortar.stepping import SteppingOptions, follow_path, load_state, save_state
 
 __all__ = [
     "ContactPair",
@@ -19,10 +20,14 @@ __all__ = [
     "NewtonReport",
     "NotConvergedError",
     "ResultsWriter",
+    "SteppingOptions",
     "SurfaceError",
     "contact_table",
     "dirichlet",
+    "follow_path",
+    "load_state",
     "plot",
     "read_gmsh",
+    "save_state",
     "vector_space",
 ]

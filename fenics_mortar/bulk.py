@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 import ufl
 
 from fenics_mortar import compat
-from fenics_mortar.errors import MortarError, count_places
+from fenics_mortar.errors import MortarError, count_places, raise_together
 from fenics_mortar.surfaces import Array
 
 # A Newton step may leave each corner of a cell no less than this part of the area it has. It keeps
@@ -198,6 +198,35 @@ class Bulk:
         flat = np.isnan(self._undeformed_areas).all(axis=1)
         return count_places(self.comm, self._X[self._cells[flat]].mean(axis=1))
 
+    def _input_nodes(self) -> npt.NDArray[np.int64]:
+        """Number in the mesh's input of the local nodes of the space."""
+        geometry = self.V.mesh.geometry
+        numbers = np.asarray(geometry.input_global_indices, np.int64)
+        nodes = np.full(len(self._X), -1, np.int64)
+        nodes[compat.dofmap(self.V)] = numbers[compat.geometry_dofmap(self.V.mesh)]
+        return nodes
+
+    def by_input_node(self) -> tuple[npt.NDArray[np.int64], Array]:
+        """Input numbers (n,) and displacements (n, 2) of all nodes, on all ranks (collective)."""
+        owned = self.num_owned // 2
+        nodes = np.concatenate(self.comm.allgather(self._input_nodes()[:owned]))
+        u = np.concatenate(self.comm.allgather(self.u.x.array.reshape(-1, 2)[:owned]))
+        order = np.argsort(nodes)
+        return nodes[order], u[order]
+
+    def set_by_input_node(self, nodes: npt.NDArray[np.int64], values: Array) -> None:
+        """Set the displacement from what ``by_input_node`` gave.
+
+        Raises:
+            MortarError: On all ranks, if the nodes are those of another mesh.
+        """
+        mine = self._input_nodes()
+        place = np.minimum(np.searchsorted(nodes, mine), len(nodes) - 1)
+        wrong = bool((nodes[place] != mine).any())
+        error = MortarError("the saved state belongs to another mesh") if wrong else None
+        raise_together(self.comm, error)
+        self.u.x.array[:] = values[place].ravel()
+
     def inside_other_body(
         self, points: Array, bodies: Array, labels: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.bool_]:
@@ -216,7 +245,8 @@ class Bulk:
             for i, near in enumerate(cKDTree(centres).query_ball_point(points, radius)):
                 cells = np.array([c for c in near if own[c] != bodies[i]], np.int64)
                 inside[i] = _contains(corners[cells], points[i]).any()
-        return self.comm.allreduce(inside, MPI.LOR)
+        self.comm.Allreduce(MPI.IN_PLACE, inside, MPI.LOR)
+        return inside
 
     def inverted_cells(self) -> tuple[int, str]:
         """Number of inverted cells, and the reference place of one (collective)."""

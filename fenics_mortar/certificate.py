@@ -128,7 +128,7 @@ def _count_unpaired(bulk: Bulk, contact: Contact, labels: Indices) -> int:
     o = contact.operators
     lonely = np.ones(contact.master.num_nodes, bool)
     lonely[o.segments.master.ravel()] = False
-    lonely = contact.slave.comm.allreduce(lonely, MPI.LAND)
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, lonely, MPI.LAND)
     mine = np.repeat(labels, 2).astype(float)
     found = 0
     for surface, x, alone in (

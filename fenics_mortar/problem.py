@@ -6,12 +6,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, get_args
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 from fenics_mortar import compat
 from fenics_mortar.bodies import (
@@ -36,6 +38,16 @@ from fenics_mortar.tangent import TangentCheck, check_tangent
 EPSILON = float(np.finfo(float).eps)
 # Active contact holds a body if all its free motions close or open gaps by more than this part.
 HELD = 1e-10
+
+
+@dataclass(frozen=True)
+class State:
+    """Displacement, multipliers and active sets of a problem, as copies; parts of this rank."""
+
+    u: Array
+    z: list[Array]
+    active: list[npt.NDArray[np.bool_]]
+    converged: bool
 
 
 class ContactProblem:
@@ -309,6 +321,30 @@ class ContactProblem:
         X = self.bulk.V.tabulate_dof_coordinates()[: self.bulk.num_owned // 2, :2]
         mine = self._labels[: len(X)] == label
         return f"the body around {place(centre_and_size(X[mine], self.comm)[0])}"
+
+    def state(self) -> State:
+        """Copy the present state."""
+        return State(
+            self.bulk.u.x.array.copy(),
+            [contact.z.copy() for contact in self.contacts],
+            [contact.active.copy() for contact in self.contacts],
+            self._last_converged,
+        )
+
+    def restore(self, state: State) -> None:
+        """Go back to a state, exactly."""
+        self.bulk.u.x.array[:] = state.u
+        for contact, z, active in zip(self.contacts, state.z, state.active, strict=True):
+            contact.z, contact.active = z.copy(), active.copy()
+            contact.evaluate(state.u, self.linearization)
+        self._last_converged = state.converged
+
+    def extrapolate(self, before: State, factor: float) -> None:
+        """Move on by ``factor`` times the change since ``before``, as far as the cells bear."""
+        step = self.bulk.r.duplicate()
+        step.array[:] = factor * (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
+        self.bulk.move(step)
+        step.destroy()
 
     def certificates(self) -> list[Certificate]:
         """Measure balance, signs and penetration of each pair; see ``Certificate``."""

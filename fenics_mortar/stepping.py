@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: MIT
+"""Load stepping that adapts: a failed step is taken back and cut, easy ones grow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fenics_mortar.errors import NotConvergedError
+from fenics_mortar.newton import NewtonReport
+from fenics_mortar.problem import ContactProblem, State
+
+# What is left of the path below this part of a step is taken with the step.
+REMAINDER = 1e-6
+
+
+@dataclass(frozen=True)
+class SteppingOptions:
+    """How the steps adapt; times are in units of the path's parameter.
+
+    Attributes:
+        step: First step.
+        smallest: A step that fails at this size or below ends the path.
+        largest: Largest step; ``step`` if ``None``.
+        easy: A step of at most so many Newton iterations lets the next one grow.
+        growth: Factor by which it grows.
+        cut: Factor by which a failed step is cut.
+        predict: Whether displacements start from their extrapolation; multipliers always start
+            from those of the last step.
+    """
+
+    step: float
+    smallest: float = 1e-6
+    largest: float | None = None
+    easy: int = 6
+    growth: float = 1.5
+    cut: float = 0.5
+    predict: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work."""
+        for name, right in (
+            ("step", self.step > 0.0),
+            ("smallest", 0.0 < self.smallest <= self.step),
+            ("largest", self.largest is None or self.largest >= self.step),
+            ("growth", self.growth >= 1.0),
+            ("cut", 0.0 < self.cut < 1.0),
+        ):
+            if not right:
+                raise ValueError(
+                    f"{name}={getattr(self, name)}: 0 < smallest <= step <= largest, growth at "
+                    "least 1 and cut between 0 and 1 are allowed"
+                )
+
+
+@dataclass(frozen=True)
+class PathStep:
+    """One accepted step: where it ended, how long it was, its record, and those that failed."""
+
+    time: float
+    step: float
+    report: NewtonReport
+    failures: list[NewtonReport]
+
+
+@dataclass
+class PathReport:
+    """What happened along a path: kept on success and on failure.
+
+    Attributes:
+        steps: The accepted steps.
+        failures: Records of the failed attempts at the step after the last accepted one.
+        finished: Whether the end was reached.
+    """
+
+    steps: list[PathStep] = field(default_factory=list)
+    failures: list[NewtonReport] = field(default_factory=list)
+    finished: bool = False
+
+    @property
+    def num_iterations(self) -> int:
+        """Linear systems solved in all, in failed attempts too."""
+        return sum(r.num_iterations for s in self.steps for r in (s.report, *s.failures)) + sum(
+            r.num_iterations for r in self.failures
+        )
+
+    @property
+    def num_cuts(self) -> int:
+        """Attempts that failed."""
+        return sum(len(step.failures) for step in self.steps) + len(self.failures)
+
+    def table(self) -> str:
+        """Markdown table, one row per accepted step, and why attempts failed."""
+        lines = [
+            "| step | time | size | iterations | active | cuts |",
+            "|---:|---:|---:|---:|---:|---:|",
+        ]
+        reasons = []
+        for number, step in enumerate(self.steps, start=1):
+            active = step.report.iterations[-1].num_active
+            cells = [f"{number}", f"{step.time:.6g}", f"{step.step:.3g}"]
+            cells += [f"{step.report.num_iterations}", f"{active}", f"{len(step.failures)}"]
+            lines.append(f"| {' | '.join(cells)} |")
+            reasons += [f"- step {number}: {failure.reason}" for failure in step.failures]
+        reasons += [f"- step {len(self.steps) + 1}: {failure.reason}" for failure in self.failures]
+        return "\n".join([*lines, *(["", *reasons] if reasons else [])])
+
+
+def follow_path(
+    problem: ContactProblem,
+    set_loads: Callable[[float], None],
+    options: SteppingOptions,
+    *,
+    start: float = 0.0,
+    stop: float = 1.0,
+    on_step: Callable[[float, NewtonReport], None] | None = None,
+    print_steps: bool = False,
+) -> PathReport:
+    """Solve from ``start`` to ``stop`` in steps that adapt (collective).
+
+    Args:
+        problem: The problem, solved at ``start`` (or unloaded there).
+        set_loads: Sets loads and prescribed values for a time; may be called again for an earlier
+            one after a failure.
+        options: How the steps adapt.
+        start: Time of the present state.
+        stop: Time at which to end.
+        on_step: Called after each accepted step, for example to write results.
+        print_steps: Whether rank 0 prints a line per step.
+
+    Returns:
+        The record of all steps.
+
+    Raises:
+        NotConvergedError: If a step of the smallest size fails. Displacement and multipliers are
+            those of the last accepted step then; ``report`` is the ``PathReport``.
+    """
+    path, time, step = PathReport(), start, options.step
+    largest = options.largest or options.step
+    accepted, before = problem.state(), None
+    while time < stop:
+        step = min(step, stop - time)
+        if stop - time - step < REMAINDER * step:
+            step = stop - time
+        set_loads(time + step)
+        if options.predict and before is not None:
+            problem.extrapolate(before[0], step / before[1])
+        try:
+            report = problem.solve()
+        except NotConvergedError as failure:
+            path.failures.append(failure.report)
+            problem.restore(accepted)
+            _say(problem, print_steps, f"time {time + step:.6g}: cut, {failure}")
+            if step <= options.smallest:
+                set_loads(time)
+                raise NotConvergedError(
+                    f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}", path
+                ) from failure
+            step = max(options.cut * step, options.smallest)
+            continue
+        before, accepted = (accepted, step), problem.state()
+        time = stop if step == stop - time else time + step
+        path.steps.append(PathStep(time, step, report, path.failures))
+        path.failures = []
+        _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
+        if on_step is not None:
+            on_step(time, report)
+        if report.num_iterations <= options.easy:
+            step = min(options.growth * step, largest)
+    path.finished = True
+    return path
+
+
+def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
+    """Print a line on rank 0."""
+    if wanted and problem.comm.rank == 0:
+        print(line, flush=True)
+
+
+def save_state(problem: ContactProblem, path: str) -> None:
+    """Write displacement, multipliers and active sets to an ``.npz`` file (collective).
+
+    It can be read on any number of ranks: nodes are known by their number in the mesh's input.
+    """
+    nodes, values = problem.bulk.by_input_node()
+    data = {"nodes": nodes, "u": values}
+    for i, contact in enumerate(problem.contacts):
+        data |= {f"z{i}": contact.z, f"active{i}": contact.active}
+    if problem.comm.rank == 0:
+        np.savez(path, **data)
+    problem.comm.barrier()
+
+
+def load_state(problem: ContactProblem, path: str) -> None:
+    """Read what ``save_state`` wrote into a problem on the same mesh (collective)."""
+    data = dict(np.load(path)) if problem.comm.rank == 0 else None
+    data = problem.comm.bcast(data)
+    problem.bulk.set_by_input_node(data["nodes"], data["u"])
+    z = [data[f"z{i}"] for i in range(len(problem.contacts))]
+    active = [data[f"active{i}"] for i in range(len(problem.contacts))]
+    problem.restore(State(problem.bulk.u.x.array.copy(), z, active, True))

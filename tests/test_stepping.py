@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: MIT
+"""Adaptive load stepping: failed steps leave no trace, restarts continue, reports tell all."""
+
+from mpi4py import MPI
+
+import indenter_on_block
+import numpy as np
+import pytest
+from scenes import internal, neo_hookean, pressed_blocks, read
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 4, "layers_lower": 4}
+
+
+def ironing(on=comm):
+    """A small ironing scene: the tool goes down for times to 1, then along."""
+    data = read(
+        indenter_on_block.build,
+        comm=on,
+        n_block=36,
+        layers_block=10,
+        n_indenter=8,
+        layers_indenter=5,
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, tool = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [
+        fm.dirichlet(V, data, "block/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "indenter/top", tool),
+    ]
+    pair = fm.ContactPair(data, "block/top", "indenter/arc")
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=bcs, petsc_options_prefix="iron_"
+    )
+
+    def set_loads(time):
+        tool.value[:] = (max(time - 1.0, 0.0), -0.7 * min(time, 1.0))
+
+    return problem, set_loads
+
+
+def test_path_that_fails_in_one_step_is_finished_in_several():
+    problem, set_loads = ironing()
+    fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), stop=1.0)
+    options = fm.SteppingOptions(step=5.0)
+    path = fm.follow_path(problem, set_loads, options, start=1.0, stop=6.0)
+    assert path.finished and path.num_cuts > 0
+    assert path.steps[-1].time == 6.0
+    assert sum(step.step for step in path.steps) == pytest.approx(5.0, rel=1e-12)
+    small, set_small = ironing()
+    fm.follow_path(small, set_small, fm.SteppingOptions(step=0.5), stop=6.0)
+    z, exact = problem.contacts[0].z, small.contacts[0].z
+    assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
+    assert problem.certificates()[0].violations() == []
+
+
+def test_failed_step_leaves_no_trace():
+    problem, set_loads = ironing()
+    fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), stop=1.0)
+    before = problem.state()
+    with pytest.raises(fm.NotConvergedError, match="a step of 5.0e\\+00 fails") as failure:
+        options = fm.SteppingOptions(step=5.0, smallest=5.0)
+        fm.follow_path(problem, set_loads, options, start=1.0, stop=6.0)
+    after = problem.state()
+    assert np.array_equal(after.u, before.u)
+    assert np.array_equal(after.z[0], before.z[0])
+    assert np.array_equal(after.active[0], before.active[0])
+    path = failure.value.report
+    assert not path.finished and len(path.failures) == 1 and not path.steps
+    assert path.failures[0].reason in path.table()
+
+
+def test_steps_grow_when_they_are_easy_and_end_exactly():
+    scene = pressed_blocks(**MESH)
+    push = scene.loads["push"]
+    times = []
+
+    def set_loads(time):
+        push.value[1] = -0.1 * time
+
+    options = fm.SteppingOptions(step=0.1, largest=0.3)
+    path = fm.follow_path(
+        scene.problem, set_loads, options, on_step=lambda time, report: times.append(time)
+    )
+    sizes = [step.step for step in path.steps]
+    assert sizes[1] == pytest.approx(0.15) and max(sizes) <= 0.3
+    assert times[-1] == 1.0 and len(times) == len(path.steps)
+    assert path.num_iterations == sum(step.report.num_iterations for step in path.steps)
+
+
+def test_extrapolated_displacement_saves_iterations_in_small_steps():
+    counts, pressures = [], []
+    for predict in (False, True):
+        problem, set_loads = ironing()
+        options = fm.SteppingOptions(step=0.1, predict=predict)
+        counts.append(fm.follow_path(problem, set_loads, options, stop=2.0).num_iterations)
+        pressures.append(problem.contacts[0].pressure)
+    assert counts[1] < counts[0]
+    assert np.abs(pressures[1] - pressures[0]).max() < 1e-8 * pressures[0].max()
+
+
+@pytest.mark.parametrize("writer, reader", [(comm, comm), (comm, MPI.COMM_SELF)])
+def test_restart_continues_the_run_on_any_number_of_ranks(writer, reader, shared_path):
+    options = fm.SteppingOptions(step=0.25)
+    whole, set_whole = ironing(writer)
+    fm.follow_path(whole, set_whole, options, stop=1.25)
+    file = str(shared_path / "state.npz")
+    fm.save_state(whole, file)
+    fm.follow_path(whole, set_whole, options, start=1.25, stop=1.75)
+    again, set_again = ironing(reader)
+    fm.load_state(again, file)
+    path = fm.follow_path(again, set_again, options, start=1.25, stop=1.75)
+    z, exact = again.contacts[0].z, whole.contacts[0].z
+    assert len(path.steps) == 2
+    assert np.abs(z - exact).max() < 1e-9 * np.abs(exact).max()
+
+
+def test_state_of_another_mesh_is_refused(shared_path):
+    file = str(shared_path / "state.npz")
+    fm.save_state(pressed_blocks(**MESH).problem, file)
+    other = pressed_blocks(n_upper=7, n_lower=9, layers_upper=4, layers_lower=9).problem
+    with pytest.raises(fm.MortarError, match="another mesh"):
+        fm.load_state(other, file)
+
+
+@pytest.mark.parametrize(
+    "options", [{"step": 0.0}, {"step": 0.1, "smallest": 0.2}, {"step": 0.1, "cut": 1.0}]
+)
+def test_stepping_options_that_cannot_work_are_refused(options):
+    with pytest.raises(ValueError, match="allowed"):
+        fm.SteppingOptions(**options)
