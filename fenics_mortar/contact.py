@@ -62,7 +62,9 @@ class ContactPair:
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
-        c_n: Weight of the gap in the active-set test, a plain number.
+        c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
+            it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
+            that a nonlinear step leaves behind.
 
     Raises:
         ValueError: If an option is not one of those named.
@@ -83,7 +85,7 @@ class ContactPair:
         points: int = 5,
         search_radius: float | None = None,
         max_angle: float = 84.0,
-        c_n: float = 1.0,
+        c_n: float = 1e-3,
     ) -> None:
         for what, value, allowed in (
             ("basis", basis, get_args(Basis)),
@@ -137,6 +139,7 @@ class Contact:
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
         active: Active set, shape (slave nodes,), bool.
         operators: D, M, gap and derivatives at the last evaluated state.
+        c_n: Weight of the gap at present; less than the pair's after a cycle of the active set.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
@@ -165,6 +168,7 @@ class Contact:
         self.z: Array = np.zeros((self.slave.num_nodes, 2))
         self.active = np.zeros(self.slave.num_nodes, bool)
         self.stiffness: Array = np.ones(self.slave.num_nodes)
+        self.c_n = pair.c_n
         self.operators: MortarOperators
 
     def _check_sides(self) -> None:
@@ -246,7 +250,7 @@ class Contact:
         if start:
             self.z[~np.isfinite(self.z)] = 0.0
         gap, on = self.gap, self.covered
-        weight = self.pair.c_n * self.stiffness / self.nodal_lengths
+        weight = self.c_n * self.stiffness / self.nodal_lengths
         trial = np.where(on, self.pressure - weight * np.where(on, gap, 0.0), 0.0)
         active = trial > 0.0
         if start:

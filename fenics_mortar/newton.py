@@ -23,6 +23,7 @@ class Status:
         num_active: Size of the active set.
         num_changed: Nodes that entered or left it.
         noise: Residual that rounding leaves at this state [force].
+        sets: Equal for equal sets, to recognise a cycle.
     """
 
     residual: float
@@ -31,6 +32,7 @@ class Status:
     num_active: int
     num_changed: int
     noise: float
+    sets: bytes = b""
 
 
 class Step(NamedTuple):
@@ -48,6 +50,9 @@ class Equations(Protocol):
 
     def advance(self) -> Step:
         """Solve one linear system and move."""
+
+    def merge_sets(self, period: int) -> str:
+        """Leave a cycle of sets, for one iteration, and say how."""
 
     def seconds(self) -> dict[str, float]:
         """Seconds spent since the last call, by phase."""
@@ -99,10 +104,11 @@ class Iteration:
 class NewtonReport:
     """What happened in one solve: kept on success and on failure.
 
-    Row 0 is the state before the first linear system.
+    Row 0 is the state before the first linear system; ``notes`` tell of cycles of the sets.
     """
 
     iterations: list[Iteration] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     force: float = 0.0
     converged: bool = False
     reason: str = "not started"
@@ -136,6 +142,7 @@ class NewtonReport:
             lines.append("| " + " | ".join(cells) + " |")
         sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
         lines.append("| " + " | ".join(["sum", *[""] * (len(titles) - 1), *sums]) + " |")
+        lines += ["", *self.notes] if self.notes else []
         lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
         return "\n".join(lines)
 
@@ -154,7 +161,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         NotConvergedError: On all ranks, with the record so far.
     """
     report = NewtonReport()
-    step = Step(np.inf, 1.0)
+    step, sets = Step(np.inf, 1.0), list[bytes]()
     for number in range(options.max_iterations + 1):
         if number:
             try:
@@ -179,9 +186,22 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             report.converged = True
             report.reason = f"converged in {number} iterations"
             return report
+        sets.append(status.sets)
+        period = period_of(sets)
+        if period:
+            report.notes.append(f"iteration {number}: {equations.merge_sets(period)}")
+            sets.clear()
     missing = "; ".join(_what_is_missing(status, step, report.force, options))
     reason = f"not converged in {options.max_iterations} iterations: {missing}"
     raise _failure(equations, report, reason)
+
+
+def period_of(sets: list[bytes]) -> int:
+    """Length of the cycle that the last sets have gone through twice, 0 if there is none."""
+    for period in range(2, len(sets) // 2 + 1):
+        if sets[-period:] == sets[-2 * period : -period]:
+            return period if len(set(sets[-period:])) > 1 else 0
+    return 0
 
 
 def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConvergedError:

@@ -35,6 +35,8 @@ from fenics_mortar.surfaces import Array
 from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
 from fenics_mortar.tangent import TangentCheck, check_tangent
 
+# Factor on c_n after a cycle of the active set.
+LESS_WEIGHT = 0.01
 EPSILON = float(np.finfo(float).eps)
 # Active contact holds a body if all its free motions close or open gaps by more than this part.
 HELD = 1e-10
@@ -121,6 +123,7 @@ class ContactProblem:
             self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
         )
         self._last_converged = False
+        self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []
         for contact in self.contacts:
             contact.evaluate(u.x.array, self.linearization)
 
@@ -153,6 +156,8 @@ class ContactProblem:
             self.bulk.assemble_residual()
         with self._clock("contact"):
             changed = 0
+            if start:
+                self._begin()
             for contact in self.contacts:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
                 changed += contact.update_active(start=start and not self._last_converged)
@@ -161,9 +166,10 @@ class ContactProblem:
                 np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts
             ]
             active = sum(int(c.active.sum()) for c in self.contacts)
-            return Status(
-                residual, force, float(max(gaps, default=0.0)), active, changed, self._noise()
-            )
+            self._recent_sets.append([c.active.copy() for c in self.contacts])
+            sets = b"".join(np.packbits(c.active).tobytes() for c in self.contacts)
+            gap = float(max(gaps, default=0.0))
+            return Status(residual, force, gap, active, changed, self._noise(), sets)
 
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way if cells would invert."""
@@ -182,6 +188,26 @@ class ContactProblem:
         step.destroy()
         size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
         return Step(increment / size, part)
+
+    def merge_sets(self, period: int) -> str:
+        """Leave a cycle of the active set; say how.
+
+        All nodes that were active in it are so for one iteration, and gaps weigh less from then on:
+        a large c_n releases nodes for the small gaps that a step leaves behind.
+        """
+        for i, contact in enumerate(self.contacts):
+            contact.active = np.any([sets[i] for sets in self._recent_sets[-period:]], axis=0)
+            contact.c_n *= LESS_WEIGHT
+        return (
+            f"the active set went twice through a cycle of {period}; all nodes active in it stay "
+            f"so for one iteration, and c_n is {LESS_WEIGHT:g} of what it was"
+        )
+
+    def _begin(self) -> None:
+        """Forget the cycles of the last solve."""
+        self._recent_sets = []
+        for contact in self.contacts:
+            contact.c_n = contact.pair.c_n
 
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase: bulk, contact, solve; of the slowest rank."""

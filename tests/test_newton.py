@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Newton on small equations without contact: order, tests of convergence, record."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.newton import Status, Step, solve
+from fenics_mortar.newton import Status, Step, period_of, solve
 
 
 class Root:
@@ -22,6 +24,10 @@ class Root:
         dx = -(self.x**2 - 2) / (2 * self.x * self.factor)
         self.x += dx
         return Step(abs(dx / self.x), 1.0)
+
+    def merge_sets(self, period):
+        self.merged = period
+        return f"a cycle of {period}"
 
     def seconds(self):
         return {"solve": 1.0}
@@ -42,6 +48,43 @@ def test_set_that_changes_keeps_newton_going():
     assert report.num_iterations == 5
     report = solve(Root(changes=[0, 1, 1, 1, 1, 1, 1, 1]), fm.NewtonOptions())
     assert report.num_iterations == 8
+
+
+@pytest.mark.parametrize(
+    "sets, period",
+    [
+        ("", 0),
+        ("ABC", 0),
+        ("ABA", 0),  # a set may come back on the way
+        ("ABAB", 2),
+        ("XABAB", 2),
+        ("ABCABC", 3),
+        ("AAAA", 0),  # unchanged sets are no cycle
+        ("ABABAAAA", 0),
+    ],
+)
+def test_cycle_of_sets_is_seen_after_two_rounds(sets, period):
+    assert period_of([letter.encode() for letter in sets]) == period
+
+
+def test_cycle_is_left_and_recorded():
+    class Chattering(Root):
+        """Sets that alternate until they are merged."""
+
+        merged = 0
+        count = 0
+
+        def evaluate(self, *, start):
+            self.count += 1
+            sets = b"C" if self.merged else (b"A", b"B")[self.count % 2]
+            status = super().evaluate(start=start)
+            return replace(status, sets=sets, num_changed=0 if self.merged else 1)
+
+    equations = Chattering()
+    report = solve(equations, fm.NewtonOptions())
+    assert equations.merged == 2
+    assert report.converged and report.notes == ["iteration 3: a cycle of 2"]
+    assert "a cycle of 2" in report.table()
 
 
 def test_failure_keeps_the_record_and_says_what_is_missing():

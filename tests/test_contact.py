@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: MIT
+"""Active sets: complementarity, nodes that touch or have no partner, weight c_n, merged sets."""
+
+import numpy as np
+import pytest
+from scenes import pressed_blocks
+
+MESH = {"n_upper": 7, "n_lower": 9, "layers_upper": 3, "layers_lower": 3}
+
+
+def test_touching_nodes_are_active_at_the_start_and_open_ones_are_not():
+    touching = pressed_blocks(**MESH)
+    touching.problem.evaluate(start=True)
+    assert touching.contact.active.all()
+    opened = pressed_blocks(gap=0.01, **MESH)
+    opened.problem.evaluate(start=True)
+    assert not opened.contact.active.any()
+    assert opened.contact.gap == pytest.approx(0.01, rel=1e-10)
+
+
+def test_node_without_partner_has_no_gap_and_is_never_active():
+    scene = pressed_blocks(slave="lower", **MESH)
+    scene.contact.z[:] = [0.0, 1e3]
+    scene.problem.evaluate(start=True)
+    alone = ~scene.contact.covered
+    assert alone.any() and np.isnan(scene.contact.gap[alone]).all()
+    assert not scene.contact.active[alone].any()
+
+
+def test_complementarity_holds_node_by_node():
+    scene = pressed_blocks(gap=0.02, rotation=0.3, **MESH)
+    turn = np.array([np.sin(0.3), -np.cos(0.3)])
+    scene.loads["push"].value[:] = 0.05 * turn
+    scene.problem.solve()
+    contact = scene.contact
+    assert (contact.pressure >= 0.0).all()
+    assert (contact.gap > -1e-12).all()
+    assert np.abs(contact.pressure * contact.gap).max() < 1e-10 * contact.pressure.max()
+
+
+@pytest.mark.parametrize("c_n", [1e-8, 1e-5, 1.0, 1e3, 1e8])
+def test_result_does_not_depend_on_the_weight_of_the_gap(c_n):
+    """Too large a weight makes the set cycle: the cycle is left and recorded."""
+    pressures, reports = [], []
+    for value in (1e-3, c_n):
+        scene = pressed_blocks(pair={"c_n": value}, gap=0.01, **MESH)
+        scene.loads["push"].value[:] = (0.01, -0.06)
+        reports.append(scene.problem.solve())
+        pressures.append(scene.contact.pressure)
+    assert np.abs(pressures[0] - pressures[1]).max() < 1e-10 * pressures[0].max()
+    if c_n <= 1.0:
+        assert abs(reports[0].num_iterations - reports[1].num_iterations) <= 1
+        assert not reports[1].notes
+    else:
+        assert "cycle of 2" in reports[1].table()
+
+
+def test_merged_sets_hold_all_nodes_of_the_cycle():
+    scene = pressed_blocks(gap=0.01, **MESH)
+    problem, contact = scene.problem, scene.contact
+    problem.evaluate(start=True)
+    for node in (1, 2):
+        contact.z[:] = 0.0
+        contact.z[node] = 1e6 * contact.operators.n[node]
+        problem.evaluate(start=False)
+    assert contact.active_nodes.tolist() == [2]
+    assert "cycle of 2" in problem.merge_sets(2)
+    assert contact.active_nodes.tolist() == [1, 2]
+    assert contact.c_n == 0.01 * contact.pair.c_n
+
+
+def test_total_force_is_what_the_nodes_carry():
+    scene = pressed_blocks(**MESH)
+    scene.loads["push"].value[1] = -0.05
+    scene.problem.solve()
+    on_slave, _ = scene.contact.operators.force(scene.contact.z)
+    assert np.abs(scene.contact.total_force + on_slave.sum(axis=0)).max() < 1e-13
+    assert scene.contact.total_force[1] > 0.0  # the upper block is pushed up
