@@ -69,7 +69,7 @@ def check_tangent(
     Args:
         problem: A ``ContactProblem``.
         steps: Step sizes over the shortest slave facet.
-        seed: Of the random direction, which does not depend on the number of ranks.
+        seed: Of the random direction, drawn by global dof: another one on other numbers of ranks.
         print_table: Whether rank 0 prints the table.
 
     Returns:
