@@ -20,6 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, get_args
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 
@@ -240,6 +242,27 @@ class Contact:
         self.operators = evaluate_mortar(
             self.slave, self.master, x, m, self.carries, planes, self.options, linearization
         )
+
+    def gap_change(self, on_slave: Array, on_master: Array) -> Array:
+        """Derivative of the mean gaps in a direction (collective); zero where not covered.
+
+        Args:
+            on_slave: Displacements of the slave nodes, shape (n, 2).
+            on_master: Displacements of the master nodes, shape (n, 2).
+        """
+        sides = (self.slave, self.master)
+        dofs = np.concatenate([dofs_of(side.nodes, np.arange(side.num_nodes)) for side in sides])
+        values = np.concatenate([on_slave.ravel(), on_master.ravel()])
+        order = np.argsort(dofs)
+        change = np.zeros(self.slave.num_nodes)
+        for block in self.operators.gap_derivative():
+            place = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
+            direction = np.where(block.columns >= 0, values[place], 0.0)
+            np.add.at(change, block.rows, np.einsum("bjq,bq->bj", block.values, direction))
+        self.slave.comm.Allreduce(MPI.IN_PLACE, change)
+        on = self.covered
+        change[on] /= self.operators.diagonal[on]
+        return np.where(on, change, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:
         """Set the active set from the complementarity function; return how many nodes changed.
