@@ -117,7 +117,8 @@ def _deepest(contact: Contact) -> float:
     """Largest penetration at sample points of all segments over the facet's length (collective)."""
     o, s = contact.operators, contact.operators.segments
     gaps = np.zeros((s.num_segments, SAMPLES.size))
-    sample_gaps((o.x, o.n, o.m), (s.slave, s.master), s.end_is_node, SAMPLES, gaps)
+    x = o.x + contact.offset[:, None] * o.n
+    sample_gaps((x, o.n, o.m), (s.slave, s.master), s.end_is_node, SAMPLES, gaps)
     lengths = np.linalg.norm(o.x[s.slave[:, 1]] - o.x[s.slave[:, 0]], axis=1)
     deepest = float((-gaps / lengths[:, None]).max(initial=0.0))
     return contact.slave.comm.allreduce(deepest, MPI.MAX)

@@ -48,6 +48,11 @@ LEAST_NODE_COVER = 1e-10
 PLANE_COSINE, HELD_COSINE = 0.94, 0.1
 # Before the first solve a node is active if it touches: gap below this part of its length.
 TOUCHING = 1e-8
+# A node lies on the other surface, up to facets that stand for curves, within this part of its
+# length.
+NEAR = 0.5
+# An overlap before the first solve is told of above this part of a node's length.
+OVERLAP = 1e-6
 
 
 class ContactPair:
@@ -64,6 +69,10 @@ class ContactPair:
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
+        initial_gap: Gap [length] that the nodes near the other surface (half a facet) shall have
+            where the problem is set up, whatever the facets of curved surfaces leave between them:
+            0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
+            and overlaps as they are meshed. See also ``Contact.offset``.
         c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
             it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
             that a nonlinear step leaves behind.
@@ -87,6 +96,7 @@ class ContactPair:
         points: int = 5,
         search_radius: float | None = None,
         max_angle: float = 84.0,
+        initial_gap: float | None = None,
         c_n: float = 1e-3,
     ) -> None:
         for what, value, allowed in (
@@ -101,6 +111,8 @@ class ContactPair:
             raise ValueError(f"search_radius={search_radius}: a positive length, or None")
         if not 0.0 < max_angle < 90.0:
             raise ValueError(f"max_angle={max_angle}: between 0 and 90 degrees")
+        if initial_gap is not None and not np.isfinite(initial_gap):
+            raise ValueError(f"initial_gap={initial_gap}: a length, or None")
         if not 0.0 < c_n < np.inf:
             raise ValueError(f"c_n={c_n}: a positive number")
         self.data = data
@@ -110,6 +122,7 @@ class ContactPair:
             data.boundary_facets(name)
         self.basis, self.normals, self.points = basis, normals, points
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
+        self.initial_gap = initial_gap
 
     def __repr__(self) -> str:
         """The two sides."""
@@ -141,6 +154,10 @@ class Contact:
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
         active: Active set, shape (slave nodes,), bool.
         operators: D, M, gap and derivatives at the last evaluated state.
+        offset: Length taken off the pointwise gap, interpolated between the slave nodes, shape
+            (slave nodes,) [length]. May be set: to ramp an overlap of the mesh, go with ``t`` from
+            0 to 1 by ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
+            ``np.nan_to_num(contact.gap).clip(max=0)`` at the start.
         c_n: Weight of the gap at present; less than the pair's after a cycle of the active set.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
@@ -170,6 +187,7 @@ class Contact:
         self.z: Array = np.zeros((self.slave.num_nodes, 2))
         self.active = np.zeros(self.slave.num_nodes, bool)
         self.stiffness: Array = np.ones(self.slave.num_nodes)
+        self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self.operators: MortarOperators
 
@@ -239,8 +257,27 @@ class Contact:
         x = self.slave.X + self.slave.gather(u)
         m = self.master.X + self.master.gather(u)
         planes = self._plane_normals
-        self.operators = evaluate_mortar(
+        operators = evaluate_mortar(
             self.slave, self.master, x, m, self.carries, planes, self.options, linearization
+        )
+        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+
+    def set_initial_gap(self) -> None:
+        """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
+        if self.pair.initial_gap is not None:
+            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= NEAR * self.nodal_lengths
+            self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
+
+    def describe_overlap(self) -> str:
+        """Overlap of the present state, in words; "" if there is none."""
+        overlap = -np.nan_to_num(self.gap)
+        j = int(np.argmax(overlap / self.nodal_lengths))
+        if overlap[j] <= OVERLAP * self.nodal_lengths[j]:
+            return ""
+        return (
+            f"'{self.slave.name}' and '{self.master.name}' overlap by up to {overlap[j]:.3g} at "
+            f"{place(self.operators.x[j])} before the first solve, which counts as interference; "
+            "initial_gap=0 would take it for an error of the mesh"
         )
 
     def gap_change(self, on_slave: Array, on_master: Array) -> Array:

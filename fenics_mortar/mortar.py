@@ -21,7 +21,7 @@ before, 1, 2, after and of the master nodes 1, 2. A `Block` says where a stack o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from mpi4py import MPI
@@ -201,6 +201,21 @@ class MortarOperators:
         own = np.arange(self.slave.num_nodes)
         stencil = np.stack([self.slave.previous, own, self.slave.following], axis=1)
         return dofs_of(self.slave.nodes, stencil)
+
+    def less_offset(self, offset: Array) -> MortarOperators:
+        """The operators for the gap less an offset, interpolated between nodes (collective).
+
+        The weighted gap becomes g_j - sum_k D[j, k] offset_k.
+
+        Args:
+            offset: Shape (slave nodes,) [length].
+        """
+        s, nodes = self.segments, self.facet_nodes
+        change = np.einsum("ejk,ek->ej", self.D, offset[nodes])
+        nodal = np.bincount(nodes.ravel(), change.ravel(), self.slave.num_nodes)
+        self.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+        derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])
+        return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)
 
     def tangential_derivative(self, z: Array) -> Array:
         """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 6), columns as in ``dn``."""

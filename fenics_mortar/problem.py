@@ -117,6 +117,9 @@ class ContactProblem:
         self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []
         for contact in self.contacts:
             contact.evaluate(u.x.array, self.linearization)
+            contact.set_initial_gap()
+            contact.evaluate(u.x.array, self.linearization)
+        self._overlaps = [c.describe_overlap() for c in self.contacts]
 
     # Solving
 
@@ -136,7 +139,8 @@ class ContactProblem:
         try:
             moved = self._floating.settle(self._evaluate_forces)
             report = solve(self, self.newton)
-            report.notes[:0] = moved
+            report.notes[:0] = [*filter(None, self._overlaps), *moved]
+            self._overlaps = []
             self._floating.check()
         except MortarError:
             self._last_converged = False
