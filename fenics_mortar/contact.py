@@ -46,6 +46,8 @@ LEAST_NODE_COVER = 1e-10
 # the free component is above the first (20 degrees), and is held along its normal if below the
 # second.
 PLANE_COSINE, HELD_COSINE = 0.94, 0.1
+# A pressure below this part of the stiffness is rounding.
+ROUNDING = 1e-14
 # Before the first solve a node is active if it touches: gap below this part of its length.
 TOUCHING = 1e-8
 # A node lies on the other surface, up to facets that stand for curves, within this part of its
@@ -312,7 +314,8 @@ class Contact:
         gap, on = self.gap, self.covered
         weight = self.c_n * self.stiffness / self.nodal_lengths
         trial = np.where(on, self.pressure - weight * np.where(on, gap, 0.0), 0.0)
-        active = trial > 0.0
+        # Where both pressure and gap are rounding, a node stays as it is.
+        active = np.where(np.abs(trial) > ROUNDING * self.stiffness, trial > 0.0, self.active & on)
         if start:
             active |= on & (np.where(on, gap, np.inf) <= TOUCHING * self.nodal_lengths)
         changed = int((active != self.active).sum())

@@ -5,9 +5,9 @@ Before a solve a body that loads drive where active contact does not hold it is 
 contact stops it: each move is the one closest to the drive that opens no node more than a little
 beyond touching, a quadratic program in the few rigid motions.
 
-While Newton iterates, a spring in the tangent keeps what active contact leaves loose. The residual
-knows no spring, so a converged state holds neither its force nor its energy; it is a proximal-point
-(Levenberg-Marquardt) term that vanishes with the residual.
+While Newton iterates, a spring in the tangent keeps what active contact leaves loose. Its stiffness
+is in proportion to what drives these motions, so it vanishes at equilibrium (Levenberg-Marquardt).
+The residual knows no spring: a converged state holds neither its force nor its energy.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 from scipy.optimize import nnls
@@ -38,6 +39,8 @@ HELD = 1e-3
 # Least stiffness of the spring against a rigid motion over the largest diagonal entry of K: enough
 # for a regular matrix.
 LEAST_SPRING = 1e-6
+# A resultant is rounding below the first part of the forces, or the second of stiffness and size.
+UNDRIVEN, NOISE = 1e-12, 1e-14
 # A body moves until a node overlaps by this part of its length, so that it is active then.
 TOUCH = 0.01
 # Largest rigid motion in one move over the size of the body: gaps are linear in less than that.
@@ -119,10 +122,7 @@ class FloatingBodies:
         return found
 
     def add_springs(self, loose: Sequence[FloatingBody], total: Array, force: float) -> None:
-        """Add springs to the diagonal of ``K``.
-
-        Their stiffness is in proportion to what drives the loose motions now: so a step moves the
-        body no farther than the force would strain it, and the spring vanishes at equilibrium.
+        """Add springs to the diagonal of ``K``, which keep a step where the forces would strain to.
 
         Args:
             loose: What ``loose`` found.
@@ -134,10 +134,28 @@ class FloatingBodies:
         diagonal = self._bulk.K.getDiagonal()
         labels = np.repeat(self.labels[: self._bulk.num_owned // 2], 2)
         for body in loose:
-            drive = np.linalg.norm(self._resultant(body, total)) / max(force, 1e-300)
-            stiffness = max(min(float(drive), 1.0), LEAST_SPRING) * body.stiffest
+            drive = float(np.linalg.norm(self._resultant(body, total)))
+            stiffness = np.clip(drive / max(force, 1e-300), LEAST_SPRING, 1.0) * body.stiffest
             diagonal.array[labels == body.label] += stiffness / body.num_nodes
         self._bulk.K.setDiagonal(diagonal)
+
+    def drop_undriven(
+        self, loose: Sequence[FloatingBody], step: PETSc.Vec, total: Array, force: float
+    ) -> None:
+        """Take the loose motions that only rounding drives out of a step.
+
+        Args:
+            loose: What ``loose`` found.
+            step: Increment of the displacement; changed.
+            total: Sum of all forces (owned part).
+            force: Size of the forces.
+        """
+        for body in loose:
+            drive = float(np.linalg.norm(self._resultant(body, total)))
+            if drive <= UNDRIVEN * force + NOISE * body.stiffest * body.size:
+                mine, motions = self._motions(body)
+                excess = self._rigid_part(body, step.array_r) @ motions
+                step.array.reshape(-1, 2)[mine] -= excess.reshape(-1, 2)
 
     def check(self) -> None:
         """Refuse a solution in which a body that contact pushes gave way without a force.

@@ -202,6 +202,7 @@ class ContactProblem:
         with self._clock("solve"):
             step, multipliers = self.system.solve()
         with self._clock("bulk"):
+            self._floating.drop_undriven(loose, step, self._total, self._force)
             part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
