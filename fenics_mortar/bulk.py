@@ -248,10 +248,13 @@ class Bulk:
         inside = np.zeros(len(points), bool)
         if len(points) and len(self._cells):
             corners = self.positions()[self._cells]
-            centres, own = corners.mean(axis=1), labels[self._cells[:, 0]]
-            radius = np.linalg.norm(corners - centres[:, None], axis=2).max()
-            for i, near in enumerate(cKDTree(centres).query_ball_point(points, radius)):
-                cells = np.array([c for c in near if own[c] != bodies[i]], np.int64)
+            low, high = points.min(axis=0), points.max(axis=0)
+            near = (corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)
+            corners, own = corners[near.all(axis=1)], labels[self._cells[near.all(axis=1), 0]]
+            centres = corners.mean(axis=1)
+            radius = np.linalg.norm(corners - centres[:, None], axis=2).max(initial=0.0)
+            for i, close in enumerate(cKDTree(centres).query_ball_point(points, radius)):
+                cells = np.array([c for c in close if own[c] != bodies[i]], np.int64)
                 inside[i] = _contains(corners[cells], points[i]).any()
         self.comm.Allreduce(MPI.IN_PLACE, inside, MPI.LOR)
         return inside

@@ -30,6 +30,7 @@ from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
     Basis,
     Block,
+    GapWeights,
     Linearization,
     MortarOperators,
     MortarOptions,
@@ -67,6 +68,12 @@ class ContactPair:
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length.
+        gap_weights: What the gap of a node is weighted by. The dual functions have negative parts;
+            on a facet that is partly covered they see an overlap where the surfaces are apart, and
+            let a node beyond the edge press from a distance. So they are replaced there by the
+            standard ones ("standard_on_edges"), which changes nothing but the gap. "basis": by the
+            multiplier functions everywhere, as most codes do; "standard": nowhere by them
+            (Petrov-Galerkin).
         points: Gauss points per segment.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.
@@ -95,6 +102,7 @@ class ContactPair:
         *,
         basis: Basis = "dual",
         normals: Weighting = "opposite",
+        gap_weights: GapWeights = "standard_on_edges",
         points: int = 5,
         search_radius: float | None = None,
         max_angle: float = 84.0,
@@ -104,6 +112,7 @@ class ContactPair:
         for what, value, allowed in (
             ("basis", basis, get_args(Basis)),
             ("normals", normals, get_args(Weighting)),
+            ("gap_weights", gap_weights, get_args(GapWeights)),
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
@@ -123,6 +132,7 @@ class ContactPair:
         for name in (slave, master):
             data.boundary_facets(name)
         self.basis, self.normals, self.points = basis, normals, points
+        self.gap_weights: GapWeights = gap_weights
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
         self.initial_gap = initial_gap
 
@@ -182,6 +192,7 @@ class Contact:
         self.options = MortarOptions(
             pair.basis,
             pair.normals,
+            pair.gap_weights,
             pair.points,
             pair.search_radius or min(float(np.hypot(*extent)) for extent in extents),
             float(np.cos(np.radians(pair.max_angle))),

@@ -6,7 +6,7 @@ symbol      meaning
 ==========  ==========================================================================
 D[j, k]     int Phi_j N_k over the current slave surface; j, k slave nodes
 M[j, l]     int Phi_j (N_l o chi); l master nodes, chi the projection
-g[j]        weighted gap int Phi_j g,  g = n^ . (x_master - x_slave) >= 0 when open
+g[j]        weighted gap int Phi_j g or int N_j g, g = n^ . (x_master - x_slave) >= 0 when open
 n, tau      averaged unit normal of a slave node, tau = (-n_y, n_x)
 f_c         contact force: sum_j D[j, k] z_j on slave node k, -sum_j M[j, l] z_j on l
 ==========  ==========================================================================
@@ -35,7 +35,13 @@ from fenics_mortar.surfaces import Array, Indices, Surface
 
 Basis = Literal["dual", "standard"]
 Weighting = Literal["opposite", "unit", "own"]
+GapWeights = Literal["standard_on_edges", "basis", "standard"]
 BASES = {"dual": basis.DUAL, "standard": basis.STANDARD}
+GAP_WEIGHTS = {
+    "basis": basis.NOWHERE,
+    "standard_on_edges": basis.ON_EDGES,
+    "standard": basis.EVERYWHERE,
+}
 WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
 
 
@@ -77,6 +83,8 @@ class MortarOptions:
     Attributes:
         basis: "dual" (D is diagonal) or "standard" multipliers.
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
+        gap_weights: What weighs the gap: the multiplier basis, the standard functions, or these on
+            partly covered facets only.
         points: Gauss points per segment.
         radius: Farthest distance along the normal at which partners are looked for [length].
         least_cosine: Least cosine between the slave's normal and the reversed master's.
@@ -84,6 +92,7 @@ class MortarOptions:
 
     basis: Basis
     weighting: Weighting
+    gap_weights: GapWeights
     points: int
     radius: float
     least_cosine: float
@@ -294,8 +303,9 @@ def evaluate_mortar(
     left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
     edges = x[nodes[:, 1]] - x[nodes[:, 0]]
     values = (D, dD, M, dM, gap, dgap, cover)
+    kinds = BASES[options.basis], GAP_WEIGHTS[options.gap_weights]
     basis.tabulate_facets(
-        (edges, left, s.partial), BASES[options.basis], s.offsets, s.pair_offsets, moments, values
+        (edges, left, s.partial), *kinds, s.offsets, s.pair_offsets, moments, values
     )
     nodal = np.zeros((4, slave.num_nodes))
     on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))

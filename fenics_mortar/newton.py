@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -105,11 +105,13 @@ class Iteration:
 class NewtonReport:
     """What happened in one solve: kept on success and on failure.
 
-    Row 0 is the state before the first linear system; ``notes`` tell of cycles of the sets.
+    Row 0 is the state before the first linear system. ``notes`` tell of all that was done beside
+    plain Newton steps; ``certificate`` is what the equations measured of a converged state.
     """
 
     iterations: list[Iteration] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    certificate: Any = None
     force: float = 0.0
     converged: bool = False
     reason: str = "not started"

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.certificate import Certificate, certify
+from fenics_mortar.certificate import Certificate, PairCertificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MortarError
@@ -139,13 +139,15 @@ class ContactProblem:
         try:
             moved = self._floating.settle(self._evaluate_forces)
             report = solve(self, self.newton)
-            report.notes[:0] = [*filter(None, self._overlaps), *moved]
-            self._overlaps = []
             self._floating.check()
         except MortarError:
             self._last_converged = False
             raise
         self._last_converged = True
+        report.certificate = self.certificate()
+        violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
+        report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations]
+        self._overlaps = []
         return report
 
     def evaluate(self, *, start: bool) -> Status:
@@ -177,9 +179,8 @@ class ContactProblem:
 
     def _evaluate_forces(self) -> tuple[Array, Array]:
         """Evaluate everything; return the sum of all forces and of their sizes, owned parts."""
-        self.bulk.assemble_residual()
         self._evaluate_contacts(start=True)
-        bulk, contact = self.bulk.r.array_r[: self.bulk.num_owned], self._contact_force()
+        bulk, contact = self.forces()
         return bulk + contact, np.abs(bulk) + np.abs(contact)
 
     def _contact_force(self) -> Array:
@@ -326,9 +327,21 @@ class ContactProblem:
         self.bulk.move(step)
         step.destroy()
 
-    def certificates(self) -> list[Certificate]:
-        """Measure balance, signs and penetration of each pair; see ``Certificate``."""
-        return [certify(self.bulk, contact, self._floating.labels) for contact in self.contacts]
+    def certificate(self) -> Certificate:
+        """Measure balance, signs and penetration of the last evaluated state."""
+        return certify(self.bulk, self.contacts, self._floating.labels)
+
+    def certificates(self) -> list[PairCertificate]:
+        """Those of the pairs."""
+        return self.certificate().pairs
+
+    def forces(self) -> tuple[Array, Array]:
+        """Residual of the bulk and contact force at the present state, owned parts [stress length].
+
+        What they sum to at prescribed dofs are the reactions of the supports.
+        """
+        self.bulk.assemble_residual()
+        return self.bulk.r.array_r[: self.bulk.num_owned].copy(), self._contact_force()
 
     # For research
 

@@ -6,7 +6,7 @@ from mpi4py import MPI
 import gmsh
 import numpy as np
 import pytest
-from scenes import internal, neo_hookean, read
+from scenes import internal, neo_hookean, read, rectangles
 from scipy.optimize import minimize
 from test_errors import pushed_block
 
@@ -98,37 +98,22 @@ def test_block_between_two_plates_is_pressed_evenly():
 def stack(*, gap):
     """Plates held and pushed, a free block between them, slave in both pairs."""
 
-    def build():
-        gmsh.model.add("stack")
-        occ, model = gmsh.model.occ, gmsh.model
-        sizes = {"bottom": (0.0, 1.0), "middle": (1.0 + gap, 0.5), "top": (1.5 + 2 * gap, 1.0)}
-        parts = {
-            name: occ.addRectangle(-0.5, y, 0.0, 1.0, height) for name, (y, height) in sizes.items()
-        }
-        occ.synchronize()
-        for tag, (name, surface) in enumerate(parts.items(), start=1):
-            model.setPhysicalName(2, model.addPhysicalGroup(2, [surface], tag), name)
-            y, height = sizes[name]
-            for _, curve in model.getBoundary([(2, surface)], oriented=False):
-                place = occ.getCenterOfMass(1, curve)[1]
-                for side, level in (("lower", y), ("upper", y + height)):
-                    if abs(place - level) < 1e-9:
-                        group = model.addPhysicalGroup(1, [curve], 10 * tag + (side == "upper"))
-                        model.setPhysicalName(1, group, f"{name}/{side}")
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.21)
-        model.mesh.generate(2)
-        return model
-
-    data = read(build)
+    data = read(
+        rectangles,
+        size=0.21,
+        lower=(-0.5, 0.0, 1.0, 1.0),
+        middle=(-0.5, 1.0 + gap, 1.0, 0.5),
+        upper=(-0.5, 1.5 + 2 * gap, 1.0, 1.0),
+    )
     V = fm.vector_space(data.mesh, 1)
     u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
     bcs = [
-        fm.dirichlet(V, data, "bottom/lower", (0.0, 0.0)),
-        fm.dirichlet(V, data, "top/upper", push),
+        fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)),
+        fm.dirichlet(V, data, "upper/top", push),
     ]
     pairs = [
-        fm.ContactPair(data, "middle/lower", "bottom/upper"),
-        fm.ContactPair(data, "middle/upper", "top/lower"),
+        fm.ContactPair(data, "middle/bottom", "lower/top"),
+        fm.ContactPair(data, "middle/top", "upper/bottom"),
     ]
     residual = internal(u, neo_hookean(u, 100.0, 0.3))
     problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="stack_")
