@@ -43,6 +43,10 @@ from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
+# A node of which less than the first part is covered hands its multiplier to a neighbour with more
+# than the second, and takes it back above the second: as the cover vanishes, its own would grow
+# beyond all bounds, and its end would be a jump. So often it may change in one solve.
+HAND_OVER, TAKE_BACK, MOST_CHANGES = 0.05, 0.1, 4
 # A slave node held in one component lies on a symmetry plane if the cosine between its normal and
 # the free component is above the first (20 degrees), and is held along its normal if below the
 # second.
@@ -78,6 +82,8 @@ class ContactPair:
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
+            A steep facet covers little of the slave: near 90 degrees it makes no jump as it comes
+            into sight.
         initial_gap: Gap [length] that the nodes near the other surface (half a facet) shall have
             where the problem is set up, whatever the facets of curved surfaces leave between them:
             0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
@@ -105,7 +111,7 @@ class ContactPair:
         gap_weights: GapWeights = "standard_on_edges",
         points: int = 5,
         search_radius: float | None = None,
-        max_angle: float = 84.0,
+        max_angle: float = 89.0,
         initial_gap: float | None = None,
         c_n: float = 1e-3,
     ) -> None:
@@ -172,7 +178,8 @@ class Contact:
             ``np.nan_to_num(contact.gap).clip(max=0)`` at the start.
         c_n: Weight of the gap at present; less than the pair's after a cycle of the active set.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
-        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool: not if it is
+            held, nor while it is hardly covered.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, shape (slave nodes,), bool.
     """
@@ -186,6 +193,8 @@ class Contact:
         self._check_sides()
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self._classify_nodes()
+        self._may_carry = self.carries
+        self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
         if not self.carries.any():
             raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
         extents = [np.ptp(side.X, axis=0) for side in (self.slave, self.master)]
@@ -274,6 +283,30 @@ class Contact:
             self.slave, self.master, x, m, self.carries, planes, self.options, linearization
         )
         self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+
+    def begin(self) -> None:
+        """Forget what happened to multipliers and weights in the last solve."""
+        self.c_n = self.pair.c_n
+        self._changes[:] = 0
+
+    def update_carriers(self) -> int:
+        """Hand over and take back multipliers by the cover of the nodes; return how many changed.
+
+        The operators have to be evaluated anew then.
+        """
+        kappa = self.operators.cover / self.nodal_lengths
+        strong = self._may_carry & (kappa > TAKE_BACK)
+        safe, helped = np.ones(kappa.size, bool), np.zeros(kappa.size, bool)
+        for neighbour in (self.slave.previous, self.slave.following):
+            there = neighbour >= 0
+            safe &= ~there | strong[neighbour] | (kappa[neighbour] == 0.0)
+            helped |= there & strong[neighbour]
+        weak = kappa < np.where(self.carries, HAND_OVER, TAKE_BACK)
+        carries = self._may_carry & ~(weak & safe & helped)
+        changed = (carries != self.carries) & (self._changes < MOST_CHANGES)
+        self.carries = np.where(changed, carries, self.carries)
+        self._changes += changed
+        return int(changed.sum())
 
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""

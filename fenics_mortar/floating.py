@@ -157,21 +157,34 @@ class FloatingBodies:
                 excess = self._rigid_part(body, step.array_r) @ motions
                 step.array.reshape(-1, 2)[mine] -= excess.reshape(-1, 2)
 
-    def check(self) -> None:
-        """Refuse a solution in which a body that contact pushes gave way without a force.
+    def check(self) -> list[str]:
+        """What became of bodies that had no contact force before the solve and have none now.
+
+        Returns:
+            Which of them contact pushed along, towards something that may stop them.
 
         Raises:
-            MortarError: On all ranks, with the name of the body.
+            MortarError: On all ranks, if nothing is there to stop a body that gave way.
         """
+        notes = []
         for body in self._unloaded:
             change = (self._bulk.u.x.array - self._start)[: self._bulk.num_owned]
             motion = self._rigid_part(body, change)
-            size = float(np.linalg.norm(motion))
-            if size > ROUNDING * body.size and not self._is_loaded(body):
+            if np.linalg.norm(motion) <= ROUNDING * body.size or self._is_loaded(body):
+                continue
+            if not any(self._is_ahead(contact, body, motion) for contact in self._contacts):
                 raise MortarError(
                     f"{self.name_of(body.label)} can {body.describe(motion)} freely: pushed "
                     "by contact it gave way, since its Dirichlet conditions do not hold it"
                 )
+            notes.append(f"{self.name_of(body.label)} was pushed along by contact without a force")
+        return notes
+
+    def _is_ahead(self, contact: Contact, body: FloatingBody, motion: Array) -> bool:
+        """Whether a motion of the body closes an open gap."""
+        closing = motion @ self._closing(contact, body)
+        away = contact.covered & ~contact.active
+        return bool((closing[away] > HELD * np.linalg.norm(motion)).any())
 
     def describe(self, loose: Sequence[FloatingBody]) -> str:
         """The loose bodies and how they can move, in words."""

@@ -40,6 +40,7 @@ class State:
     u: Array
     z: list[Array]
     active: list[npt.NDArray[np.bool_]]
+    carries: list[npt.NDArray[np.bool_]]
     converged: bool
 
 
@@ -139,7 +140,7 @@ class ContactProblem:
         try:
             moved = self._floating.settle(self._evaluate_forces)
             report = solve(self, self.newton)
-            self._floating.check()
+            moved += self._floating.check()
         except MortarError:
             self._last_converged = False
             raise
@@ -165,7 +166,7 @@ class ContactProblem:
             ]
             active = sum(int(c.active.sum()) for c in self.contacts)
             self._recent_sets.append([c.active.copy() for c in self.contacts])
-            sets = b"".join(np.packbits(c.active).tobytes() for c in self.contacts)
+            sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
             gap = float(max(gaps, default=0.0))
             return Status(residual, force, gap, active, changed, self._noise(), sets)
 
@@ -174,7 +175,10 @@ class ContactProblem:
         changed = 0
         for contact in self.contacts:
             contact.evaluate(self.bulk.u.x.array, self.linearization)
-            changed += contact.update_active(start=start and not self._last_converged)
+            handed = contact.update_carriers()
+            if handed:
+                contact.evaluate(self.bulk.u.x.array, self.linearization)
+            changed += handed + contact.update_active(start=start and not self._last_converged)
         return changed
 
     def _evaluate_forces(self) -> tuple[Array, Array]:
@@ -231,7 +235,7 @@ class ContactProblem:
         """Forget the cycles of the last solve."""
         self._recent_sets = []
         for contact in self.contacts:
-            contact.c_n = contact.pair.c_n
+            contact.begin()
 
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase: bulk, contact, solve; of the slowest rank."""
@@ -309,14 +313,16 @@ class ContactProblem:
             self.bulk.u.x.array.copy(),
             [contact.z.copy() for contact in self.contacts],
             [contact.active.copy() for contact in self.contacts],
+            [contact.carries.copy() for contact in self.contacts],
             self._last_converged,
         )
 
     def restore(self, state: State) -> None:
         """Go back to a state, exactly."""
         self.bulk.u.x.array[:] = state.u
-        for contact, z, active in zip(self.contacts, state.z, state.active, strict=True):
-            contact.z, contact.active = z.copy(), active.copy()
+        kept = zip(self.contacts, state.z, state.active, state.carries, strict=True)
+        for contact, z, active, carries in kept:
+            contact.z, contact.active, contact.carries = z.copy(), active.copy(), carries.copy()
             contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged
 

@@ -16,6 +16,8 @@ from fenics_mortar.surfaces import Array
 
 # What is left of the path below this part of a step is taken with the step.
 REMAINDER = 1e-6
+# What of a contact is written to a file.
+KEPT = ("z", "active", "carries")
 
 
 @dataclass(frozen=True)
@@ -236,7 +238,7 @@ def save_state(problem: ContactProblem, path: str) -> None:
     nodes, values = problem.bulk.by_input_node()
     data = {"nodes": nodes, "u": values}
     for i, contact in enumerate(problem.contacts):
-        data |= {f"z{i}": contact.z, f"active{i}": contact.active}
+        data |= {f"{name}{i}": getattr(contact, name) for name in KEPT}
     if problem.comm.rank == 0:
         np.savez(path, **data)
     problem.comm.barrier()
@@ -247,6 +249,7 @@ def load_state(problem: ContactProblem, path: str) -> None:
     data = dict(np.load(path)) if problem.comm.rank == 0 else None
     data = problem.comm.bcast(data)
     problem.bulk.set_by_input_node(data["nodes"], data["u"])
-    z = [data[f"z{i}"] for i in range(len(problem.contacts))]
-    active = [data[f"active{i}"] for i in range(len(problem.contacts))]
-    problem.restore(State(problem.bulk.u.x.array.copy(), z, active, True))
+    z, active, carries = (
+        [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
+    )
+    problem.restore(State(problem.bulk.u.x.array.copy(), z, active, carries, True))
