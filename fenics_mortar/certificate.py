@@ -20,7 +20,8 @@ from fenics_mortar.contact import Contact
 from fenics_mortar.kernels.segment import sample_gaps
 from fenics_mortar.surfaces import Indices
 
-# Forces below this part of stiffness and displacement are not told from rounding.
+# Forces and pressures below this part of the stiffness are compared with it instead of each other:
+# they may be rounding.
 ROUNDING = 1e-6
 SAMPLES = np.linspace(-1.0, 1.0, 5)
 
@@ -169,7 +170,7 @@ def _certify_pair(
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
     pressure = np.einsum("jc,jc->j", o.n, z)
     shear = np.einsum("jc,jc->j", o.tau, z)
-    largest = _positive(float(pressure.max()))
+    largest = max(float(pressure.max()), ROUNDING * float(contact.stiffness.max()))
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
     sizes = np.abs(forces)
     return PairCertificate(

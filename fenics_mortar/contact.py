@@ -72,12 +72,12 @@ class ContactPair:
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length.
-        gap_weights: What the gap of a node is weighted by. The dual functions have negative parts;
-            on a facet that is partly covered they see an overlap where the surfaces are apart, and
-            let a node beyond the edge press from a distance. So they are replaced there by the
-            standard ones ("standard_on_edges"), which changes nothing but the gap. "basis": by the
-            multiplier functions everywhere, as most codes do; "standard": nowhere by them
-            (Petrov-Galerkin).
+        gap_weights: What the gap of a node is weighted by. On a partly covered facet the dual
+            function of a node beyond the edge continues the gap from the cover to the node: it sees
+            overlap where the surfaces are apart, and presses from a distance. There it is replaced
+            by the standard function ("standard_beyond_edges"), which changes nothing but this gap.
+            "basis": by the multiplier functions everywhere, as most codes do; "standard": by the
+            standard ones everywhere (Petrov-Galerkin).
         points: Gauss points per segment.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.
@@ -108,7 +108,7 @@ class ContactPair:
         *,
         basis: Basis = "dual",
         normals: Weighting = "opposite",
-        gap_weights: GapWeights = "standard_on_edges",
+        gap_weights: GapWeights = "standard_beyond_edges",
         points: int = 5,
         search_radius: float | None = None,
         max_angle: float = 89.0,

@@ -40,7 +40,7 @@ HELD = 1e-3
 # for a regular matrix.
 LEAST_SPRING = 1e-6
 # A resultant is rounding below the first part of the forces, or the second of stiffness and size.
-UNDRIVEN, NOISE = 1e-12, 1e-14
+UNDRIVEN, NOISE = 1e-12, 1e-13
 # A body moves until a node overlaps by this part of its length, so that it is active then.
 TOUCH = 0.01
 # Largest rigid motion in one move over the size of the body: gaps are linear in less than that.
@@ -51,7 +51,7 @@ DRIVEN = 1e-6
 # A node is loaded if its pressure is above this part of the stiffness there.
 LOADED = 1e-12
 # A rigid motion below this part of the body's size is rounding.
-ROUNDING = 1e-8
+ROUNDING = 1e-6
 
 
 class FloatingBodies:

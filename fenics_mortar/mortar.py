@@ -35,11 +35,11 @@ from fenics_mortar.surfaces import Array, Indices, Surface
 
 Basis = Literal["dual", "standard"]
 Weighting = Literal["opposite", "unit", "own"]
-GapWeights = Literal["standard_on_edges", "basis", "standard"]
+GapWeights = Literal["standard_beyond_edges", "basis", "standard"]
 BASES = {"dual": basis.DUAL, "standard": basis.STANDARD}
 GAP_WEIGHTS = {
     "basis": basis.NOWHERE,
-    "standard_on_edges": basis.ON_EDGES,
+    "standard_beyond_edges": basis.BEYOND_EDGES,
     "standard": basis.EVERYWHERE,
 }
 WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
@@ -83,8 +83,8 @@ class MortarOptions:
     Attributes:
         basis: "dual" (D is diagonal) or "standard" multipliers.
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
-        gap_weights: What weighs the gap: the multiplier basis, the standard functions, or these on
-            partly covered facets only.
+        gap_weights: What weighs the gap: the multiplier basis, the standard functions, or these at
+            nodes beyond the edge of the cover only.
         points: Gauss points per segment.
         radius: Farthest distance along the normal at which partners are looked for [length].
         least_cosine: Least cosine between the slave's normal and the reversed master's.

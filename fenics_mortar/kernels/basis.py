@@ -20,9 +20,10 @@ the covered part, hence "consistent" (Cichosz & Bischoff 2011; Popp, Seitz, Gee 
 fully covered facet xm = 0, v = 1/3: Phi = (1 -+ 3 xi) / 2. The last two rows hand the weight of a
 node that carries no multiplier (its displacement is prescribed) to its neighbour.
 
-The weighted gap may be weighted by the standard functions N instead of Phi (Petrov-Galerkin; Popp,
-Seitz, Gee & Wall 2013): they are nowhere negative, so a gap that is open has a positive weighted
-gap. Both have the same integrals, and where the gap is zero the two agree.
+The gap may be weighted by the standard functions N instead of Phi (Petrov-Galerkin; Popp, Seitz,
+Gee & Wall 2013): they are nowhere negative, so a gap that is open has a positive weighted gap. Both
+have the same integrals, and where the gap is zero the two agree. On a partly covered facet Phi_j
+continues a linear gap to node j: beyond the edge of the master, where node j is not covered.
 
 With m = J |S|, N1 = (1 - xm)/2, N2 = (1 + xm)/2 the slave-side matrix is exact:
 
@@ -38,8 +39,8 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 
 DUAL, STANDARD = 0, 1
-# Where the gap is weighted by N: nowhere, on partly covered facets, everywhere.
-NOWHERE, ON_EDGES, EVERYWHERE = 0, 1, 2
+# Where the gap is weighted by N: nowhere, at nodes beyond the edge of the cover, everywhere.
+NOWHERE, BEYOND_EDGES, EVERYWHERE = 0, 1, 2
 BOTH, ONLY_FIRST, ONLY_SECOND = 0, 1, 2
 
 
@@ -77,6 +78,21 @@ def coefficients(basis, left, mean, variance):
     w = 0.5 * (1.0 - mean * mean)
     F = w / variance
     return a, o - 0.5, F, -mean / variance, -F / variance, w, -mean, o
+
+
+@kernel
+def gap_coefficients(basis, gap_weights, left, mean, variance, lowest, highest):
+    """Coefficients of the functions that weigh the gap of node 1 and of node 2.
+
+    ``lowest``, ``highest``: ends of the cover, -1 and 1 where the nodes are covered.
+    """
+    everywhere, beyond = gap_weights == EVERYWHERE, gap_weights == BEYOND_EDGES
+    first = everywhere or (beyond and lowest.real > -1.0)
+    second = everywhere or (beyond and highest.real < 1.0)
+    return (
+        coefficients(STANDARD if first else basis, left, mean, variance),
+        coefficients(STANDARD if second else basis, left, mean, variance),
+    )
 
 
 @kernel
@@ -133,7 +149,7 @@ def line_derivative(table, mean, c, h, dmean, dvariance):
 
 
 @kernel
-def facet_values(table, gap_table, segments, size, mean, J, D, M, g):
+def facet_values(table, gap_tables, segments, size, mean, J, D, M, g):
     """Fill D (2, 2), M (n, 2, 2) and g (2,) of one facet from the moments of its segments."""
     ends, _, Mp, _, gp, _ = segments
     slave_matrix(table, size, mean, J, D)
@@ -144,34 +160,35 @@ def facet_values(table, gap_table, segments, size, mean, J, D, M, g):
         for l in range(2):
             M[i, 0, l] = b0 * Mp[i, 0, l] + b1 * Mp[i, 1, l]
             M[i, 1, l] = Mp[i, 0, l] - M[i, 0, l]
-        b0, b1 = line(gap_table, mean, c, h)
-        g_first = b0 * gp[i, 0] + b1 * gp[i, 1]
-        g[0] += g_first
-        g[1] += gp[i, 0] - g_first
+        b0, b1 = line(gap_tables[0], mean, c, h)
+        g[0] += b0 * gp[i, 0] + b1 * gp[i, 1]
+        b0, b1 = line(gap_tables[1], mean, c, h)
+        g[1] += (1.0 - b0) * gp[i, 0] - b1 * gp[i, 1]
 
 
 @kernel
-def own_derivative(table, gap_table, segments, i, mean, dM, dg):
+def own_derivative(table, gap_tables, segments, i, mean, dM, dg):
     """Fill dM (2, 2, 12) and dg (2, 12) of segment ``i`` by its own nodes, xm and F fixed."""
     ends, dends, Mp, dMp, gp, dgp = segments
     c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
     b0, b1 = line(table, mean, c, h)
-    g0, g1 = line(gap_table, mean, c, h)
+    first, second = gap_tables
+    p0, p1 = line(first, mean, c, h)
+    q0, q1 = line(second, mean, c, h)
     for q in range(12):
         dc, dh = 0.5 * (dends[i, 0, q] + dends[i, 1, q]), 0.5 * (dends[i, 1, q] - dends[i, 0, q])
         for l in range(2):
-            first = -table[2] * (dc * Mp[i, 0, l] + dh * Mp[i, 1, l])
-            first += b0 * dMp[i, 0, l, q] + b1 * dMp[i, 1, l, q]
-            dM[0, l, q] = first
-            dM[1, l, q] = dMp[i, 0, l, q] - first
-        first = -gap_table[2] * (dc * gp[i, 0] + dh * gp[i, 1])
-        first += g0 * dgp[i, 0, q] + g1 * dgp[i, 1, q]
-        dg[0, q] = first
-        dg[1, q] = dgp[i, 0, q] - first
+            change = -table[2] * (dc * Mp[i, 0, l] + dh * Mp[i, 1, l])
+            change += b0 * dMp[i, 0, l, q] + b1 * dMp[i, 1, l, q]
+            dM[0, l, q] = change
+            dM[1, l, q] = dMp[i, 0, l, q] - change
+        moved = dc * gp[i, 0] + dh * gp[i, 1]
+        dg[0, q] = p0 * dgp[i, 0, q] + p1 * dgp[i, 1, q] - first[2] * moved
+        dg[1, q] = (1.0 - q0) * dgp[i, 0, q] - q1 * dgp[i, 1, q] + second[2] * moved
 
 
 @kernel
-def add_cover_derivative(table, gap_table, segments, i, mean, dmean, dvariance, dM, dg):
+def add_cover_derivative(table, gap_tables, segments, i, mean, dmean, dvariance, dM, dg):
     """Add what segment ``i`` changes by dxm and dv (12,): to dM (2, 2, 12) and dg (2, 12)."""
     ends, _, Mp, _, gp, _ = segments
     c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
@@ -181,14 +198,14 @@ def add_cover_derivative(table, gap_table, segments, i, mean, dmean, dvariance, 
             change = db0 * Mp[i, 0, l] + db1 * Mp[i, 1, l]
             dM[0, l, q] += change
             dM[1, l, q] -= change
-        db0, db1 = line_derivative(gap_table, mean, c, h, dmean[q], dvariance[q])
-        change = db0 * gp[i, 0] + db1 * gp[i, 1]
-        dg[0, q] += change
-        dg[1, q] -= change
+        db0, db1 = line_derivative(gap_tables[0], mean, c, h, dmean[q], dvariance[q])
+        dg[0, q] += db0 * gp[i, 0] + db1 * gp[i, 1]
+        db0, db1 = line_derivative(gap_tables[1], mean, c, h, dmean[q], dvariance[q])
+        dg[1, q] -= db0 * gp[i, 0] + db1 * gp[i, 1]
 
 
 @kernel
-def facet_derivatives(table, gap_table, segments, shape, edge, partial, dD, dM, dg):
+def facet_derivatives(table, gap_tables, segments, shape, edge, partial, dD, dM, dg):
     """Fill dD (n, 2, 2, 12), dM (pairs, 2, 2, 12) and dg (n, 2, 12) of one facet."""
     ends, dends = segments[0], segments[1]
     size, mean, variance = shape
@@ -200,7 +217,7 @@ def facet_derivatives(table, gap_table, segments, shape, edge, partial, dD, dM, 
     J = np.sqrt(ex * ex + ey * ey)
     for k in range(count):
         own = k * count + k if partial else k
-        own_derivative(table, gap_table, segments, k, mean, dM[own], dg[k])
+        own_derivative(table, gap_tables, segments, k, mean, dM[own], dg[k])
         share = 0.5 * (ends[k, 1] - ends[k, 0]) / J
         dJ[2], dJ[3], dJ[4], dJ[5] = -share * ex, -share * ey, share * ex, share * ey
         if partial:
@@ -212,7 +229,7 @@ def facet_derivatives(table, gap_table, segments, shape, edge, partial, dD, dM, 
         cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
         for i in range(count):
             add_cover_derivative(
-                table, gap_table, segments, i, mean, dmean, dvariance, dM[i * count + k], dg[k]
+                table, gap_tables, segments, i, mean, dmean, dvariance, dM[i * count + k], dg[k]
             )
 
 
@@ -243,13 +260,14 @@ def tabulate_facets(facets, basis, gap_weights, offsets, pair_offsets, segments,
         cover[e, 0] = 0.5 * J * size * (1.0 - mean)
         cover[e, 1] = 0.5 * J * size * (1.0 + mean)
         table = coefficients(basis, left[e], mean, variance)
-        by_standard = gap_weights == EVERYWHERE or (gap_weights == ON_EDGES and partial[e])
-        gap_table = coefficients(STANDARD if by_standard else basis, left[e], mean, variance)
-        facet_values(table, gap_table, own, size, mean, J, D[e], M[i:j], g[e])
+        gap_tables = gap_coefficients(
+            basis, gap_weights, left[e], mean, variance, own[0][0, 0], own[0][-1, 1]
+        )
+        facet_values(table, gap_tables, own, size, mean, J, D[e], M[i:j], g[e])
         if basis == DUAL and left[e] == BOTH:
             D[e, 0, 1] = 0.0
             D[e, 1, 0] = 0.0
         shape = (size, mean, variance)
         facet_derivatives(
-            table, gap_table, own, shape, edges[e], partial[e], dD[i:j], dM[p:q], dg[i:j]
+            table, gap_tables, own, shape, edges[e], partial[e], dD[i:j], dM[p:q], dg[i:j]
         )

@@ -11,7 +11,7 @@ from derivatives import complex_step
 from fenics_mortar.kernels import basis, normals
 
 BASES = [basis.DUAL, basis.STANDARD]
-GAP_WEIGHTS = [basis.NOWHERE, basis.ON_EDGES, basis.EVERYWHERE]
+GAP_WEIGHTS = [basis.NOWHERE, basis.BEYOND_EDGES, basis.EVERYWHERE]
 # cover of the slave by the master: full, an end missing, an island, and two pieces
 COVERS = {
     "full": (-0.05, 1.05),
@@ -80,10 +80,12 @@ def test_two_pieces_are_two_pieces():
 @pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
 @pytest.mark.parametrize("kind", BASES)
 def test_gap_by_standard_weights_is_that_of_the_standard_basis(cover, kind):
-    """And on edges only, it is that of the own basis on facets without edge."""
+    """And beyond edges only, it is that of the own basis at nodes that are covered."""
     own, standard = curves(cover, basis=kind), curves(cover, basis=basis.STANDARD)
     g_own, g_standard = (pair.evaluate(pair.positions)["g"] for pair in (own, standard))
-    for weights, partial in ((basis.EVERYWHERE, True), (basis.ON_EDGES, own.partial[:, None])):
+    first, last = own.ends[own.offsets[:-1], 0], own.ends[own.offsets[1:] - 1, 1]
+    beyond = np.stack([first > -1.0, last < 1.0], axis=1)
+    for weights, partial in ((basis.EVERYWHERE, True), (basis.BEYOND_EDGES, beyond)):
         pair = curves(cover, basis=kind, gap_weights=weights)
         g = pair.evaluate(pair.positions)["g"]
         assert np.allclose(g, np.where(partial, g_standard, g_own), rtol=0, atol=1e-15)
@@ -92,8 +94,8 @@ def test_gap_by_standard_weights_is_that_of_the_standard_basis(cover, kind):
 def test_open_gap_beside_an_edge_is_open_by_standard_weights_only():
     """A master that touches with its end and leaves the slave at an angle covers half a facet."""
     x, m = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.2, -0.14], [0.5, 0.0]])
-    g = {w: curves_of(x, m, gap_weights=w) for w in (basis.NOWHERE, basis.ON_EDGES)}
-    assert g[basis.NOWHERE][0] < -0.01 < 0.0 < g[basis.ON_EDGES].min()
+    g = {w: curves_of(x, m, gap_weights=w) for w in (basis.NOWHERE, basis.BEYOND_EDGES)}
+    assert g[basis.NOWHERE][0] < -0.01 < 0.0 < g[basis.BEYOND_EDGES].min()
 
 
 def curves_of(x, m, **options):
