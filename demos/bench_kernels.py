@@ -61,7 +61,7 @@ def measure(facets):
         segment.tabulate_segments(geometry, nodes, end_is_node, POINTS, True, *moments)
         edges = np.diff(x, axis=0)
         own = (edges, left, partial)
-        kinds = basis.DUAL, basis.BEYOND_EDGES
+        kinds = basis.DUAL, basis.BY_COVER
         basis.tabulate_facets(own, *kinds, offsets, offsets, moments, values)
 
     return count, median(find), median(integrate)

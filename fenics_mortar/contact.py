@@ -44,14 +44,14 @@ from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
 # A node of which less than the first part is covered hands its multiplier to a neighbour with more
-# than the second, and takes it back above the second: as the cover vanishes, its own would grow
-# beyond all bounds, and its end would be a jump. So often it may change in one solve.
-HAND_OVER, TAKE_BACK, MOST_CHANGES = 0.05, 0.1, 4
+# than the second: as the cover vanishes, its own would grow beyond all bounds, and its end would be
+# a jump. So often it may change in one solve.
+HAND_OVER, STRONG, MOST_CHANGES = 0.05, 0.1, 4
 # A slave node held in one component lies on a symmetry plane if the cosine between its normal and
 # the free component is above the first (20 degrees), and is held along its normal if below the
 # second.
 PLANE_COSINE, HELD_COSINE = 0.94, 0.1
-# A pressure below this part of the stiffness is rounding.
+# A pressure below this part of the stiffness and a gap below this part of the place are rounding.
 ROUNDING = 1e-14
 # Before the first solve a node is active if it touches: gap below this part of its length.
 TOUCHING = 1e-8
@@ -72,12 +72,11 @@ class ContactPair:
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length.
-        gap_weights: What the gap of a node is weighted by. On a partly covered facet the dual
-            function of a node beyond the edge continues the gap from the cover to the node: it sees
-            overlap where the surfaces are apart, and presses from a distance. There it is replaced
-            by the standard function ("standard_beyond_edges"), which changes nothing but this gap.
-            "basis": by the multiplier functions everywhere, as most codes do; "standard": by the
-            standard ones everywhere (Petrov-Galerkin).
+        gap_weights: What the gap of a node is weighted by. "cover": by the multiplier's function if
+            the node is covered; beyond the edge of the master the dual function would continue the
+            gap to the node, see overlap where the surfaces are apart and press from a distance, so
+            there it is one that asks for the gap at the edge. "basis": always by the multiplier's
+            function, as most codes do. "standard": by the standard functions (Petrov-Galerkin).
         points: Gauss points per segment.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.
@@ -108,7 +107,7 @@ class ContactPair:
         *,
         basis: Basis = "dual",
         normals: Weighting = "opposite",
-        gap_weights: GapWeights = "standard_beyond_edges",
+        gap_weights: GapWeights = "cover",
         points: int = 5,
         search_radius: float | None = None,
         max_angle: float = 89.0,
@@ -285,8 +284,7 @@ class Contact:
         self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
 
     def begin(self) -> None:
-        """Forget what happened to multipliers and weights in the last solve."""
-        self.c_n = self.pair.c_n
+        """Forget how often nodes changed in the last solve."""
         self._changes[:] = 0
 
     def update_carriers(self) -> int:
@@ -295,14 +293,13 @@ class Contact:
         The operators have to be evaluated anew then.
         """
         kappa = self.operators.cover / self.nodal_lengths
-        strong = self._may_carry & (kappa > TAKE_BACK)
+        strong = self._may_carry & (kappa > STRONG)
         safe, helped = np.ones(kappa.size, bool), np.zeros(kappa.size, bool)
         for neighbour in (self.slave.previous, self.slave.following):
             there = neighbour >= 0
             safe &= ~there | strong[neighbour] | (kappa[neighbour] == 0.0)
             helped |= there & strong[neighbour]
-        weak = kappa < np.where(self.carries, HAND_OVER, TAKE_BACK)
-        carries = self._may_carry & ~(weak & safe & helped)
+        carries = self._may_carry & ~((kappa < HAND_OVER) & safe & helped)
         changed = (carries != self.carries) & (self._changes < MOST_CHANGES)
         self.carries = np.where(changed, carries, self.carries)
         self._changes += changed
@@ -359,7 +356,10 @@ class Contact:
         weight = self.c_n * self.stiffness / self.nodal_lengths
         trial = np.where(on, self.pressure - weight * np.where(on, gap, 0.0), 0.0)
         # Where both pressure and gap are rounding, a node stays as it is.
-        active = np.where(np.abs(trial) > ROUNDING * self.stiffness, trial > 0.0, self.active & on)
+        rounding = (np.abs(self.pressure) <= ROUNDING * self.stiffness) & (
+            np.abs(np.nan_to_num(gap)) <= ROUNDING * np.abs(self.operators.x).max()
+        )
+        active = np.where(rounding, self.active & on, trial > 0.0)
         if start:
             active |= on & (np.where(on, gap, np.inf) <= TOUCHING * self.nodal_lengths)
         changed = int((active != self.active).sum())

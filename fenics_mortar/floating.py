@@ -124,19 +124,25 @@ class FloatingBodies:
     def add_springs(self, loose: Sequence[FloatingBody], total: Array, force: float) -> None:
         """Add springs to the diagonal of ``K``, which keep a step where the forces would strain to.
 
+        A body that is not loose gets a weak one: what holds each node may not hold them together,
+        as with polygons that turn in one another.
+
         Args:
             loose: What ``loose`` found.
             total: Sum of all forces (owned part).
             force: Size of the forces.
         """
-        if not loose:
+        if not self.bodies:
             return
+        stiffness = {body.label: LEAST_SPRING for body in self.bodies}
+        for body in loose:
+            drive = float(np.linalg.norm(self._resultant(body, total))) / max(force, 1e-300)
+            stiffness[body.label] = float(np.clip(drive, LEAST_SPRING, 1.0))
         diagonal = self._bulk.K.getDiagonal()
         labels = np.repeat(self.labels[: self._bulk.num_owned // 2], 2)
-        for body in loose:
-            drive = float(np.linalg.norm(self._resultant(body, total)))
-            stiffness = np.clip(drive / max(force, 1e-300), LEAST_SPRING, 1.0) * body.stiffest
-            diagonal.array[labels == body.label] += stiffness / body.num_nodes
+        for body in self.bodies:
+            spring = stiffness[body.label] * body.stiffest / body.num_nodes
+            diagonal.array[labels == body.label] += spring
         self._bulk.K.setDiagonal(diagonal)
 
     def drop_undriven(
@@ -181,10 +187,9 @@ class FloatingBodies:
         return notes
 
     def _is_ahead(self, contact: Contact, body: FloatingBody, motion: Array) -> bool:
-        """Whether a motion of the body closes an open gap."""
+        """Whether a motion of the body closes a gap: it opens those towards what pushes it."""
         closing = motion @ self._closing(contact, body)
-        away = contact.covered & ~contact.active
-        return bool((closing[away] > HELD * np.linalg.norm(motion)).any())
+        return bool((closing > HELD * np.linalg.norm(motion)).any())
 
     def describe(self, loose: Sequence[FloatingBody]) -> str:
         """The loose bodies and how they can move, in words."""

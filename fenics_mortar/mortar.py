@@ -6,7 +6,7 @@ symbol      meaning
 ==========  ==========================================================================
 D[j, k]     int Phi_j N_k over the current slave surface; j, k slave nodes
 M[j, l]     int Phi_j (N_l o chi); l master nodes, chi the projection
-g[j]        weighted gap int Phi_j g or int N_j g, g = n^ . (x_master - x_slave) >= 0 when open
+g[j]        weighted gap int Psi_j g, g = n^ . (x_master - x_slave) >= 0 when open
 n, tau      averaged unit normal of a slave node, tau = (-n_y, n_x)
 f_c         contact force: sum_j D[j, k] z_j on slave node k, -sum_j M[j, l] z_j on l
 ==========  ==========================================================================
@@ -35,12 +35,12 @@ from fenics_mortar.surfaces import Array, Indices, Surface
 
 Basis = Literal["dual", "standard"]
 Weighting = Literal["opposite", "unit", "own"]
-GapWeights = Literal["standard_beyond_edges", "basis", "standard"]
+GapWeights = Literal["cover", "basis", "standard"]
 BASES = {"dual": basis.DUAL, "standard": basis.STANDARD}
 GAP_WEIGHTS = {
-    "basis": basis.NOWHERE,
-    "standard_beyond_edges": basis.BEYOND_EDGES,
-    "standard": basis.EVERYWHERE,
+    "basis": basis.BY_BASIS,
+    "cover": basis.BY_COVER,
+    "standard": basis.BY_STANDARD,
 }
 WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
 
@@ -83,8 +83,7 @@ class MortarOptions:
     Attributes:
         basis: "dual" (D is diagonal) or "standard" multipliers.
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
-        gap_weights: What weighs the gap: the multiplier basis, the standard functions, or these at
-            nodes beyond the edge of the cover only.
+        gap_weights: What weighs the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
         points: Gauss points per segment.
         radius: Farthest distance along the normal at which partners are looked for [length].
         least_cosine: Least cosine between the slave's normal and the reversed master's.

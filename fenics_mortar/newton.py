@@ -11,6 +11,9 @@ import numpy as np
 
 from fenics_mortar.errors import MortarError, NotConvergedError
 
+# Sets that change in so many iterations in a row will not settle by themselves.
+UNSETTLED = 12
+
 
 @dataclass(frozen=True)
 class Status:
@@ -53,7 +56,7 @@ class Equations(Protocol):
         """Solve one linear system and move."""
 
     def merge_sets(self, period: int) -> str:
-        """Leave a cycle of sets, for one iteration, and say how."""
+        """Leave a cycle of sets, or such as never settle, for one iteration, and say how."""
 
     def seconds(self) -> dict[str, float]:
         """Seconds spent since the last call, by phase."""
@@ -193,11 +196,11 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             report.converged = True
             report.reason = f"converged in {number} iterations"
             return report
-        sets.append(status.sets)
-        period = period_of(sets)
+        sets = [*sets, status.sets] if status.num_changed else [status.sets]
+        period = UNSETTLED if len(sets) > UNSETTLED else period_of(sets)
         if period:
             report.notes.append(f"iteration {number}: {equations.merge_sets(period)}")
-            sets.clear()
+            sets = []
     missing = "; ".join(_what_is_missing(status, step, report.force, options))
     reason = f"not converged in {options.max_iterations} iterations: {missing}"
     raise _failure(equations, report, reason)

@@ -28,8 +28,8 @@ from fenics_mortar.surfaces import Array
 from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
 from fenics_mortar.tangent import TangentCheck, check_tangent
 
-# Factor on c_n after a cycle of the active set.
-LESS_WEIGHT = 0.01
+# Largest c_n after a cycle of the active set.
+LESS_WEIGHT = 1e-3
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -64,6 +64,7 @@ class ContactProblem:
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
         bulk: Bulk residual and tangent.
+        stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
 
     Raises:
         MortarError: On all ranks, if mesh, surfaces or PETSc do not fit.
@@ -219,16 +220,16 @@ class ContactProblem:
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of the active set; say how.
 
-        All nodes that were active in it are so for one iteration, and gaps weigh less from then on:
-        a large c_n releases nodes for the small gaps that a step leaves behind.
+        All nodes that were active in it are so for one iteration, and gaps weigh less from then on,
+        in later solves too: a large c_n releases nodes for small gaps that a step leaves behind.
         """
         for i, contact in enumerate(self.contacts):
             union = np.any([sets[i] for sets in self._recent_sets[-period:]], axis=0)
             contact.active = union & contact.covered
-            contact.c_n *= LESS_WEIGHT
+            contact.c_n = min(contact.c_n, LESS_WEIGHT)
         return (
-            f"the active set went twice through a cycle of {period}; all nodes active in it stay "
-            f"so for one iteration, and c_n is {LESS_WEIGHT:g} of what it was"
+            f"the active set does not settle (last {period} iterations); all nodes active in them "
+            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on"
         )
 
     def _begin(self) -> None:
@@ -263,7 +264,7 @@ class ContactProblem:
             rows += ((contact.operators.diagonal * tangential) ** 2).sum()
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = total.copy()
-        free[held] = self._stiffest * self.bulk.distance_to_prescribed()
+        free[held] = self.stiffest * self.bulk.distance_to_prescribed()
         mine = [free @ free, contact_force @ contact_force, total[held] @ total[held]]
         free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
         return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
@@ -273,7 +274,7 @@ class ContactProblem:
         num_dofs = self.bulk.r.getSize()
         bulk = np.sqrt(num_dofs) * self._largest_displacement()
         contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
-        return 4.0 * EPSILON * self._stiffest * float(bulk + contact)
+        return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
 
     def _largest_displacement(self) -> float:
         u = self.bulk.u.x.array
@@ -303,7 +304,7 @@ class ContactProblem:
                 "the residual form has to hold the stress of every body"
             )
         largest = float(np.abs(diagonal).max(initial=0.0))
-        self._stiffest: float = self.comm.allreduce(largest, MPI.MAX)
+        self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
         for contact in self.contacts:
             contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
 

@@ -65,8 +65,8 @@ class Work(NamedTuple):
     Attributes:
         bulk: What the bodies store, less the work of applied loads.
         supports: Of the reactions.
-        contact: Of the contact forces. Without friction it vanishes with the size of the steps:
-            it is the energy that contact wrongly adds.
+        contact: Of the contact forces. Without friction it vanishes with the size of facets and
+            steps: it is the energy that the discretisation adds.
     """
 
     bulk: float

@@ -52,7 +52,7 @@ def test_result_does_not_depend_on_the_weight_of_the_gap(c_n):
         assert abs(reports[0].num_iterations - reports[1].num_iterations) <= 1
         assert not reports[1].notes
     else:
-        assert "cycle of 2" in reports[1].table()
+        assert "does not settle" in reports[1].table()
 
 
 def test_merged_sets_hold_all_nodes_of_the_cycle():
@@ -64,9 +64,9 @@ def test_merged_sets_hold_all_nodes_of_the_cycle():
         contact.z[node] = 1e6 * contact.operators.n[node]
         problem.evaluate(start=False)
     assert contact.active_nodes.tolist() == [2]
-    assert "cycle of 2" in problem.merge_sets(2)
+    assert "last 2 iterations" in problem.merge_sets(2)
     assert contact.active_nodes.tolist() == [1, 2]
-    assert contact.c_n == 0.01 * contact.pair.c_n
+    assert contact.c_n <= 1e-3
 
 
 def test_total_force_is_what_the_nodes_carry():

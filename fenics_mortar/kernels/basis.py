@@ -20,10 +20,15 @@ the covered part, hence "consistent" (Cichosz & Bischoff 2011; Popp, Seitz, Gee 
 fully covered facet xm = 0, v = 1/3: Phi = (1 -+ 3 xi) / 2. The last two rows hand the weight of a
 node that carries no multiplier (its displacement is prescribed) to its neighbour.
 
-The gap may be weighted by the standard functions N instead of Phi (Petrov-Galerkin; Popp, Seitz,
-Gee & Wall 2013): they are nowhere negative, so a gap that is open has a positive weighted gap. Both
-have the same integrals, and where the gap is zero the two agree. On a partly covered facet Phi_j
-continues a linear gap to node j: beyond the edge of the master, where node j is not covered.
+The gap of node 1 is weighted by a function of the same integral,
+
+    Psi_1 = a_1 (1 + (p_1 - xm) (xi - xm) / v),    a_1 = (1 - xm) / 2,
+
+which takes a linear gap at the place p_1; that of node 2 likewise with a_2 = (1 + xm) / 2. At the
+node itself, p = -1 or 1, it is the dual function. On a partly covered facet the dual function of a
+node beyond the edge so continues the gap from the cover to the node, where there is no master:
+p = the end of the cover next to the node asks for it where the master ends. Or the gap is weighted
+by N_j (Petrov-Galerkin; Popp, Seitz, Gee & Wall 2013), which is nowhere negative.
 
 With m = J |S|, N1 = (1 - xm)/2, N2 = (1 + xm)/2 the slave-side matrix is exact:
 
@@ -39,8 +44,8 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 
 DUAL, STANDARD = 0, 1
-# Where the gap is weighted by N: nowhere, at nodes beyond the edge of the cover, everywhere.
-NOWHERE, BEYOND_EDGES, EVERYWHERE = 0, 1, 2
+# What weighs the gap: the basis itself, Psi with p at the ends of the cover, N.
+BY_BASIS, BY_COVER, BY_STANDARD = 0, 1, 2
 BOTH, ONLY_FIRST, ONLY_SECOND = 0, 1, 2
 
 
@@ -81,18 +86,21 @@ def coefficients(basis, left, mean, variance):
 
 
 @kernel
-def gap_coefficients(basis, gap_weights, left, mean, variance, lowest, highest):
-    """Coefficients of the functions that weigh the gap of node 1 and of node 2.
+def gap_weight(basis, weights, alone, sign, end, mean, variance):
+    """Psi of one node as a + S (xi - xm): (a, da/dxm, S, dS/dxm, dS/dv, dS/dp).
 
-    ``lowest``, ``highest``: ends of the cover, -1 and 1 where the nodes are covered.
+    ``sign`` is -1 for node 1 and 1 for node 2, ``end`` the end of the cover next to it, ``alone``:
+    1 if the node has the whole weight of the facet, -1 if it has none, else 0.
     """
-    everywhere, beyond = gap_weights == EVERYWHERE, gap_weights == BEYOND_EDGES
-    first = everywhere or (beyond and lowest.real > -1.0)
-    second = everywhere or (beyond and highest.real < 1.0)
-    return (
-        coefficients(STANDARD if first else basis, left, mean, variance),
-        coefficients(STANDARD if second else basis, left, mean, variance),
-    )
+    o = 0.0 * mean
+    if alone != 0:
+        return (o + 1.0 if alone > 0 else o), o, o, o, o, o
+    a, da = 0.5 * (1.0 + sign * mean), o + 0.5 * sign
+    if basis == STANDARD or weights == BY_STANDARD:
+        return a, da, o + 0.5 * sign, o, o, o
+    p, dS_dp = (end, a / variance) if weights == BY_COVER else (o + sign, o)
+    S = a * (p - mean) / variance
+    return a, da, S, (da * (p - mean) - a) / variance, -S / variance, dS_dp
 
 
 @kernel
@@ -149,7 +157,7 @@ def line_derivative(table, mean, c, h, dmean, dvariance):
 
 
 @kernel
-def facet_values(table, gap_tables, segments, size, mean, J, D, M, g):
+def facet_values(table, gap_weights, segments, size, mean, J, D, M, g):
     """Fill D (2, 2), M (n, 2, 2) and g (2,) of one facet from the moments of its segments."""
     ends, _, Mp, _, gp, _ = segments
     slave_matrix(table, size, mean, J, D)
@@ -160,21 +168,17 @@ def facet_values(table, gap_tables, segments, size, mean, J, D, M, g):
         for l in range(2):
             M[i, 0, l] = b0 * Mp[i, 0, l] + b1 * Mp[i, 1, l]
             M[i, 1, l] = Mp[i, 0, l] - M[i, 0, l]
-        b0, b1 = line(gap_tables[0], mean, c, h)
-        g[0] += b0 * gp[i, 0] + b1 * gp[i, 1]
-        b0, b1 = line(gap_tables[1], mean, c, h)
-        g[1] += (1.0 - b0) * gp[i, 0] - b1 * gp[i, 1]
+        for j in range(2):
+            a, S = gap_weights[j][0], gap_weights[j][2]
+            g[j] += (a + S * (c - mean)) * gp[i, 0] + S * h * gp[i, 1]
 
 
 @kernel
-def own_derivative(table, gap_tables, segments, i, mean, dM, dg):
+def own_derivative(table, gap_weights, segments, i, mean, dM, dg):
     """Fill dM (2, 2, 12) and dg (2, 12) of segment ``i`` by its own nodes, xm and F fixed."""
     ends, dends, Mp, dMp, gp, dgp = segments
     c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
     b0, b1 = line(table, mean, c, h)
-    first, second = gap_tables
-    p0, p1 = line(first, mean, c, h)
-    q0, q1 = line(second, mean, c, h)
     for q in range(12):
         dc, dh = 0.5 * (dends[i, 0, q] + dends[i, 1, q]), 0.5 * (dends[i, 1, q] - dends[i, 0, q])
         for l in range(2):
@@ -183,13 +187,17 @@ def own_derivative(table, gap_tables, segments, i, mean, dM, dg):
             dM[0, l, q] = change
             dM[1, l, q] = dMp[i, 0, l, q] - change
         moved = dc * gp[i, 0] + dh * gp[i, 1]
-        dg[0, q] = p0 * dgp[i, 0, q] + p1 * dgp[i, 1, q] - first[2] * moved
-        dg[1, q] = (1.0 - q0) * dgp[i, 0, q] - q1 * dgp[i, 1, q] + second[2] * moved
+        for j in range(2):
+            a, S = gap_weights[j][0], gap_weights[j][2]
+            dg[j, q] = (a + S * (c - mean)) * dgp[i, 0, q] + S * (h * dgp[i, 1, q] + moved)
 
 
 @kernel
-def add_cover_derivative(table, gap_tables, segments, i, mean, dmean, dvariance, dM, dg):
-    """Add what segment ``i`` changes by dxm and dv (12,): to dM (2, 2, 12) and dg (2, 12)."""
+def add_cover_derivative(table, gap_weights, segments, i, mean, dmean, dvariance, dp, dM, dg):
+    """Add what segment ``i`` changes by dxm, dv (12,) and the ends dp (2, 12).
+
+    To dM (2, 2, 12) and dg (2, 12).
+    """
     ends, _, Mp, _, gp, _ = segments
     c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
     for q in range(12):
@@ -198,26 +206,26 @@ def add_cover_derivative(table, gap_tables, segments, i, mean, dmean, dvariance,
             change = db0 * Mp[i, 0, l] + db1 * Mp[i, 1, l]
             dM[0, l, q] += change
             dM[1, l, q] -= change
-        db0, db1 = line_derivative(gap_tables[0], mean, c, h, dmean[q], dvariance[q])
-        dg[0, q] += db0 * gp[i, 0] + db1 * gp[i, 1]
-        db0, db1 = line_derivative(gap_tables[1], mean, c, h, dmean[q], dvariance[q])
-        dg[1, q] -= db0 * gp[i, 0] + db1 * gp[i, 1]
+        for j in range(2):
+            _, da, S, dS_dmean, dS_dv, dS_dp = gap_weights[j]
+            dS = dS_dmean * dmean[q] + dS_dv * dvariance[q] + dS_dp * dp[j, q]
+            dg[j, q] += ((da - S) * dmean[q] + (c - mean) * dS) * gp[i, 0] + h * dS * gp[i, 1]
 
 
 @kernel
-def facet_derivatives(table, gap_tables, segments, shape, edge, partial, dD, dM, dg):
+def facet_derivatives(table, gap_weights, segments, shape, edge, partial, dD, dM, dg):
     """Fill dD (n, 2, 2, 12), dM (pairs, 2, 2, 12) and dg (n, 2, 12) of one facet."""
     ends, dends = segments[0], segments[1]
     size, mean, variance = shape
     count = ends.shape[0]
     kind = ends.dtype
     dJ, dsize = np.zeros(12, kind), np.zeros(12, kind)
-    dmean, dvariance = np.zeros(12, kind), np.zeros(12, kind)
+    dmean, dvariance, dp = np.zeros(12, kind), np.zeros(12, kind), np.zeros((2, 12), kind)
     ex, ey = 0.5 * edge[0], 0.5 * edge[1]
     J = np.sqrt(ex * ex + ey * ey)
     for k in range(count):
         own = k * count + k if partial else k
-        own_derivative(table, gap_tables, segments, k, mean, dM[own], dg[k])
+        own_derivative(table, gap_weights, segments, k, mean, dM[own], dg[k])
         share = 0.5 * (ends[k, 1] - ends[k, 0]) / J
         dJ[2], dJ[3], dJ[4], dJ[5] = -share * ex, -share * ey, share * ex, share * ey
         if partial:
@@ -227,9 +235,13 @@ def facet_derivatives(table, gap_tables, segments, shape, edge, partial, dD, dM,
         return
     for k in range(count):
         cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
+        for q in range(12):
+            dp[0, q] = dends[k, 0, q] if k == 0 else 0.0
+            dp[1, q] = dends[k, 1, q] if k == count - 1 else 0.0
         for i in range(count):
+            pair = i * count + k
             add_cover_derivative(
-                table, gap_tables, segments, i, mean, dmean, dvariance, dM[i * count + k], dg[k]
+                table, gap_weights, segments, i, mean, dmean, dvariance, dp, dM[pair], dg[k]
             )
 
 
@@ -241,7 +253,7 @@ def tabulate_facets(facets, basis, gap_weights, offsets, pair_offsets, segments,
     which nodes carry a multiplier; partial (f,): whether a part of the facet is not covered). Facet
     e owns the segments offsets[e]:offsets[e+1] and the pairs pair_offsets[e]:pair_offsets[e+1] of
     them: (i, k), k running fastest, where it is partly covered, else only i = k. ``gap_weights``
-    says where the gap is weighted by N. ``segments`` =
+    says what weighs the gap. ``segments`` =
     (ends, dends, M, dM, g, dg) of ``tabulate_segments``. Fills ``values`` = (D (f, 2, 2),
     dD (n, 2, 2, 12), M (n, 2, 2), dM (pairs, 2, 2, 12), g (f, 2), dg (n, 2, 12), cover (f, 2):
     the integrals of N_1 and N_2 over the covered part). dM must come zeroed; rows of facets without
@@ -260,14 +272,18 @@ def tabulate_facets(facets, basis, gap_weights, offsets, pair_offsets, segments,
         cover[e, 0] = 0.5 * J * size * (1.0 - mean)
         cover[e, 1] = 0.5 * J * size * (1.0 + mean)
         table = coefficients(basis, left[e], mean, variance)
-        gap_tables = gap_coefficients(
-            basis, gap_weights, left[e], mean, variance, own[0][0, 0], own[0][-1, 1]
+        alone = 0
+        if left[e] != BOTH:
+            alone = 1 if left[e] == ONLY_FIRST else -1
+        weights = (
+            gap_weight(basis, gap_weights, alone, -1.0, own[0][0, 0], mean, variance),
+            gap_weight(basis, gap_weights, -alone, 1.0, own[0][-1, 1], mean, variance),
         )
-        facet_values(table, gap_tables, own, size, mean, J, D[e], M[i:j], g[e])
+        facet_values(table, weights, own, size, mean, J, D[e], M[i:j], g[e])
         if basis == DUAL and left[e] == BOTH:
             D[e, 0, 1] = 0.0
             D[e, 1, 0] = 0.0
         shape = (size, mean, variance)
         facet_derivatives(
-            table, gap_tables, own, shape, edges[e], partial[e], dD[i:j], dM[p:q], dg[i:j]
+            table, weights, own, shape, edges[e], partial[e], dD[i:j], dM[p:q], dg[i:j]
         )

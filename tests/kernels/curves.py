@@ -20,7 +20,7 @@ class Curves:
     weighting: int = normals.OPPOSITE
     points: int = 5
     left: np.ndarray | None = None
-    gap_weights: int = 0  # basis.NOWHERE
+    gap_weights: int = 0  # BY_BASIS
     radius: float = 10.0
 
     def __post_init__(self):

@@ -11,7 +11,7 @@ from derivatives import complex_step
 from fenics_mortar.kernels import basis, normals
 
 BASES = [basis.DUAL, basis.STANDARD]
-GAP_WEIGHTS = [basis.NOWHERE, basis.BEYOND_EDGES, basis.EVERYWHERE]
+GAP_WEIGHTS = [basis.BY_BASIS, basis.BY_COVER, basis.BY_STANDARD]
 # cover of the slave by the master: full, an end missing, an island, and two pieces
 COVERS = {
     "full": (-0.05, 1.05),
@@ -80,27 +80,33 @@ def test_two_pieces_are_two_pieces():
 @pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
 @pytest.mark.parametrize("kind", BASES)
 def test_gap_by_standard_weights_is_that_of_the_standard_basis(cover, kind):
-    """And beyond edges only, it is that of the own basis at nodes that are covered."""
-    own, standard = curves(cover, basis=kind), curves(cover, basis=basis.STANDARD)
-    g_own, g_standard = (pair.evaluate(pair.positions)["g"] for pair in (own, standard))
+    standard = curves(cover, basis=basis.STANDARD)
+    pair = curves(cover, basis=kind, gap_weights=basis.BY_STANDARD)
+    g, exact = (p.evaluate(p.positions)["g"] for p in (pair, standard))
+    assert np.allclose(g, exact, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
+def test_gap_by_the_cover_is_that_of_the_basis_at_covered_nodes(cover):
+    own, pair = curves(cover), curves(cover, gap_weights=basis.BY_COVER)
+    g_own, g = (p.evaluate(p.positions)["g"] for p in (own, pair))
     first, last = own.ends[own.offsets[:-1], 0], own.ends[own.offsets[1:] - 1, 1]
-    beyond = np.stack([first > -1.0, last < 1.0], axis=1)
-    for weights, partial in ((basis.EVERYWHERE, True), (basis.BEYOND_EDGES, beyond)):
-        pair = curves(cover, basis=kind, gap_weights=weights)
-        g = pair.evaluate(pair.positions)["g"]
-        assert np.allclose(g, np.where(partial, g_standard, g_own), rtol=0, atol=1e-15)
+    covered = np.stack([first == -1.0, last == 1.0], axis=1)
+    assert np.allclose(g[covered], g_own[covered], rtol=0, atol=1e-15)
 
 
-def test_open_gap_beside_an_edge_is_open_by_standard_weights_only():
-    """A master that touches with its end and leaves the slave at an angle covers half a facet."""
-    x, m = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.2, -0.14], [0.5, 0.0]])
-    g = {w: curves_of(x, m, gap_weights=w) for w in (basis.NOWHERE, basis.BEYOND_EDGES)}
-    assert g[basis.NOWHERE][0] < -0.01 < 0.0 < g[basis.BEYOND_EDGES].min()
-
-
-def curves_of(x, m, **options):
-    pair = Curves(x, m, **options)
-    return pair.evaluate(pair.positions)["g"][0]
+@pytest.mark.parametrize("start, stop", [(0.2, 0.9), (0.2, 1.0), (0.5, 0.51)])
+def test_gap_by_the_cover_is_a_linear_gap_at_its_ends(start, stop):
+    """By the basis it is that gap continued to the nodes."""
+    x, m = (
+        np.array([[0.0, 0.0], [1.0, 0.0]]),
+        np.array([[stop, -0.3 * stop], [start, -0.3 * start]]),
+    )
+    for weights, places in ((basis.BY_COVER, [start, stop]), (basis.BY_BASIS, [0.0, 1.0])):
+        pair = Curves(x, m, gap_weights=weights)
+        values = pair.evaluate(pair.positions)
+        mean = values["g"][0] / np.diag(values["D"][0])
+        assert np.allclose(mean, 0.3 * np.array(places), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("cover", [1.0, 1e-2, 1e-5, 1e-9])
