@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.certificate import Certificate, PairCertificate, certify
+from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MortarError
@@ -337,10 +337,6 @@ class ContactProblem:
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
         return certify(self.bulk, self.contacts, self._floating.labels)
-
-    def certificates(self) -> list[PairCertificate]:
-        """Those of the pairs."""
-        return self.certificate().pairs
 
     def forces(self) -> tuple[Array, Array]:
         """Residual of the bulk and contact force at the present state, owned parts [stress length].

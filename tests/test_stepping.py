@@ -55,7 +55,7 @@ def test_path_that_fails_in_one_step_is_finished_in_several():
     fm.follow_path(small, set_small, fm.SteppingOptions(step=0.5), stop=6.0)
     z, exact = problem.contacts[0].z, small.contacts[0].z
     assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
-    assert problem.certificates()[0].violations() == []
+    assert problem.certificate().pairs[0].violations() == []
 
 
 def test_failed_step_leaves_no_trace():

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: MIT
+"""A randomised trial: many random scenes, each followed along its loads with defaults, and judged.
+
+    python3 demos/stability/trial.py --cases 500 --seed 1    a line of JSON per case, and a summary
+    python3 demos/stability/trial.py --case 17               one case, with its report and picture
+
+The outcome of a case is one of
+
+- converged: the path was followed to its end, and nothing that was measured there is wrong,
+- failed: the package said, by an error of its own, that it cannot,
+- wrong: it converged to a state that is none,
+- crash: any other error, or the process died,
+- hang: the time limit.
+
+A part of the cases is solved again, with half the steps and with the roles exchanged: two solutions
+of one case that differ are wrong, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+root = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(root), str(Path(__file__).resolve().parent)]
+from random_cases import random_case
+from trial_judge import Record, check_again, measure, run, wrongs
+from trial_scene import build
+
+import fenics_mortar as fm
+
+# Every so many cases is solved a second time.
+EVERY = 4
+# Seconds; a case takes one on an idle machine, with its checks at the most some twenty.
+LIMIT = 300.0
+
+
+# Many cases
+
+
+def run_seed(seed: int) -> Record:
+    """Run one case, and a part of them again."""
+    case = random_case(seed)
+    record, _ = run(case)
+    if record["outcome"] == "converged" and seed % EVERY == 0:
+        check_again(case, record)
+    record.pop("objections", None)
+    return record
+
+
+def _serve(connection: Any) -> None:
+    """Run the seeds that come in."""
+    while True:
+        connection.send(run_seed(connection.recv()))
+
+
+class Worker:
+    """A process that runs cases; a new one takes its place when it dies or does not answer."""
+
+    def __init__(self) -> None:
+        self._start()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def run(self, seed: int, limit: float) -> Record:
+        """Outcome of one case."""
+        begin = time.perf_counter()
+        try:
+            if not self._process.is_alive():  # PETSc makes an end of what writes to a dead process
+                raise EOFError
+            self._connection.send(seed)
+            if self._connection.poll(limit):
+                return self._connection.recv()
+            outcome, reason = "hang", f"no answer in {limit:g} s"
+        except EOFError:
+            self._process.join()
+            outcome, reason = "crash", f"the process died with code {self._process.exitcode}"
+        self.stop()
+        self._start()
+        seconds = time.perf_counter() - begin
+        return {"seed": seed, "outcome": outcome, "reason": reason, "seconds": seconds}
+
+    def stop(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.join()
+
+
+def run_many(seeds: range, path: Path, workers: int, limit: float) -> list[Record]:
+    """Run cases in processes of their own; write a line of JSON for each to ``path``."""
+    pending, records = iter(seeds), []
+    with path.open("w") as lines:
+
+        def work() -> None:
+            worker = Worker()
+            for seed in pending:
+                record = worker.run(seed, limit)
+                records.append(record)
+                lines.write(json.dumps(record) + "\n")
+                lines.flush()
+            worker.stop()
+
+        with ThreadPoolExecutor(workers) as pool:
+            for future in [pool.submit(work) for _ in range(workers)]:
+                future.result()
+    return sorted(records, key=lambda record: record["seed"])
+
+
+def summary(records: list[Record]) -> str:
+    """Counts, bad cases, and iterations, in Markdown."""
+    outcomes = Counter(record["outcome"] for record in records)
+    kinds = ("converged", "failed", "wrong", "crash", "hang")
+    lines = ["| cases | " + " | ".join(kinds) + " |", "|---:|" + "---:|" * len(kinds)]
+    cells = [len(records), *(outcomes[kind] for kind in kinds)]
+    lines += ["| " + " | ".join(map(str, cells)) + " |", ""]
+    good = [record for record in records if record["outcome"] == "converged"]
+    if good:
+        per_step = np.concatenate([record["per_step"] for record in good])
+        lines.append(
+            f"Iterations per step: median {np.median(per_step):.0f}, 90 % at most "
+            f"{np.percentile(per_step, 90):.0f}, largest {per_step.max()}; "
+            f"{sum(record['cuts'] > 0 for record in good)} cases with cut steps, "
+            f"{sum(record['cuts'] for record in good)} cuts in "
+            f"{sum(record['steps'] for record in good)} steps."
+        )
+        for name in ("half the steps", "exchanged roles"):
+            of = [(r[f"{name}: difference"], r["seed"]) for r in good if f"{name}: difference" in r]
+            failed = [r["seed"] for r in records if r.get(name) == "failed"]
+            largest = ", ".join(f"{value:.1e} (seed {seed})" for value, seed in sorted(of)[:-4:-1])
+            lines += (
+                [
+                    f"Again with {name}: {len(of)} cases, response differs by a median of "
+                    f"{np.median([value for value, _ in of]):.1e}, at most by {largest}; failed: "
+                    f"{failed or 'none'}."
+                ]
+                if of
+                else []
+            )
+    bad = [record for record in records if record["outcome"] != "converged"]
+    if bad:
+        lines += ["", "| seed | outcome | scene | reason |", "|---:|---|---|---|"]
+    for record in bad:
+        cells = [record["seed"], record["outcome"], record.get("scene", ""), record["reason"]]
+        lines.append("| " + " | ".join(str(cell).replace("\n", " ") for cell in cells) + " |")
+    return "\n".join(lines)
+
+
+# One case in full
+
+
+def show(seed: int, folder: Path) -> None:
+    """Run one case; print all there is to say, and draw where it stands."""
+    case = random_case(seed)
+    for name, value in case.about.items():
+        print(f"{name}: {value}")
+    begin = time.perf_counter()
+    scene = build(case, MPI.COMM_SELF)
+    problem, options = scene.problem, fm.SteppingOptions(step=case.step)
+    try:
+        path = fm.follow_path(problem, scene.set_loads, options, stop=case.stop, print_steps=True)
+        print(path.table())
+    except fm.NotConvergedError as error:
+        print(f"\n{error}\n")
+        print(error.report.table())
+        if error.report.failures:
+            print(error.report.failures[0].table())
+            print(error.report.failures[-1].table())
+    print(f"{time.perf_counter() - begin:.1f} s")
+    measured = measure(scene)
+    for name, value in measured.items():
+        print(f"{name}: {value}")
+    print("wrong:", list(wrongs(scene, measured)) or "nothing")
+    print(problem.certificate())
+    fm.plot(problem, folder / f"case_{seed}", title=f"case {seed}")
+    print(f"picture: {folder / f'case_{seed}.png'}")
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=500, help="how many cases")
+    parser.add_argument("--seed", type=int, default=1, help="the first seed")
+    parser.add_argument("--case", type=int, help="run this seed alone and show it")
+    parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--limit", type=float, default=LIMIT, help="seconds for a case")
+    parser.add_argument("--folder", type=Path, default=Path("results"), help="where to write")
+    chosen = parser.parse_args()
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    if chosen.case is not None:
+        show(chosen.case, chosen.folder)
+        return
+    seeds = range(chosen.seed, chosen.seed + chosen.cases)
+    path = chosen.folder / "trial.jsonl"
+    print(summary(run_many(seeds, path, chosen.workers, chosen.limit)))
+    print(f"\nA line of JSON per case: {path}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: MIT
+"""Run a random case and judge where it ends, by measures that owe nothing to the package's own."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+from random_bodies import corner_areas, depths, distances, lengths
+from random_cases import Case
+from trial_scene import Scene, build
+
+import fenics_mortar as fm
+from fenics_mortar import compat
+
+Record = dict[str, Any]
+
+# Discretised surfaces may overlap by the first part of the longest facet between the nodes of a
+# slave, and be apart by the second where a force acts.
+PENETRATION, SEPARATION = 0.2, 0.05
+# Contact force and stress in the bulk agree to what Newton leaves.
+BALANCE = 1e-6
+# Half the steps lead to the same state, up to what Newton leaves.
+SAME = 1e-6
+# The response with exchanged roles differs by the discretisation, on the coarsest meshes by 100 %;
+# on one of the refinements up to so many dofs it has to come below this part.
+SIMILAR, MOST_DOFS = 0.2, 10_000
+# Responses below this part of Young's modulus times width, or of the width, are none.
+NOTHING = 1e-6
+
+
+def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | None]:
+    """Follow the path of a case and judge where it ends (collective)."""
+    record: Record = {"seed": case.seed, "outcome": "crash", "reason": "", **case.about}
+    scene, begin = None, time.perf_counter()
+    try:
+        scene = build(case, comm)
+        options = fm.SteppingOptions(step=case.step)
+        path = fm.follow_path(scene.problem, scene.set_loads, options, stop=case.stop)
+        measured = measure(scene)
+        violations = list(wrongs(scene, measured))
+        record |= {"outcome": "wrong" if violations else "converged"}
+        record |= {"reason": "; ".join(violations), **counts(path), **measured}
+    except fm.NotConvergedError as error:
+        record |= {"outcome": "failed", "reason": str(error), **counts(error.report)}
+    except fm.MortarError as error:
+        record |= {"outcome": "failed", "reason": str(error)}
+    except Exception as error:
+        record |= {"reason": repr(error), "traceback": traceback.format_exc()}
+    record["seconds"] = time.perf_counter() - begin
+    return record, scene
+
+
+def counts(path: Any) -> Record:
+    """Steps, cuts and iterations of a path."""
+    if not hasattr(path, "steps"):
+        return {}
+    return {
+        "steps": len(path.steps),
+        "cuts": path.num_cuts,
+        "iterations": path.num_iterations,
+        "per_step": [step.report.num_iterations for step in path.steps],
+        "time": path.steps[-1].time if path.steps else 0.0,
+    }
+
+
+def measure(scene: Scene) -> Record:
+    """Numbers of a solved state, equal on all ranks (collective)."""
+    case, problem = scene.case, scene.problem
+    x = case.x + problem.bulk.by_input_node()[1]
+    jacobians = corner_areas(x[case.cells]) / corner_areas(case.x[case.cells])
+    size = max(float(np.ptp(body.x)) for body in case.bodies)
+    scale = 1.0 if case.pressed else min(body.E for body in case.bodies)
+    return {
+        "min_J": float(jacobians.min()),
+        "stretch": float(stretches(case, x).max()),
+        "force": [contact.total_force.tolist() for contact in problem.contacts],
+        "response": response(scene, x).tolist(),
+        "no_response": NOTHING * scale * size,
+        "overlap": max(overlap(case, x, *pair) for pair in case.pairs),
+        "separation": max(map(partial(separation, case, x), case.pairs, problem.contacts)),
+        "unbalance": unbalance(scene),
+    }
+
+
+def response(scene: Scene, x: np.ndarray) -> np.ndarray:
+    """What the loads do not prescribe: contact forces, or the mean displacement where pressed."""
+    case = scene.case
+    if case.pressed:
+        return (x - case.x)[case.nodes_of(case.pressed)].mean(axis=0)
+    return np.array([contact.total_force for contact in scene.problem.contacts])
+
+
+def wrongs(scene: Scene, measured: Record) -> Iterator[str]:
+    """What is wrong with a solved state, in words (collective)."""
+    yield from scene.problem.certificate().violations()
+    if not measured["min_J"] > 0.0:
+        yield f"a cell is inverted: J = {measured['min_J']:.2g}"
+    if not measured["overlap"] < PENETRATION:
+        yield f"bodies overlap by {measured['overlap']:.2g} of the longest facet"
+    if not measured["separation"] < SEPARATION:
+        yield f"a force acts over a distance of {measured['separation']:.2g} of the longest facet"
+    if not measured["unbalance"] < BALANCE:
+        yield f"contact force and stresses differ by {measured['unbalance']:.1e}"
+
+
+def stretches(case: Case, x: np.ndarray) -> np.ndarray:
+    """Largest principal strain |stretch - 1| at the corners of all cells, (cells, corners)."""
+    around = [0, 1, 2] if case.cells.shape[1] == 3 else [0, 1, 3, 2]
+    before, after = (
+        np.stack([np.roll(y, -1, axis=1) - y, np.roll(y, 1, axis=1) - y], axis=-1)
+        for y in (case.x[case.cells[:, around]], x[case.cells[:, around]])
+    )
+    F = after @ np.linalg.inv(before)
+    return np.abs(np.linalg.svd(F, compute_uv=False) - 1.0).max(axis=-1)
+
+
+def overlap(case: Case, x: np.ndarray, one: str, other: str) -> float:
+    """Depth of the nodes of each of two boundaries in the other's body over the longest facet."""
+    deepest = 0.0
+    for nodes, boundary in ((case.nodes_of(one), other), (case.nodes_of(other), one)):
+        deepest = max(deepest, float(depths(x[nodes], x[case.outline_of(boundary)]).max()))
+    return deepest / max(float(lengths(x[case.nodes_of(b)]).max()) for b in (one, other))
+
+
+def separation(case: Case, x: np.ndarray, pair: tuple[str, str], contact: Any) -> float:
+    """Least distance of two boundaries over the longest facet; zero where no force acts."""
+    if not contact.active.any():
+        return 0.0
+    one, other = (x[case.nodes_of(boundary)] for boundary in pair)
+    least = min(distances(one, other).min(), distances(other, one).min())
+    return float(least) / max(float(facets.max()) for facets in (lengths(one), lengths(other)))
+
+
+def unbalance(scene: Scene) -> float:
+    """Difference of contact force and the stresses' force on the slaves, relative (collective).
+
+    Components in which a slave node is held hold its reaction, and are left out.
+    """
+    problem, worst = scene.problem, 0.0
+    r = compat.create_vector(problem.bulk.V)
+    compat.assemble_vector(r, compat.form(scene.residual))
+    forces = np.zeros(problem.bulk.u.x.array.size)
+    forces[: problem.bulk.num_owned] = r.array_r
+    r.destroy()
+    for contact in problem.contacts:
+        free = contact.free.all(axis=0)
+        own = contact.slave.gather(forces).sum(axis=0)
+        size = np.abs(contact.operators.force(contact.z)[0]).sum()
+        if size > 0.0:
+            difference = np.abs(own - contact.total_force)[free].max(initial=0.0)
+            worst = max(worst, float(difference) / float(size))
+    return worst
+
+
+def check_again(case: Case, record: Record) -> None:
+    """Solve with half the steps, and with exchanged roles; add to a record what differs."""
+    again, _ = run(replace(case, step=case.step / 2))
+    record["half the steps"] = again["outcome"]
+    differences = []
+    if again["outcome"] == "converged":
+        difference = record["half the steps: difference"] = distance(record, again)
+        if not difference < SAME:
+            differences.append(f"half the steps change the response by {difference:.1e}")
+    elif again["outcome"] != "failed":
+        differences.append(f"half the steps: {again['outcome']}, {again['reason']}")
+    if case.can_be_swapped:
+        differences += exchange_roles(case, record)
+    if differences:
+        record |= {"outcome": "wrong", "reason": "; ".join(differences)}
+
+
+def exchange_roles(case: Case, record: Record) -> Iterator[str]:
+    """Compare with the solution of exchanged roles, on finer meshes where coarse ones differ."""
+    record["refinements"] = 0
+    one, sign = record, 1.0 if case.pressed else -1.0
+    while True:
+        two, _ = run(case.swapped())
+        record["exchanged roles"] = two["outcome"]
+        for outcome in (one, two):
+            if outcome["outcome"] not in ("converged", "failed"):
+                yield f"exchanged roles: {outcome['outcome']}, {outcome['reason']}"
+        if not one["outcome"] == two["outcome"] == "converged":
+            return
+        record["exchanged roles: difference"] = distance(one, two, sign)
+        case = case.refined()
+        if record["exchanged roles: difference"] < SIMILAR or 2 * len(case.x) > MOST_DOFS:
+            return
+        one, _ = run(case)
+        record["refinements"] += 1
+
+
+def distance(one: Record, two: Record, sign: float = 1.0) -> float:
+    """Relative difference of two responses."""
+    first, second = np.array(one["response"]), sign * np.array(two["response"])
+    size = max(np.abs(first).max(), np.abs(second).max(), one["no_response"])
+    return float(np.abs(first - second).max() / size)

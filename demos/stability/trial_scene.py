@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: MIT
+"""A random case as a contact problem: mesh and tags from arrays, neo-Hookean bodies, loads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from random_bodies import Array
+from random_cases import Case
+
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+import fenics_mortar as fm
+from fenics_mortar import compat
+
+
+@dataclass
+class Scene:
+    """A case as a problem."""
+
+    case: Case
+    data: fm.MeshData
+    problem: fm.ContactProblem
+    residual: Any
+    prescribed: list[Any]
+    traction: Any
+
+    def set_loads(self, time: float) -> None:
+        """Set prescribed displacements and traction for a time in [0, 2]."""
+        for constant, held in zip(self.prescribed, self.case.held, strict=True):
+            value = _at(held.motion, time)
+            constant.value = value if held.component is None else value[held.component]
+        self.traction.value = _at(self.case.traction, time)
+
+
+def _at(values: Array, time: float) -> Array:
+    """Values (3, 2) at times 0, 1, 2, linear in between."""
+    return np.array([np.interp(time, [0.0, 1.0, 2.0], column) for column in values.T])
+
+
+def build(case: Case, comm: MPI.Comm) -> Scene:
+    """Make mesh and problem (collective)."""
+    data = _mesh_data(case, comm)
+    mesh = data.mesh
+    V = fm.vector_space(mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    mu, lmbda = (_by_body(case, data, parameters) for parameters in zip(*_lame(case)))
+    F = ufl.Identity(2) + ufl.grad(u)
+    inverse = ufl.inv(F).T
+    P = mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
+    traction = fem.Constant(mesh, np.zeros(2))
+    on = data.boundaries.get(case.pressed, 0)
+    ds = ufl.Measure("ds", mesh, subdomain_data=data.facet_tags)
+    dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 3})
+    residual = ufl.inner(P, ufl.grad(v)) * dx - ufl.inner(traction, v) * ds(on)
+    prescribed, bcs = [], []
+    for held in case.held:
+        value = fem.Constant(mesh, np.zeros(2) if held.component is None else PETSc.ScalarType(0.0))
+        prescribed.append(value)
+        bcs.append(fm.dirichlet(V, data, held.boundary, value, held.component))
+    pairs = [fm.ContactPair(data, *names, **case.pair_options) for names in case.pairs]
+    problem = fm.ContactProblem(
+        residual, u, pairs, bcs=bcs, petsc_options_prefix="trial_", **case.problem_options
+    )
+    return Scene(case, data, problem, residual, prescribed, traction)
+
+
+def _lame(case: Case) -> list[tuple[float, float]]:
+    """Lame's parameters of the bodies."""
+    return [
+        (b.E / (2 * (1 + b.nu)), b.E * b.nu / ((1 + b.nu) * (1 - 2 * b.nu))) for b in case.bodies
+    ]
+
+
+def _by_body(case: Case, data: fm.MeshData, values: tuple[float, ...]) -> fem.Function:
+    """A function that is constant in each body."""
+    function = fem.Function(compat.scalar_space(data.mesh, 0, "DG"))
+    cells = compat.geometry_dofmap(data.mesh)[:, 0]
+    nodes = np.asarray(data.mesh.geometry.input_global_indices)[cells]
+    body = np.searchsorted(case.first_nodes, nodes, side="right") - 1
+    function.x.array[compat.dofmap(function.function_space)[:, 0]] = np.array(values)[body]
+    return function
+
+
+def _mesh_data(case: Case, comm: MPI.Comm) -> fm.MeshData:
+    """Mesh, and tags of all boundaries of the case (collective)."""
+    x, cells = case.x, case.cells
+    if comm.rank:
+        x, cells = x[:0], cells[:0]
+    mesh = compat.create_mesh(comm, cells, x, case.cell)
+    mesh.topology.create_connectivity(1, 2)
+    mesh.topology.create_connectivity(1, 0)
+    names = [f"{body.name}/{side}" for body in case.bodies for side in body.sides]
+    tag_of_edge = {
+        tuple(sorted(edge)): tag
+        for tag, name in enumerate(names, start=1)
+        for edge in zip(case.nodes_of(name)[:-1].tolist(), case.nodes_of(name)[1:].tolist())
+    }
+    given = np.empty(_num_vertices(mesh), np.int64)
+    vertices = mesh.topology.connectivity(2, 0).array.reshape(-1, cells.shape[1])
+    numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
+    given[vertices] = numbers[compat.geometry_dofmap(mesh)]
+    facets = dmesh.exterior_facet_indices(mesh.topology)
+    ends = mesh.topology.connectivity(1, 0).array.reshape(-1, 2)[facets]
+    tags = [tag_of_edge[tuple(sorted(edge))] for edge in given[ends].tolist()]
+    order = np.argsort(facets)
+    facet_tags = dmesh.meshtags(mesh, 1, facets[order], np.array(tags, np.int32)[order])
+    return fm.MeshData(mesh, None, facet_tags, {}, dict(zip(names, range(1, 1 + len(names)))))
+
+
+def _num_vertices(mesh: dmesh.Mesh) -> int:
+    """Local vertices, ghosts included."""
+    index_map = mesh.topology.index_map(0)
+    return index_map.size_local + index_map.num_ghosts

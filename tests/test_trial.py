@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: MIT
+"""Forty cases of the randomised trial, the same on any number of ranks, and its judge."""
+
+import json
+import sys
+from collections import Counter
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "demos" / "stability"))
+
+from random_cases import objections, random_case  # noqa: E402
+from trial import Worker, summary  # noqa: E402
+from trial_judge import check_again, measure, run, wrongs  # noqa: E402
+
+COMM = MPI.COMM_WORLD
+SEEDS = range(1, 41)
+# pushed, pressed, two tools, clamped and guided stack, small ones
+ON_RANKS = (2, 8, 10, 9, 55)
+# Solutions on several ranks differ by what Newton leaves.
+SAME = 1e-8
+
+
+@pytest.mark.serial
+def test_random_cases_converge_and_none_is_wrong():
+    records = [run(random_case(seed))[0] for seed in SEEDS]
+    table = summary(records)
+    outcomes = Counter(record["outcome"] for record in records)
+    assert not outcomes["crash"] and not outcomes["wrong"], table
+    assert outcomes["converged"] >= 39, table
+    assert {record["scene"] for record in records} >= {"pushed", "pressed", "two tools"}
+
+
+@pytest.mark.parametrize("seed", ON_RANKS)
+def test_case_is_the_same_on_any_number_of_ranks(seed):
+    case = random_case(seed)
+    (one, _), (all_ranks, _) = run(case, MPI.COMM_SELF), run(case, COMM)
+    assert one["outcome"] == all_ranks["outcome"] == "converged", (one, all_ranks)
+    assert one["per_step"] == all_ranks["per_step"]
+    size = np.abs(one["response"]).max()
+    assert np.abs(np.subtract(one["response"], all_ranks["response"])).max() <= SAME * size
+
+
+def test_seed_gives_one_reasonable_case_everywhere():
+    case, again = random_case(7), random_case(7)
+    assert np.array_equal(case.x, again.x) and np.array_equal(case.cells, again.cells)
+    numbers = COMM.allgather((case.x.tobytes(), case.cells.tobytes(), repr(case.held)))
+    assert len(set(numbers)) == 1
+    assert not any(objections(case))
+    assert not np.array_equal(case.x.shape, random_case(8).x.shape)
+
+
+@pytest.mark.serial
+def test_refined_case_has_the_same_outline():
+    for case in (random_case(1), random_case(2)):
+        finer = case.refined()
+        assert len(finer.cells) == 4 * len(case.cells)
+        for held in case.held:
+            coarse = case.x[case.nodes_of(held.boundary)]
+            assert np.array_equal(finer.x[finer.nodes_of(held.boundary)][::2], coarse)
+
+
+@pytest.mark.serial
+def test_judge_sees_what_is_wrong():
+    case = random_case(2)
+    _, scene = run(case)
+    contact, u = scene.problem.contacts[0], scene.problem.bulk.u.x.array
+    assert list(wrongs(scene, measure(scene))) == []
+    good, z = u.copy(), contact.z.copy()
+    contact.z = 1.01 * z
+    assert any("contact force and stresses differ" in wrong for wrong in judged(scene))
+    contact.z = z
+    push = case.held[1].motion[1]
+    upper = np.isin(scene.problem.bulk._input_nodes(), np.arange(*case.first_nodes[1:]))
+    for factor, message in ((-3.0, "a force acts over a distance"), (20.0, "bodies overlap")):
+        u[:] = good
+        u.reshape(-1, 2)[upper] += factor * push
+        contact.evaluate(u, scene.problem.linearization)
+        assert any(message in wrong for wrong in judged(scene))
+
+
+def judged(scene):
+    """What is wrong, with the residual of the present state."""
+    scene.problem.bulk.assemble_residual()
+    return list(wrongs(scene, measure(scene)))
+
+
+@pytest.mark.serial
+def test_second_solution_that_differs_is_wrong():
+    case = random_case(2)
+    record, _ = run(case)
+    check_again(case, record)
+    assert record["outcome"] == "converged" and record["half the steps"] == "converged"
+    record["response"] = (1.001 * np.array(record["response"])).tolist()
+    check_again(case, record)
+    assert record["outcome"] == "wrong"
+    assert "half the steps change the response by 1.0e-03" in record["reason"]
+    json.dumps(record)
+
+
+@pytest.mark.serial
+def test_process_that_does_not_answer_or_dies_is_replaced():
+    worker = Worker()
+    try:
+        assert worker.run(2, 0.0)["outcome"] == "hang"
+        worker._process.kill()
+        worker._process.join()
+        assert worker.run(2, 60.0)["outcome"] == "crash"
+        assert worker.run(2, 60.0)["outcome"] == "converged"
+    finally:
+        worker.stop()
