@@ -81,8 +81,7 @@ class ContactPair:
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
-            A steep facet covers little of the slave: near 90 degrees it makes no jump as it comes
-            into sight.
+            Steeper facets, as the side of a block that stands on the slave, do not count as cover.
         initial_gap: Gap [length] that the nodes near the other surface (half a facet) shall have
             where the problem is set up, whatever the facets of curved surfaces leave between them:
             0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
@@ -110,7 +109,7 @@ class ContactPair:
         gap_weights: GapWeights = "cover",
         points: int = 5,
         search_radius: float | None = None,
-        max_angle: float = 89.0,
+        max_angle: float = 70.0,
         initial_gap: float | None = None,
         c_n: float = 1e-3,
     ) -> None:

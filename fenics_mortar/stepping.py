@@ -39,7 +39,7 @@ class SteppingOptions:
     smallest: float = 1e-6
     largest: float | None = None
     easy: int = 6
-    growth: float = 1.5
+    growth: float = 2.0
     cut: float = 0.5
     predict: bool = False
 
