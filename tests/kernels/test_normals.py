@@ -17,7 +17,8 @@ def normals(x, weighting, closed=False):
     if closed:
         previous[0], following[-1] = count - 1, 0
     n, dn = np.empty_like(x), np.zeros((count, 2, 6), x.dtype)
-    tabulate_normals(x, previous, following, weighting, n, dn)
+    inner = np.zeros(count, bool)
+    tabulate_normals(x, previous, following, inner, weighting, n, dn)
     return n, dn
 
 
