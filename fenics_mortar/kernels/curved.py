@@ -59,13 +59,13 @@ def tabulate_shapes(xi, N):
 
 
 @kernel
-def combine(y, part, N):
-    """Vector sum_i N[i] y_i of the nodes (0), normals (1) or master nodes (2) in ``y``."""
-    start = 2 * part * N.size
+def combine(y, part, N, order):
+    """Nodes (part 0), normals (1) or master nodes (2) in ``y`` combined by ``N[order]``: (x, y)."""
+    start = 2 * part * N.shape[1]
     vx, vy = 0.0 * y[0], 0.0 * y[0]
-    for i in range(N.size):
-        vx += N[i] * y[start + 2 * i]
-        vy += N[i] * y[start + 2 * i + 1]
+    for i in range(N.shape[1]):
+        vx += N[order, i] * y[start + 2 * i]
+        vy += N[order, i] * y[start + 2 * i + 1]
     return vx, vy
 
 
@@ -74,12 +74,12 @@ def combine(y, part, N):
 
 @kernel
 def side_of_normal(y, k, xi, N):
-    """q = tau . (x_m - x) of master node ``k`` and the slave point ``xi``, and dq/dxi."""
+    """Q = tau . (x_m - x) of master node ``k`` and the slave point ``xi``, and dq/dxi."""
     tabulate_shapes(xi, N)
-    x, y_ = combine(y, 0, N[0])
-    tx, ty = combine(y, 0, N[1])
-    nx, ny = combine(y, 1, N[0])
-    bx, by = combine(y, 1, N[1])
+    x, y_ = combine(y, 0, N, 0)
+    tx, ty = combine(y, 0, N, 1)
+    nx, ny = combine(y, 1, N, 0)
+    bx, by = combine(y, 1, N, 1)
     at = y.size - 2 * N.shape[1] + 2 * k
     rx, ry = y[at] - x, y[at + 1] - y_
     return nx * ry - ny * rx, bx * ry - by * rx - nx * ty + ny * tx
@@ -119,8 +119,8 @@ def master_to_slave_derivative(y, k, xi, N, dxi_dy):
     _, slope = side_of_normal(y, k, xi, N)
     count = N.shape[1]
     at = 4 * count + 2 * k
-    x, y_ = combine(y, 0, N[0])
-    nx, ny = combine(y, 1, N[0])
+    x, y_ = combine(y, 0, N, 0)
+    nx, ny = combine(y, 1, N, 0)
     rx, ry = y[at] - x, y[at + 1] - y_
     s = -1.0 / slope
     dxi_dy[:] = 0.0
@@ -140,8 +140,8 @@ def slave_to_master(y, xi, N):
     """
     count = N.shape[1]
     tabulate_shapes(xi, N)
-    x, y_ = combine(y, 0, N[0])
-    nx, ny = combine(y, 1, N[0])
+    x, y_ = combine(y, 0, N, 0)
+    nx, ny = combine(y, 1, N, 0)
     first, last = 4 * count, 6 * count - 2
     cx, cy = 0.5 * (y[first] + y[last]), 0.5 * (y[first + 1] + y[last + 1])
     ax, ay = 0.5 * (y[last] - y[first]), 0.5 * (y[last + 1] - y[first + 1])
@@ -154,7 +154,7 @@ def slave_to_master(y, xi, N):
     root = np.sqrt(B * B - 4.0 * A * C)
     eta = -2.0 * C / (B + (root if B.real >= 0.0 else -root))
     tabulate_shapes(eta, N)
-    mx, my = combine(y, 2, N[0])
+    mx, my = combine(y, 2, N, 0)
     return eta, (nx * (mx - x) + ny * (my - y_)) / (nx * nx + ny * ny)
 
 
@@ -186,10 +186,10 @@ def point_derivatives(y, eta, alpha, N, L, deta, dgap):
     As in ``segment``, with a = dm/deta; ``N`` and ``L`` are those at xi and eta.
     """
     count = N.shape[1]
-    nx, ny = combine(y, 1, N[0])
-    bx, by = combine(y, 1, N[1])
-    tx, ty = combine(y, 0, N[1])
-    ax, ay = combine(y, 2, L[1])
+    nx, ny = combine(y, 1, N, 0)
+    bx, by = combine(y, 1, N, 1)
+    tx, ty = combine(y, 0, N, 1)
+    ax, ay = combine(y, 2, L, 1)
     size = np.sqrt(nx * nx + ny * ny)
     along = nx * ay - ny * ax
     px, py = ny / along, -nx / along
@@ -232,8 +232,8 @@ def integrate_segment(y, ends, dends, place, rule, work, moments, derivatives):
         tabulate_shapes(xi, N)
         tabulate_shapes(eta, L)
         gap, eta_xi, gap_xi = point_derivatives(y, eta, alpha, N, L, deta, dgap)
-        tx, ty = combine(y, 0, N[1])
-        kx, ky = combine(y, 0, N[2])
+        tx, ty = combine(y, 0, N, 1)
+        kx, ky = combine(y, 0, N, 2)
         J = np.sqrt(tx * tx + ty * ty)
         J_xi = (tx * kx + ty * ky) / J
         t, W = (xi - middle) / half, w * J * h
@@ -306,14 +306,6 @@ def shape_coefficients(place, B):
 
 
 @kernel
-def hankel(G, mass):
-    """Fill the mass matrix (K, K) of T from the moments ``G``."""
-    for p in range(mass.shape[0]):
-        for q in range(mass.shape[0]):
-            mass[p, q] = G[p + q]
-
-
-@kernel
 def invert(A, inverse):
     """Fill the inverse of a small symmetric positive matrix, by Gauss and Jordan."""
     size = A.shape[0]
@@ -335,77 +327,85 @@ def invert(A, inverse):
 
 
 @kernel
-def product(A, B, out):
-    """Fill ``out`` = A B."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            total = 0.0 * out[i, j]
-            for k in range(A.shape[1]):
-                total += A[i, k] * B[k, j]
-            out[i, j] = total
-
-
-@kernel
-def multipliers(basis, G, place, weights, C, D, VG, inverse):
-    """Fill ``C`` (K, K), ``D`` (K, K), and what their derivative needs: V G^-1 and G^-1.
+def multipliers(basis, G, place, weights, B, C, D, d, VG, inverse):
+    """Fill B, C, D (K, K), d (K,), and what the derivative of C needs: V G^-1 and G^-1 (K, K).
 
     ``weights`` is H; V has the rows T(xi_j).
     """
     count = C.shape[0]
-    mass, own = np.empty_like(C), np.empty_like(C)
-    B, V = np.empty((count, count)), np.empty((count, count))
+    mass, own, V = np.empty_like(C), np.empty_like(C), np.ones((count, count))
     shape_coefficients(place, B)
-    hankel(G, mass)
-    if basis == DUAL:
-        middle, half = place
-        for j in range(count):
-            V[j, 0] = 1.0
-            t = (2.0 * j / (count - 1.0) - 1.0 - middle) / half
-            for p in range(1, count):
-                V[j, p] = V[j, p - 1] * t
-        invert(mass, inverse)
-        product(V, inverse, VG)
-        for j in range(count):
-            d = 0.0 * G[0]
-            for p in range(count):
-                d += B[j, p] * G[p]
-            for p in range(count):
-                own[j, p] = d * VG[j, p]
-            for i in range(count):
-                D[i, j] = weights[i, j] * d
-        product(weights, own, C)
-    else:
-        product(weights, B, C)
+    for j in range(count):
+        d[j] = 0.0
+        t = (2.0 * j / (count - 1.0) - 1.0 - place[0]) / place[1]
+        for p in range(count):
+            d[j] += B[j, p] * G[p]
+            V[j, p] = t**p
+            for q in range(count):
+                mass[p, q] = G[p + q]
+    invert(mass, inverse)
+    product(V, inverse, VG)
+    for j in range(count):
+        for p in range(count):
+            own[j, p] = d[j] * VG[j, p] if basis == DUAL else B[j, p] + 0.0 * d[j]
+            D[p, j] = weights[p, j] * d[j]
+    product(weights, own, C)
+    if basis != DUAL:
         product(mass, B.T, own)
         product(C, own, D)
 
 
 @kernel
-def multipliers_derivative(basis, G, dG, place, weights, VG, inverse, dC, dD):
-    """Fill one column of dC (K, K) and dD (K, K) from that of the moments, ``dG`` (2 K - 1,)."""
-    count = dC.shape[0]
-    B, dmass = np.empty((count, count)), np.empty_like(dC)
-    own, right = np.empty_like(dC), np.empty_like(dC)
-    shape_coefficients(place, B)
-    hankel(dG, dmass)
-    if basis != DUAL:
-        dC[:] = 0.0
-        product(dmass, B.T, own)
-        product(B, own, right)
-        product(weights, right, dD)
-        return
-    product(dmass, inverse, own)
-    product(VG, own, right)
+def product(A, B, out):
+    """Fill ``out`` = A B."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0.0
+            for k in range(A.shape[1]):
+                out[i, j] += A[i, k] * B[k, j]
+
+
+@kernel
+def accumulate(factor, row, out):
+    """Add ``factor`` times ``row`` to ``out``; all derivatives by the columns are built of this."""
+    for q in range(row.size):
+        out[q] += factor * row[q]
+
+
+@kernel
+def dual_derivative(dG, weights, B, d, VG, inverse, work, dC, dD):
+    """Fill dC and dD (K, K, columns) of the dual basis from dG (2 K - 1, columns)."""
+    count = B.shape[0]
+    dd, change = work
+    dd[:] = 0.0
+    dC[:] = 0.0
+    dD[:] = 0.0
     for j in range(count):
-        d, dd = 0.0 * G[0], 0.0 * G[0]
+        change[:] = 0.0
         for p in range(count):
-            d += B[j, p] * G[p]
-            dd += B[j, p] * dG[p]
-        for p in range(count):
-            own[j, p] = dd * VG[j, p] - d * right[j, p]
+            accumulate(B[j, p], dG[p], dd[j])
+            for r in range(count):
+                accumulate(VG[j, r], dG[p + r], change[p])
         for i in range(count):
-            dD[i, j] = weights[i, j] * dd
-    product(weights, own, dC)
+            if weights[i, j] != 0.0:
+                accumulate(weights[i, j], dd[j], dD[i, j])
+                for p in range(count):
+                    accumulate(weights[i, j] * VG[j, p], dd[j], dC[i, p])
+                    for r in range(count):
+                        accumulate(-weights[i, j] * d[j] * inverse[r, p], change[r], dC[i, p])
+
+
+@kernel
+def standard_derivative(dG, B, C, dC, dD):
+    """Fill dC = 0 and dD (K, K, columns) of the standard basis: D = C G B^T."""
+    count = B.shape[0]
+    dC[:] = 0.0
+    dD[:] = 0.0
+    for j in range(count):
+        for k in range(count):
+            for p in range(count):
+                for r in range(count):
+                    accumulate(C[j, p] * B[k, r], dG[p + r], dD[j, k])
 
 
 # Facets
@@ -435,7 +435,7 @@ def tabulate_covers(geometry, facets, segments, offsets, rule, cover):
             h = 0.5 * (ends[1] - ends[0])
             for p in range(points.size):
                 tabulate_shapes(0.5 * (ends[0] + ends[1]) + h * points[p], N)
-                tx, ty = combine(y, 0, N[1])
+                tx, ty = combine(y, 0, N, 1)
                 J = np.sqrt(tx * tx + ty * ty)
                 for j in range(count):
                     cover[e, j] += weights[p] * J * h * N[0, j]
@@ -471,8 +471,9 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
     T_g, dT_g = np.empty((most, count), kind), np.empty((most, count, columns), kind)
     dG_y, dM_y = np.empty((size, 6 * count), kind), np.empty((count, count, 6 * count), kind)
     dg_y = np.empty((count, 6 * count), kind)
-    C, dC, dD_q = np.empty((3, count, count), kind)
-    VG, inverse = np.empty((2, count, count), kind)
+    C, VG, inverse = np.empty((3, count, count), kind)
+    B, d = np.empty((count, count)), np.empty(count, kind)
+    small, dC = np.empty((2, count, columns), kind), np.empty((count, count, columns), kind)
     sum_G, sum_g = np.empty(size, kind), np.empty(count, kind)
     for e in range(nodes.shape[0]):
         start, number = offsets[e], offsets[e + 1] - offsets[e]
@@ -502,35 +503,52 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
                 chain_normals(dg_y[p], dn_dx, nodes[e], dT_g[i, p])
                 for l in range(count):
                     chain_normals(dM_y[p, l], dn_dx, nodes[e], dT_M[i, p, l])
-        multipliers(basis, sum_G, place, handed[e], C, D[e], VG, inverse)
-        B = np.empty((count, count))
-        shape_coefficients(place, B)
+        multipliers(basis, sum_G, place, handed[e], B, C, D[e], d, VG, inverse)
+        cover[e] = d
         g[e] = 0.0
         for j in range(count):
-            cover[e, j] = 0.0
             for p in range(count):
-                cover[e, j] += B[j, p] * sum_G[p]
                 g[e, j] += C[j, p] * sum_g[p]
         for i in range(number):
             product(C, T_M[i], M[start + i])
         for k in range(number):
-            for q in range(columns):
-                multipliers_derivative(
-                    basis, sum_G, dG[k, :, q], place, handed[e], VG, inverse, dC, dD_q
-                )
-                dD[start + k, :, :, q] = dD_q
+            if basis == DUAL:
+                dual_derivative(dG[k], handed[e], B, d, VG, inverse, small, dC, dD[start + k])
+            else:
+                standard_derivative(dG[k], B, C, dC, dD[start + k])
+            dg[start + k] = 0.0
+            for j in range(count):
+                for p in range(count):
+                    accumulate(C[j, p], dT_g[k, p], dg[start + k, j])
+                    accumulate(sum_g[p], dC[j, p], dg[start + k, j])
+            for i in range(number):
+                pair = pair_offsets[e] + i * number + k
+                dM[pair] = 0.0
                 for j in range(count):
-                    total = 0.0 * sum_g[0]
-                    for p in range(count):
-                        total += C[j, p] * dT_g[k, p, q] + dC[j, p] * sum_g[p]
-                    dg[start + k, j, q] = total
-                for i in range(number):
-                    pair = pair_offsets[e] + i * number + k
-                    for j in range(count):
-                        for l in range(count):
-                            total = 0.0 * sum_g[0]
-                            for p in range(count):
-                                total += dC[j, p] * T_M[i, p, l]
-                                if i == k:
-                                    total += C[j, p] * dT_M[i, p, l, q]
-                            dM[pair, j, l, q] = total
+                    for l in range(count):
+                        for p in range(count):
+                            accumulate(T_M[i, p, l], dC[j, p], dM[pair, j, l])
+                            if i == k:
+                                accumulate(C[j, p], dT_M[i, p, l], dM[pair, j, l])
+
+
+@kernel
+def sample_gaps(geometry, connectivity, end_is_node, points, gaps):
+    """Fill ``gaps`` (n, p) at the places s = ``points`` (p,) of n segments.
+
+    ``geometry`` = (x, n, m); ``connectivity`` = (slave nodes (n, K), master nodes (n, K)).
+    """
+    x, n, m = geometry
+    slave, master = connectivity
+    count = slave.shape[1]
+    y, N = np.empty(6 * count), np.empty((3, count))
+    ends, dends = np.empty(2), np.empty((2, 6 * count))
+    for i in range(slave.shape[0]):
+        gather(x, n, m, slave[i], master[i], y)
+        segment_ends(y, end_is_node[i, 0], end_is_node[i, 1], N, ends, dends)
+        for p in range(points.size):
+            xi = 0.5 * (ends[0] + ends[1]) + 0.5 * (ends[1] - ends[0]) * points[p]
+            tabulate_shapes(xi, N)
+            nx, ny = combine(y, 1, N, 0)
+            _, alpha = slave_to_master(y, xi, N)
+            gaps[i, p] = alpha * np.sqrt(nx * nx + ny * ny)

@@ -146,13 +146,13 @@ def find_interval(y, N, is_node):
 def distance_if_facing(y, N, xi, least_cosine):
     """|g| at ``xi``, or inf where the normals of slave and master are not opposed enough."""
     curved.tabulate_shapes(xi, N)
-    nx, ny = curved.combine(y, 1, N[0])
+    nx, ny = curved.combine(y, 1, N, 0)
     if N.shape[1] == 2:
         eta, alpha = slave_to_master(y, xi)
     else:
         eta, alpha = curved.slave_to_master(y, xi, N)
     curved.tabulate_shapes(eta, N)
-    ax, ay = curved.combine(y, 2, N[1])
+    ax, ay = curved.combine(y, 2, N, 1)
     size = np.sqrt(nx * nx + ny * ny)
     if not -(nx * ay - ny * ax) >= least_cosine * size * np.sqrt(ax * ax + ay * ay):
         return np.inf
@@ -245,9 +245,7 @@ def find_segments(geometry, slave_facets, master_facets, radius, limits):
         if count > hits.size:
             hits, found = np.empty(2 * count, np.int64), np.empty((2 * count, 6))
             query_tree(boxes, *controls, nodes, radius, stack, hits)
-        kept = facet_segments(
-            geometry, nodes, master_facets, hits[:count], radius, limits, found
-        )
+        kept = facet_segments(geometry, nodes, master_facets, hits[:count], radius, limits, found)
         start = offsets[e]
         if start + kept > rows.shape[0]:
             longer = np.empty((2 * (start + kept), 6))

@@ -131,7 +131,10 @@ class CurvedCurves(Curves):
         )
         counts = np.diff(self.offsets)
         self.pair_offsets = np.concatenate([[0], np.cumsum(counts**2)])
-        self.nodes = self.slave[np.repeat(np.arange(len(counts)), counts)], self.master[self.masters]
+        self.nodes = (
+            self.slave[np.repeat(np.arange(len(counts)), counts)],
+            self.master[self.masters],
+        )
         self.pairs = [
             (i, j)
             for start, stop in zip(self.offsets[:-1], self.offsets[1:])

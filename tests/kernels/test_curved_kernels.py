@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from curves import Curves, CurvedCurves, wavy, wavy_curved, with_inner_nodes
+from curves import CurvedCurves, Curves, wavy, wavy_curved, with_inner_nodes
 from derivatives import complex_step
 
 from fenics_mortar.kernels import basis, normals
@@ -86,8 +86,8 @@ def test_dual_basis_is_biorthogonal_on_the_covered_part(cover):
 
 @pytest.mark.parametrize("cover", COVERS)
 def test_dual_functions_integrate_polynomials_to_their_nodal_values(cover):
-    # on a flat pair the master functions are quadratics of the slave's coordinate: sum_l M_jl p(m_l)
-    # = int Phi_j p = d_j p(x_j) for p = 1, x, x^2
+    # on a flat pair the master functions are quadratics of the slave's coordinate, therefore
+    # sum_l M_jl p(m_l) = int Phi_j p = d_j p(x_j) for p = 1, x, x^2
     start, stop = COVERS[cover]
     x = with_inner_nodes(np.stack([np.linspace(0, 1, 4), np.zeros(4)], axis=1), 0, 0.0)
     m = with_inner_nodes(np.stack([np.linspace(stop, start, 6), np.full(6, -0.1)], axis=1), 0, 0.0)
@@ -169,6 +169,7 @@ def test_tiny_cover_keeps_the_dual_basis_finite_and_the_sums_exact(cover):
     # int over X in [0, cover] of N(xi), xi + 1 = 2 X
     exact = [cover - 1.5 * cover**2 + 2 / 3 * cover**3, 2 * cover**2 - 4 / 3 * cover**3]
     exact.append(2 / 3 * cover**3 - cover**2 / 2)
-    assert np.abs(d / exact - 1).max() < 1e-15 / cover
+    assert np.abs(d / exact - 1).max() < 4e-15 / cover
+    # d_j T(xi_j) is of order one, however small d_j is: rounding of the facet's length
     M = values["M"][pair.offsets[1] :].sum(axis=0)
-    assert np.abs(M.sum(axis=1) - d).max() < 1e-15 * cover + 1e-17
+    assert np.abs(M.sum(axis=1) - d).max() < 1e-14
