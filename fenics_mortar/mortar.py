@@ -323,9 +323,7 @@ def _integrate_straight(
     facets = x[nodes[:, 1]] - x[nodes[:, 0]], left, s.partial
     moments = _tabulate_moments(s, geometry, options.points, move_ends)
     values = _empty_values(s, 2)
-    basis.tabulate_facets(
-        facets, BASES[options.basis], s.offsets, s.pair_offsets, moments, values
-    )
+    basis.tabulate_facets(facets, BASES[options.basis], s.offsets, s.pair_offsets, moments, values)
     return values
 
 
