@@ -414,7 +414,9 @@ def standard_derivative(dG, B, C, dC, dD):
 @kernel
 def place_of(ends):
     """Middle and half length of the covered part, from its segments' ends (n, 2), as numbers."""
-    low, high = ends[0, 0].real, ends[-1, 1].real
+    low, high = 1.0, -1.0
+    for i in range(ends.shape[0]):
+        low, high = min(low, ends[i, 0].real), max(high, ends[i, 1].real)
     return 0.5 * (low + high), 0.5 * (high - low)
 
 

@@ -173,3 +173,21 @@ def test_tiny_cover_keeps_the_dual_basis_finite_and_the_sums_exact(cover):
     # d_j T(xi_j) is of order one, however small d_j is: rounding of the facet's length
     M = values["M"][pair.offsets[1] :].sum(axis=0)
     assert np.abs(M.sum(axis=1) - d).max() < 1e-14
+
+
+def test_nodes_upon_nodes_are_integrated_in_any_direction():
+    """Rounding leaves slivers of no length, some behind the segment that covers the facet."""
+    slave, master = np.arange(9.0), np.arange(10.0, -3.0, -1.0)
+    behind = 0
+    for angle in np.linspace(0.0, 6.0, 61):
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        x = np.stack([slave, np.zeros(9)], axis=1) @ turn
+        m = np.stack([master, np.full(13, -0.1)], axis=1) @ turn
+        pair = CurvedCurves(x, m)
+        values = pair.evaluate(pair.positions)
+        last = pair.ends[pair.offsets[1:] - 1]
+        behind += (last[:, 1] == -1.0).sum()
+        assert np.allclose(values["g"], 0.1 * np.array([1, 4, 1]) / 3, atol=1e-14)
+        for name in ("dD", "dM", "dg"):
+            assert np.isfinite(values[name]).all()
+    assert behind > 0
