@@ -8,7 +8,7 @@ import pytest
 from curves import CurvedCurves, Curves, wavy, wavy_curved, with_inner_nodes
 from derivatives import complex_step
 
-from fenics_mortar.kernels import basis, normals
+from fenics_mortar.kernels import basis
 
 BASES = [basis.DUAL, basis.STANDARD]
 COVERS = {
@@ -120,10 +120,11 @@ def test_rows_of_D_and_M_sum_to_the_same(cover, kind, drop):
 
 @pytest.mark.parametrize("cover", COVERS)
 @pytest.mark.parametrize("kind", BASES)
-@pytest.mark.parametrize("weighting", [normals.OPPOSITE, normals.UNIT, normals.OWN])
 @pytest.mark.parametrize("drop", [None, 0])
-def test_all_derivatives_equal_the_complex_step(cover, kind, weighting, drop):
-    pair = curves(cover, basis=kind, weighting=weighting, drop=drop)
+def test_all_derivatives_equal_the_complex_step(cover, kind, drop):
+    start, stop = COVERS[cover]
+    nodes = wavy_curved(1, slaves=4, masters=6, start=start, stop=stop)
+    pair = CurvedCurves(*nodes, basis=kind, drop=drop)
     found = assemble(pair, pair.evaluate(pair.positions))
     exact = complex_step(
         lambda moved: np.concatenate(
