@@ -62,7 +62,8 @@ def measure(facets):
         segment.tabulate_segments(geometry, nodes, end_is_node, POINTS, True, *moments)
         edges = np.diff(x, axis=0)
         own = (edges, left, partial)
-        basis.tabulate_facets(own, basis.DUAL, offsets, offsets, moments, values)
+        kinds = basis.DUAL, basis.BEYOND_EDGES
+        basis.tabulate_facets(own, *kinds, offsets, offsets, moments, values)
 
     return count, median(find), median(integrate)
 

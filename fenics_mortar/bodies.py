@@ -31,24 +31,29 @@ class FloatingBody:
         size: Radius of gyration of its nodes [length].
         motions: Orthonormal combinations of (translation x, translation y, rotation about the
             centre times ``size``), shape (number of free motions, 3).
+        stiffest: Largest diagonal entry of K in the body [stress].
+        num_nodes: Its nodes, on all ranks.
     """
 
     label: int
     centre: Array
     size: float
     motions: Array
+    stiffest: float
+    num_nodes: int
 
     def displacement(self, X: Array) -> Array:
         """Free motions at the points ``X`` (n, 2): shape (motions, n, 2)."""
         return np.einsum("fm,mnc->fnc", self.motions, _rigid_motions(X, self.centre, self.size))
 
     def describe(self, motion: Array) -> str:
-        """One free motion in words; ``motion``: coefficients of ``motions``."""
-        x, y, rotation = motion @ self.motions
+        """One free motion in words, its sign apart; ``motion``: coefficients of ``motions``."""
+        x, y, rotation = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
+        x, y = (x, y) if (x, y) > (0.0, 0.0) or rotation else (-x, -y)
         if abs(rotation) > 0.1:
             pole = self.centre + self.size / rotation * np.array([-y, x])
             return f"rotate about {place(pole)}"
-        return f"move along {place(np.round((x, y), 4) + 0.0)}"
+        return f"move along {place((x + 0.0, y + 0.0))}"
 
 
 def _rigid_motions(X: Array, centre: Array, size: float) -> Array:
@@ -101,9 +106,10 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
         stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), 1e-300)
         stiff = _apply(bulk.K, motions) / stiffest
         size, directions = resistance(np.hstack([held, stiff]), bulk.comm)
-        free = directions[size < RESISTED * np.sqrt(bulk.comm.allreduce(int(mine.sum())))]
+        num_nodes = bulk.comm.allreduce(int(mine.sum()))
+        free = directions[size < RESISTED * np.sqrt(num_nodes)]
         if len(free):
-            found.append(FloatingBody(label, *body, free))
+            found.append(FloatingBody(label, *body, free, stiffest, num_nodes))
     return found
 
 

@@ -135,19 +135,24 @@ class Bulk:
         compat.set_prescribed(values, self.bcs)
         return (values - self.u.x.array)[self.held]
 
-    def move(self, step: PETSc.Vec) -> float:
+    def move(self, step: PETSc.Vec, part: float = 1.0) -> float:
         """Add a displacement increment, or as much of it as the cells bear (collective).
 
+        Args:
+            step: The increment.
+            part: The part of it to add at the most.
+
         Returns:
-            The part that was added: the largest of 1, 1/2, 1/4, ... that leaves every cell at every
-            node ``LEAST_AREA`` of the area it has now.
+            The part that was added: the largest of ``part``, ``part`` / 2, ... that leaves every
+            cell at every node ``LEAST_AREA`` of the area it has now.
         """
         u = self.u.x.array
         start, least = u.copy(), LEAST_AREA * np.maximum(self._areas(), 0.0)
         u[: self.num_owned] += step.array_r
         self.u.x.scatter_forward()
-        increment, part = u - start, 1.0
-        while part > SMALLEST_STEP and self._any_below(least):
+        increment, smallest = u - start, SMALLEST_STEP * part
+        u[:] = start + part * increment
+        while part > smallest and self._any_below(least):
             part *= 0.5
             u[:] = start + part * increment
         return part
@@ -155,10 +160,13 @@ class Bulk:
     def _any_below(self, least: Array) -> bool:
         return self.comm.allreduce(bool((self._areas() < least).any()), MPI.LOR)
 
+    def positions(self) -> Array:
+        """Current positions of the local nodes, ghosts included, shape (n, 2) [length]."""
+        return self._X + self.u.x.array.reshape(-1, 2)
+
     def _areas(self) -> Array:
         """Deformed over undeformed area at the nodes of the owned cells, (cells, nodes)."""
-        x = self._X + self.u.x.array.reshape(-1, 2)
-        return _areas(x[self._cells], self._gradients) / self._undeformed_areas
+        return _areas(self.positions()[self._cells], self._gradients) / self._undeformed_areas
 
     def check_finite(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
@@ -243,11 +251,14 @@ class Bulk:
         """
         inside = np.zeros(len(points), bool)
         if len(points) and len(self._cells):
-            corners = (self._X + self.u.x.array.reshape(-1, 2))[self._cells]
-            centres, own = corners.mean(axis=1), labels[self._cells[:, 0]]
-            radius = np.linalg.norm(corners - centres[:, None], axis=2).max()
-            for i, near in enumerate(cKDTree(centres).query_ball_point(points, radius)):
-                cells = np.array([c for c in near if own[c] != bodies[i]], np.int64)
+            corners = self.positions()[self._cells]
+            low, high = points.min(axis=0), points.max(axis=0)
+            near = (corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)
+            corners, own = corners[near.all(axis=1)], labels[self._cells[near.all(axis=1), 0]]
+            centres = corners.mean(axis=1)
+            radius = np.linalg.norm(corners - centres[:, None], axis=2).max(initial=0.0)
+            for i, close in enumerate(cKDTree(centres).query_ball_point(points, radius)):
+                cells = np.array([c for c in close if own[c] != bodies[i]], np.int64)
                 inside[i] = _contains(corners[cells], points[i]).any()
         self.comm.Allreduce(MPI.IN_PLACE, inside, MPI.LOR)
         return inside

@@ -2,14 +2,14 @@
 """The certificate of a solved state: what must hold, measured after the fact.
 
 Newton says that the equations it was given are solved. Whether they are those of contact, is asked
-here of the state alone: balance of slave and master, signs, complementarity, penetration between
-the nodes, and nodes inside another body that found no partner.
+here of the state alone: balance of slave and master and of reactions and loads, signs,
+complementarity, penetration between the nodes, and nodes inside another body that found no partner.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 from mpi4py import MPI
 
@@ -20,11 +20,14 @@ from fenics_mortar.contact import Contact
 from fenics_mortar.kernels.curved import sample_gaps
 from fenics_mortar.surfaces import Indices
 
+# Forces and pressures below this part of the stiffness are compared with it instead of each other:
+# they may be rounding.
+ROUNDING = 1e-6
 SAMPLES = np.linspace(-1.0, 1.0, 5)
 
 
 @dataclass(frozen=True)
-class Certificate:
+class PairCertificate:
     """Measured defects of one pair; all are plain numbers, zero is perfect.
 
     Attributes:
@@ -75,14 +78,91 @@ class Certificate:
             )
 
 
-def certify(bulk: Bulk, contact: Contact, labels: Indices) -> Certificate:
-    """Measure the present state of one pair (collective).
+@dataclass(frozen=True)
+class Certificate:
+    """Measured defects of a state; prints as a Markdown table.
+
+    Attributes:
+        pairs: Those of each pair.
+        balance: Largest sum of reactions, loads and contact forces of a body, over the sum of the
+            sizes of all forces.
+        inverted: Cells that are inverted.
+    """
+
+    pairs: list[PairCertificate]
+    balance: float
+    inverted: int
+
+    def violations(self, tolerance: float = 1e-6, penetration: float = 0.5) -> list[str]:
+        """What does not hold, in words; empty for a sound state.
+
+        Args:
+            tolerance: For what the equations make zero.
+            penetration: For what the mesh makes small [facet lengths].
+        """
+        found = [v for pair in self.pairs for v in pair.violations(tolerance, penetration)]
+        if not self.balance <= tolerance:
+            found.append(f"balance of a body {self.balance:.1e} (allowed {tolerance:.1e})")
+        if self.inverted:
+            found.append(f"{self.inverted} cells are inverted")
+        return found
+
+    def __str__(self) -> str:
+        """One row per measure, one column per pair."""
+        names = [f.name for f in fields(PairCertificate) if f.name != "pair"]
+        lines = ["| | " + " | ".join(pair.pair for pair in self.pairs) + " |"]
+        lines.append("|---|" + "---:|" * len(self.pairs))
+        for name in names:
+            cells = [f"{getattr(pair, name):.2g}" for pair in self.pairs]
+            lines.append(f"| {name} | {' | '.join(cells)} |")
+        lines.append(
+            f"\nbalance of the bodies: {self.balance:.1e}; inverted cells: {self.inverted}"
+        )
+        return "\n".join([*lines, *self.violations()])
+
+
+def certify(bulk: Bulk, contacts: Sequence[Contact], labels: Indices) -> Certificate:
+    """Measure the present state (collective).
 
     Args:
-        bulk: The bodies.
-        contact: The pair, evaluated at the present state.
+        bulk: The bodies, with ``r`` at the present state.
+        contacts: The pairs, evaluated there.
         labels: Body of each local node.
     """
+    paired = np.unique(np.concatenate([np.empty(0, np.int64), *map(_paired_nodes, contacts)]))
+    inverted, _ = bulk.inverted_cells()
+    pairs = [_certify_pair(bulk, contact, labels, paired) for contact in contacts]
+    return Certificate(pairs, _balance(bulk, contacts, labels), inverted)
+
+
+def _balance(bulk: Bulk, contacts: Sequence[Contact], labels: Indices) -> float:
+    """Largest sum of reactions, loads and contact forces of a body, relative (collective).
+
+    Internal forces sum to zero, so the sum of r over a body is minus the load applied to it; a
+    reaction is what is left of r and contact forces at a prescribed dof.
+    """
+    r = bulk.r.array_r[: bulk.num_owned]
+    total = r.copy()
+    for contact in contacts:
+        on_slave, on_master = contact.operators.force(contact.z)
+        contact.slave.scatter_add(on_slave, total)
+        contact.master.scatter_add(on_master, total)
+    total[bulk.held] = 0.0
+    body, num_bodies = (
+        labels[: bulk.num_owned // 2],
+        bulk.comm.allreduce(labels.max(initial=0), MPI.MAX) + 1,
+    )
+    sums = [np.bincount(body, component, num_bodies) for component in total.reshape(-1, 2).T]
+    defects, size = bulk.comm.allreduce(np.array(sums)), bulk.comm.allreduce(float(np.abs(r).sum()))
+    largest = bulk.comm.allreduce(float(np.abs(bulk.u.x.array).max(initial=0.0)), MPI.MAX)
+    rounding = ROUNDING * max((float(c.stiffness.max()) for c in contacts), default=0.0) * largest
+    return float(np.abs(defects).max()) / _positive(size + rounding)
+
+
+def _certify_pair(
+    bulk: Bulk, contact: Contact, labels: Indices, paired: Indices
+) -> PairCertificate:
+    """Measure one pair; ``paired``: global numbers of the nodes that have a partner in any pair."""
     o, z = contact.operators, contact.z
     on_slave, on_master = o.force(z)
     forces, x = np.concatenate([on_slave, on_master]), np.concatenate([o.x, o.m])
@@ -90,10 +170,10 @@ def certify(bulk: Bulk, contact: Contact, labels: Indices) -> Certificate:
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
     pressure = np.einsum("jc,jc->j", o.n, z)
     shear = np.einsum("jc,jc->j", o.tau, z)
-    largest = _positive(float(pressure.max()))
+    largest = max(float(pressure.max()), ROUNDING * float(contact.stiffness.max()))
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
     sizes = np.abs(forces)
-    return Certificate(
+    return PairCertificate(
         pair=f"{contact.slave.name} - {contact.master.name}",
         force=float(np.abs(forces.sum(axis=0)).max()) / _positive(float(sizes.sum())),
         moment=abs(float(moments.sum()))
@@ -103,7 +183,7 @@ def certify(bulk: Bulk, contact: Contact, labels: Indices) -> Certificate:
         overlap=max(-float(gap.min()), 0.0),
         complementarity=float(np.abs(pressure * gap).max()) / largest,
         penetration=_deepest(contact),
-        unpaired=_count_unpaired(bulk, contact, labels),
+        unpaired=_count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.carries & ~contact.covered).sum()),
     )
 
@@ -117,24 +197,29 @@ def _deepest(contact: Contact) -> float:
     """Largest penetration at sample points of all segments over the facet's length (collective)."""
     o, s = contact.operators, contact.operators.segments
     gaps = np.zeros((s.num_segments, SAMPLES.size))
-    sample_gaps((o.x, o.n, o.m), (s.slave, s.master), s.end_is_node, SAMPLES, gaps)
+    x = o.x + contact.offset[:, None] * o.n
+    sample_gaps((x, o.n, o.m), (s.slave, s.master), s.end_is_node, SAMPLES, gaps)
     lengths = np.linalg.norm(o.x[s.slave[:, -1]] - o.x[s.slave[:, 0]], axis=1)
     deepest = float((-gaps / lengths[:, None]).max(initial=0.0))
     return contact.slave.comm.allreduce(deepest, MPI.MAX)
 
 
-def _count_unpaired(bulk: Bulk, contact: Contact, labels: Indices) -> int:
-    """Slave and master nodes without a partner that lie inside a cell of another body."""
+def _paired_nodes(contact: Contact) -> Indices:
+    """Global numbers of the nodes of both surfaces that have a partner (collective)."""
     o = contact.operators
-    lonely = np.ones(contact.master.num_nodes, bool)
-    lonely[o.segments.master.ravel()] = False
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, lonely, MPI.LAND)
+    seen = np.zeros(contact.master.num_nodes, bool)
+    seen[o.segments.master.ravel()] = True
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, seen, MPI.LOR)
+    return np.concatenate([contact.slave.nodes[o.cover > 0.0], contact.master.nodes[seen]])
+
+
+def _count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indices) -> int:
+    """Nodes of both surfaces inside another body that have no partner in any pair."""
+    o = contact.operators
     mine = np.repeat(labels, 2).astype(float)
     found = 0
-    for surface, x, alone in (
-        (contact.slave, o.x, o.cover == 0.0),
-        (contact.master, o.m, lonely),
-    ):
+    for surface, x in ((contact.slave, o.x), (contact.master, o.m)):
+        alone = ~np.isin(surface.nodes, paired)
         own = surface.gather(mine)[:, 0]
         found += int(bulk.inside_other_body(x[alone], own[alone], labels).sum())
     return found

@@ -21,6 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, get_args
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 
@@ -29,6 +31,7 @@ from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
     Basis,
     Block,
+    GapWeights,
     Linearization,
     MortarOperators,
     MortarOptions,
@@ -41,12 +44,23 @@ from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
+# A node of which less than the first part is covered hands its multiplier to a neighbour with more
+# than the second, and takes it back above the second: as the cover vanishes, its own would grow
+# beyond all bounds, and its end would be a jump. So often it may change in one solve.
+HAND_OVER, TAKE_BACK, MOST_CHANGES = 0.05, 0.1, 4
 # A slave node held in one component lies on a symmetry plane if the cosine between its normal and
 # the free component is above the first (20 degrees), and is held along its normal if below the
 # second.
 PLANE_COSINE, HELD_COSINE = 0.94, 0.1
+# A pressure below this part of the stiffness is rounding.
+ROUNDING = 1e-14
 # Before the first solve a node is active if it touches: gap below this part of its length.
 TOUCHING = 1e-8
+# A node lies on the other surface, up to facets that stand for curves, within this part of its
+# length.
+NEAR = 0.5
+# An overlap before the first solve is told of above this part of a node's length.
+OVERLAP = 1e-6
 
 
 class ContactPair:
@@ -59,10 +73,22 @@ class ContactPair:
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length.
+        gap_weights: What the gap of a node is weighted by. On a partly covered facet the dual
+            function of a node beyond the edge continues the gap from the cover to the node: it sees
+            overlap where the surfaces are apart, and presses from a distance. There it is replaced
+            by the standard function ("standard_beyond_edges"), which changes nothing but this gap.
+            "basis": by the multiplier functions everywhere, as most codes do; "standard": by the
+            standard ones everywhere (Petrov-Galerkin).
         points: Gauss points per segment.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
+            A steep facet covers little of the slave: near 90 degrees it makes no jump as it comes
+            into sight.
+        initial_gap: Gap [length] that the nodes near the other surface (half a facet) shall have
+            where the problem is set up, whatever the facets of curved surfaces leave between them:
+            0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
+            and overlaps as they are meshed. See also ``Contact.offset``.
         c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
             it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
             that a nonlinear step leaves behind.
@@ -83,14 +109,17 @@ class ContactPair:
         *,
         basis: Basis = "dual",
         normals: Weighting = "opposite",
+        gap_weights: GapWeights = "standard_beyond_edges",
         points: int = 5,
         search_radius: float | None = None,
-        max_angle: float = 84.0,
+        max_angle: float = 89.0,
+        initial_gap: float | None = None,
         c_n: float = 1e-3,
     ) -> None:
         for what, value, allowed in (
             ("basis", basis, get_args(Basis)),
             ("normals", normals, get_args(Weighting)),
+            ("gap_weights", gap_weights, get_args(GapWeights)),
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
@@ -100,6 +129,8 @@ class ContactPair:
             raise ValueError(f"search_radius={search_radius}: a positive length, or None")
         if not 0.0 < max_angle < 90.0:
             raise ValueError(f"max_angle={max_angle}: between 0 and 90 degrees")
+        if initial_gap is not None and not np.isfinite(initial_gap):
+            raise ValueError(f"initial_gap={initial_gap}: a length, or None")
         if not 0.0 < c_n < np.inf:
             raise ValueError(f"c_n={c_n}: a positive number")
         self.data = data
@@ -108,7 +139,9 @@ class ContactPair:
         for name in (slave, master):
             data.boundary_facets(name)
         self.basis, self.normals, self.points = basis, normals, points
+        self.gap_weights: GapWeights = gap_weights
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
+        self.initial_gap = initial_gap
 
     def __repr__(self) -> str:
         """The two sides."""
@@ -140,9 +173,14 @@ class Contact:
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
         active: Active set, shape (slave nodes,), bool.
         operators: D, M, gap and derivatives at the last evaluated state.
+        offset: Length taken off the pointwise gap, interpolated between the slave nodes, shape
+            (slave nodes,) [length]. May be set: to ramp an overlap of the mesh, go with ``t`` from
+            0 to 1 by ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
+            ``np.nan_to_num(contact.gap).clip(max=0)`` at the start.
         c_n: Weight of the gap at present; less than the pair's after a cycle of the active set.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
-        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool: not if it is
+            held, nor while it is hardly covered.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, shape (slave nodes,), bool.
     """
@@ -156,12 +194,15 @@ class Contact:
         self._check_sides()
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self._classify_nodes()
+        self._may_carry = self.carries
+        self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
         if not self.carries.any():
             raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
         extents = [np.ptp(side.X, axis=0) for side in (self.slave, self.master)]
         self.options = MortarOptions(
             pair.basis,
             pair.normals,
+            pair.gap_weights,
             pair.points,
             pair.search_radius or min(float(np.hypot(*extent)) for extent in extents),
             float(np.cos(np.radians(pair.max_angle))),
@@ -169,6 +210,7 @@ class Contact:
         self.z: Array = np.zeros((self.slave.num_nodes, 2))
         self.active = np.zeros(self.slave.num_nodes, bool)
         self.stiffness: Array = np.ones(self.slave.num_nodes)
+        self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self.operators: MortarOperators
 
@@ -238,9 +280,73 @@ class Contact:
         x = self.slave.X + self.slave.gather(u)
         m = self.master.X + self.master.gather(u)
         planes = self._plane_normals
-        self.operators = evaluate_mortar(
+        operators = evaluate_mortar(
             self.slave, self.master, x, m, self.carries, planes, self.options, linearization
         )
+        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+
+    def begin(self) -> None:
+        """Forget what happened to multipliers and weights in the last solve."""
+        self.c_n = self.pair.c_n
+        self._changes[:] = 0
+
+    def update_carriers(self) -> int:
+        """Hand over and take back multipliers by the cover of the nodes; return how many changed.
+
+        The operators have to be evaluated anew then.
+        """
+        kappa = self.operators.cover / self.nodal_lengths
+        strong = self._may_carry & (kappa > TAKE_BACK)
+        safe, helped = np.ones(kappa.size, bool), np.zeros(kappa.size, bool)
+        for neighbour in (self.slave.previous, self.slave.following):
+            there = neighbour >= 0
+            safe &= ~there | strong[neighbour] | (kappa[neighbour] == 0.0)
+            helped |= there & strong[neighbour]
+        weak = kappa < np.where(self.carries, HAND_OVER, TAKE_BACK)
+        carries = self._may_carry & ~(weak & safe & helped)
+        changed = (carries != self.carries) & (self._changes < MOST_CHANGES)
+        self.carries = np.where(changed, carries, self.carries)
+        self._changes += changed
+        return int(changed.sum())
+
+    def set_initial_gap(self) -> None:
+        """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
+        if self.pair.initial_gap is not None:
+            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= NEAR * self.nodal_lengths
+            self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
+
+    def describe_overlap(self) -> str:
+        """Overlap of the present state, in words; "" if there is none."""
+        overlap = -np.nan_to_num(self.gap)
+        j = int(np.argmax(overlap / self.nodal_lengths))
+        if overlap[j] <= OVERLAP * self.nodal_lengths[j]:
+            return ""
+        return (
+            f"'{self.slave.name}' and '{self.master.name}' overlap by up to {overlap[j]:.3g} at "
+            f"{place(self.operators.x[j])} before the first solve, which counts as interference; "
+            "initial_gap=0 would take it for an error of the mesh"
+        )
+
+    def gap_change(self, on_slave: Array, on_master: Array) -> Array:
+        """Derivative of the mean gaps in a direction (collective); zero where not covered.
+
+        Args:
+            on_slave: Displacements of the slave nodes, shape (n, 2).
+            on_master: Displacements of the master nodes, shape (n, 2).
+        """
+        sides = (self.slave, self.master)
+        dofs = np.concatenate([dofs_of(side.nodes, np.arange(side.num_nodes)) for side in sides])
+        values = np.concatenate([on_slave.ravel(), on_master.ravel()])
+        order = np.argsort(dofs)
+        change = np.zeros(self.slave.num_nodes)
+        for block in self.operators.gap_derivative():
+            place = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
+            direction = np.where(block.columns >= 0, values[place], 0.0)
+            np.add.at(change, block.rows, np.einsum("bjq,bq->bj", block.values, direction))
+        self.slave.comm.Allreduce(MPI.IN_PLACE, change)
+        on = self.covered
+        change[on] /= self.operators.weight[on]
+        return np.where(on, change, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:
         """Set the active set from the complementarity function; return how many nodes changed.
@@ -253,7 +359,8 @@ class Contact:
         gap, on = self.gap, self.covered
         weight = self.c_n * self.stiffness / self.nodal_lengths
         trial = np.where(on, self.pressure - weight * np.where(on, gap, 0.0), 0.0)
-        active = trial > 0.0
+        # Where both pressure and gap are rounding, a node stays as it is.
+        active = np.where(np.abs(trial) > ROUNDING * self.stiffness, trial > 0.0, self.active & on)
         if start:
             active |= on & (np.where(on, gap, np.inf) <= TOUCHING * self.nodal_lengths)
         changed = int((active != self.active).sum())

@@ -6,7 +6,7 @@ symbol      meaning
 ==========  ==========================================================================
 D[j, k]     int Phi_j N_k over the current slave surface; j, k slave nodes
 M[j, l]     int Phi_j (N_l o chi); l master nodes, chi the projection
-g[j]        weighted gap int Phi_j g,  g = n^ . (x_master - x_slave) >= 0 when open
+g[j]        weighted gap int Phi_j g or int N_j g, g = n^ . (x_master - x_slave) >= 0 when open
 n, tau      averaged unit normal of a slave node, tau = (-n_y, n_x)
 f_c         contact force: sum_j D[j, k] z_j on slave node k, -sum_j M[j, l] z_j on l
 ==========  ==========================================================================
@@ -22,7 +22,7 @@ its master nodes. A `Block` says where a stack of such blocks goes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from mpi4py import MPI
@@ -36,7 +36,13 @@ from fenics_mortar.surfaces import Array, Indices, Surface
 
 Basis = Literal["dual", "standard"]
 Weighting = Literal["opposite", "unit", "own"]
+GapWeights = Literal["standard_beyond_edges", "basis", "standard"]
 BASES = {"dual": basis.DUAL, "standard": basis.STANDARD}
+GAP_WEIGHTS = {
+    "basis": basis.NOWHERE,
+    "standard_beyond_edges": basis.BEYOND_EDGES,
+    "standard": basis.EVERYWHERE,
+}
 WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
 
 
@@ -78,6 +84,8 @@ class MortarOptions:
     Attributes:
         basis: "dual" (D is diagonal) or "standard" multipliers.
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
+        gap_weights: What weighs the gap: the multiplier basis, the standard functions, or these at
+            nodes beyond the edge of the cover only.
         points: Gauss points per segment.
         radius: Farthest distance along the normal at which partners are looked for [length].
         least_cosine: Least cosine between the slave's normal and the reversed master's.
@@ -85,6 +93,7 @@ class MortarOptions:
 
     basis: Basis
     weighting: Weighting
+    gap_weights: GapWeights
     points: int
     radius: float
     least_cosine: float
@@ -206,6 +215,21 @@ class MortarOperators:
         degree, own = self.slave.degree, np.arange(self.slave.num_nodes)
         return dofs_of(self.slave.nodes, self.slave.along(own, range(-degree, degree + 1)))
 
+    def less_offset(self, offset: Array) -> MortarOperators:
+        """The operators for the gap less an offset, interpolated between nodes (collective).
+
+        The weighted gap becomes g_j - sum_k D[j, k] offset_k.
+
+        Args:
+            offset: Shape (slave nodes,) [length].
+        """
+        s, nodes = self.segments, self.facet_nodes
+        change = np.einsum("ejk,ek->ej", self.D, offset[nodes])
+        nodal = np.bincount(nodes.ravel(), change.ravel(), self.slave.num_nodes)
+        self.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+        derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])
+        return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)
+
     def tangential_derivative(self, z: Array) -> Array:
         """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""
         return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]
@@ -323,7 +347,8 @@ def _integrate_straight(
     facets = x[nodes[:, 1]] - x[nodes[:, 0]], left, s.partial
     moments = _tabulate_moments(s, geometry, options.points, move_ends)
     values = _empty_values(s, 2)
-    basis.tabulate_facets(facets, BASES[options.basis], s.offsets, s.pair_offsets, moments, values)
+    kinds = BASES[options.basis], GAP_WEIGHTS[options.gap_weights]
+    basis.tabulate_facets(facets, *kinds, s.offsets, s.pair_offsets, moments, values)
     return values
 
 
@@ -352,7 +377,7 @@ def _integrate_curved(
     values = _empty_values(s, nodes.shape[1])
     curved.tabulate_facets(
         geometry, (nodes, weights), segments, s.offsets, s.pair_offsets, rule,
-        (BASES[options.basis], move_ends), values,
+        (BASES[options.basis], GAP_WEIGHTS[options.gap_weights], move_ends), values,
     )  # fmt: skip
     return values
 

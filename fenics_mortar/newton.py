@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -36,10 +36,11 @@ class Status:
 
 
 class Step(NamedTuple):
-    """One Newton step: increment over the displacement, and the part of it that was taken."""
+    """One Newton step: increment over the displacement, the part of it that was taken, a remark."""
 
     increment: float
     part: float
+    note: str = ""
 
 
 class Equations(Protocol):
@@ -104,11 +105,13 @@ class Iteration:
 class NewtonReport:
     """What happened in one solve: kept on success and on failure.
 
-    Row 0 is the state before the first linear system; ``notes`` tell of cycles of the sets.
+    Row 0 is the state before the first linear system. ``notes`` tell of all that was done beside
+    plain Newton steps; ``certificate`` is what the equations measured of a converged state.
     """
 
     iterations: list[Iteration] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    certificate: Any = None
     force: float = 0.0
     converged: bool = False
     reason: str = "not started"
@@ -161,20 +164,24 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         NotConvergedError: On all ranks, with the record so far.
     """
     report = NewtonReport()
-    step, sets = Step(np.inf, 1.0), list[bytes]()
+    step, sets, noted = Step(np.inf, 1.0), list[bytes](), set[str]()
     for number in range(options.max_iterations + 1):
         if number:
             try:
                 step = equations.advance()
             except MortarError as error:
                 raise _failure(equations, report, f"iteration {number}: {error}") from error
+            if step.note and step.note not in noted:
+                noted.add(step.note)
+                report.notes.append(f"iteration {number}: {step.note}")
         status = equations.evaluate(start=number == 0)
         report.force = max(report.force, status.force)
         report.iterations.append(
             Iteration(
                 status.residual,
                 status.gap,
-                *step,
+                step.increment,
+                step.part,
                 status.num_active,
                 status.num_changed,
                 equations.seconds(),
@@ -229,6 +236,6 @@ def _what_is_missing(
     if step.increment > options.increment_tolerance:
         yield f"increment {step.increment:.1e} (allowed {options.increment_tolerance:.1e})"
     if step.part < 1.0:
-        yield f"only {step.part:.1e} of the last step taken, since cells would have inverted"
+        yield f"only {step.part:.1e} of the last step taken, the whole was too far"
     if status.num_changed:
         yield f"{status.num_changed} nodes changed between active and inactive"

@@ -5,15 +5,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from fenics_mortar.errors import NotConvergedError
 from fenics_mortar.newton import NewtonReport
 from fenics_mortar.problem import ContactProblem, State
+from fenics_mortar.surfaces import Array
 
 # What is left of the path below this part of a step is taken with the step.
 REMAINDER = 1e-6
+# What of a contact is written to a file.
+KEPT = ("z", "active", "carries")
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,26 @@ class SteppingOptions:
                 )
 
 
+class Work(NamedTuple):
+    """Work done in a step, by the trapezoidal rule over it [stress length^2].
+
+    Attributes:
+        bulk: What the bodies store, less the work of applied loads.
+        supports: Of the reactions.
+        contact: Of the contact forces. Without friction it vanishes with the size of the steps:
+            it is the energy that contact wrongly adds.
+    """
+
+    bulk: float
+    supports: float
+    contact: float
+
+    @property
+    def defect(self) -> float:
+        """Contact work over the largest of the three."""
+        return abs(self.contact) / max(*map(abs, self), 1e-300)
+
+
 @dataclass(frozen=True)
 class PathStep:
     """One accepted step: where it ended, how long it was, its record, and those that failed."""
@@ -63,6 +87,7 @@ class PathStep:
     step: float
     report: NewtonReport
     failures: list[NewtonReport]
+    work: Work
 
 
 @dataclass
@@ -94,14 +119,15 @@ class PathReport:
     def table(self) -> str:
         """Markdown table, one row per accepted step, and why attempts failed."""
         lines = [
-            "| step | time | size | iterations | active | cuts |",
-            "|---:|---:|---:|---:|---:|---:|",
+            "| step | time | size | iterations | active | cuts | contact work |",
+            "|---:|---:|---:|---:|---:|---:|---:|",
         ]
         reasons = []
         for number, step in enumerate(self.steps, start=1):
             active = step.report.iterations[-1].num_active
             cells = [f"{number}", f"{step.time:.6g}", f"{step.step:.3g}"]
             cells += [f"{step.report.num_iterations}", f"{active}", f"{len(step.failures)}"]
+            cells += [f"{step.work.defect:.1e}"]
             lines.append(f"| {' | '.join(cells)} |")
             reasons += [f"- step {number}: {failure.reason}" for failure in step.failures]
         reasons += [f"- step {len(self.steps) + 1}: {failure.reason}" for failure in self.failures]
@@ -134,12 +160,14 @@ def follow_path(
         The record of all steps.
 
     Raises:
-        NotConvergedError: If a step of the smallest size fails. Displacement and multipliers are
+        NotConvergedError: If a step of the smallest size fails, or ends in a state that violates
+            its certificate. Displacement and multipliers are
             those of the last accepted step then; ``report`` is the ``PathReport``.
     """
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
     accepted, before = problem.state(), None
+    forces = problem.forces()
     while time < stop:
         step = min(step, stop - time)
         if stop - time - step < REMAINDER * step:
@@ -148,7 +176,7 @@ def follow_path(
         if options.predict and before is not None:
             problem.extrapolate(before[0], step / before[1])
         try:
-            report = problem.solve()
+            report = _solve_soundly(problem)
         except NotConvergedError as failure:
             path.failures.append(failure.report)
             problem.restore(accepted)
@@ -161,8 +189,10 @@ def follow_path(
             step = max(options.cut * step, options.smallest)
             continue
         before, accepted = (accepted, step), problem.state()
+        before_forces, forces = forces, problem.forces()
+        work = _work(problem, accepted.u - before[0].u, before_forces, forces)
         time = stop if step == stop - time else time + step
-        path.steps.append(PathStep(time, step, report, path.failures))
+        path.steps.append(PathStep(time, step, report, path.failures, work))
         path.failures = []
         _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
         if on_step is not None:
@@ -171,6 +201,27 @@ def follow_path(
             step = min(options.growth * step, largest)
     path.finished = True
     return path
+
+
+def _solve_soundly(problem: ContactProblem) -> NewtonReport:
+    """Solve; a state that violates its certificate is not accepted."""
+    report = problem.solve()
+    violations = "; ".join(report.certificate.violations())
+    if violations:
+        report.converged, report.reason = False, f"converged to a wrong state: {violations}"
+        raise NotConvergedError(report.reason, report)
+    return report
+
+
+def _work(
+    problem: ContactProblem, du: Array, before: tuple[Array, Array], after: tuple[Array, Array]
+) -> Work:
+    """Work of the mean forces over a displacement (collective)."""
+    r, contact = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
+    du, held = du[: r.size], problem.bulk.held
+    supports = (r + contact)[held] @ du[held]
+    work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du]))
+    return Work(*map(float, work))
 
 
 def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
@@ -187,7 +238,7 @@ def save_state(problem: ContactProblem, path: str) -> None:
     nodes, values = problem.bulk.by_input_node()
     data = {"nodes": nodes, "u": values}
     for i, contact in enumerate(problem.contacts):
-        data |= {f"z{i}": contact.z, f"active{i}": contact.active}
+        data |= {f"{name}{i}": getattr(contact, name) for name in KEPT}
     if problem.comm.rank == 0:
         np.savez(path, **data)
     problem.comm.barrier()
@@ -198,6 +249,7 @@ def load_state(problem: ContactProblem, path: str) -> None:
     data = dict(np.load(path)) if problem.comm.rank == 0 else None
     data = problem.comm.bcast(data)
     problem.bulk.set_by_input_node(data["nodes"], data["u"])
-    z = [data[f"z{i}"] for i in range(len(problem.contacts))]
-    active = [data[f"active{i}"] for i in range(len(problem.contacts))]
-    problem.restore(State(problem.bulk.u.x.array.copy(), z, active, True))
+    z, active, carries = (
+        [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
+    )
+    problem.restore(State(problem.bulk.u.x.array.copy(), z, active, carries, True))

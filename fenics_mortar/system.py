@@ -27,6 +27,7 @@ contact pattern costs neither memory nor a new symbolic factorization.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Literal
@@ -52,7 +53,7 @@ LINEAR_TOLERANCE = 1e-5
 REFINED = 1e-14
 
 
-class LinearSystem:
+class LinearSystem(ABC):
     """What both forms share: numbering of multipliers, prescribed values, the linear solver.
 
     Attributes:
@@ -81,13 +82,13 @@ class LinearSystem:
         self.matrix: PETSc.Mat
         self._rhs: PETSc.Vec
 
+    @abstractmethod
     def assemble(self) -> None:
         """Build ``matrix`` and the right-hand side from the present state (collective)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve; return dd and the new multipliers of every contact (collective)."""
-        raise NotImplementedError
 
     @contextmanager
     def _in_database(self) -> Iterator[None]:

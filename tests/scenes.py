@@ -33,6 +33,24 @@ def read(build, comm=MPI.COMM_WORLD, **options):
     return data
 
 
+def rectangles(size: float, **boxes: tuple[float, float, float, float]):
+    """Build a triangle mesh of rectangles (x, y, width, height), with names body and body/side."""
+    model = gmsh.model
+    model.add("rectangles")
+    surfaces = {
+        name: model.occ.addRectangle(x, y, 0.0, w, h) for name, (x, y, w, h) in boxes.items()
+    }
+    model.occ.synchronize()
+    for name, surface in surfaces.items():
+        model.setPhysicalName(2, model.addPhysicalGroup(2, [surface]), name)
+        curves = [curve for _, curve in model.getBoundary([(2, surface)], oriented=False)]
+        for side, curve in zip(("bottom", "right", "top", "left"), curves, strict=True):
+            model.setPhysicalName(1, model.addPhysicalGroup(1, [curve]), f"{name}/{side}")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    model.mesh.generate(2)
+    return model
+
+
 def lame(E: float, nu: float) -> tuple[float, float]:
     """Lame's parameters of plane strain."""
     return E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))

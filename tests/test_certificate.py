@@ -4,7 +4,7 @@
 import indenter_on_block
 import numpy as np
 import pytest
-from scenes import internal, neo_hookean, pressed_blocks, read
+from scenes import internal, neo_hookean, pressed_blocks, read, rectangles
 
 from dolfinx import fem
 
@@ -68,6 +68,37 @@ def test_contact_that_was_missed_is_seen():
     assert np.abs(problem.contacts[0].total_force).max() == 0.0
     assert certificate.unpaired >= problem.contacts[0].slave.num_nodes
     assert any("contact was missed" in v for v in certificate.violations())
+
+
+def test_certificate_comes_with_the_report_and_prints():
+    scene = pressed_blocks(n_upper=5, n_lower=7)
+    scene.loads["push"].value[:] = (0.02, -0.06)
+    report = scene.problem.solve()
+    assert report.certificate.violations() == []
+    assert report.certificate.balance < 1e-10
+    assert "| penetration |" in str(report.certificate)
+
+
+def test_lost_balance_is_seen():
+    scene = solved(n_upper=5, n_lower=7)
+    scene.contact.z *= 1.001
+    assert any("balance" in v for v in scene.problem.certificate().violations())
+
+
+def test_nodes_of_one_pair_that_another_pair_holds_are_not_missed():
+    """Two tools on one block: under the other tool its nodes have no partner in this pair."""
+    boxes = {"left": (0.2, 1.0, 0.6, 0.4), "right": (1.2, 1.0, 0.6, 0.4)}
+    data = read(rectangles, size=0.15, block=(0.0, 0.0, 2.0, 1.0), **boxes)
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, -0.08))
+    bcs = [fm.dirichlet(V, data, "block/bottom", (0.0, 0.0))]
+    bcs += [fm.dirichlet(V, data, f"{name}/top", push) for name in ("left", "right")]
+    pairs = [fm.ContactPair(data, f"{name}/bottom", "block/top") for name in ("left", "right")]
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="tools_")
+    certificate = problem.solve().certificate
+    assert min(abs(c.total_force[1]) for c in problem.contacts) > 1.0
+    assert [pair.unpaired for pair in certificate.pairs] == [0, 0]
 
 
 def test_nodes_beyond_the_edge_are_uncovered_but_not_inside():

@@ -153,3 +153,41 @@ def test_state_of_another_mesh_is_refused(shared_path):
 def test_stepping_options_that_cannot_work_are_refused(options):
     with pytest.raises(ValueError, match="allowed"):
         fm.SteppingOptions(**options)
+
+
+def test_contact_work_vanishes_with_the_steps():
+    """Frictionless contact stores nothing: what it seems to do is the error of the time steps."""
+    works = []
+    for step in (0.25, 0.125, 0.0625):
+        problem, set_loads = ironing()
+        options = fm.SteppingOptions(step=step)
+        fm.follow_path(problem, set_loads, options, stop=1.0)
+        path = fm.follow_path(problem, set_loads, options, start=1.0, stop=1.5)
+        works.append(sum(s.work.contact for s in path.steps))
+        for s in path.steps:
+            assert abs(s.work.bulk - s.work.supports + s.work.contact) < 1e-8 * abs(s.work.bulk)
+    assert abs(works[2]) < 0.5 * abs(works[1]) < 0.3 * abs(works[0])
+
+
+def test_step_that_ends_in_a_wrong_state_is_not_accepted():
+    """A tool that jumps into the block, with a search radius too short to find its surface."""
+    data = read(
+        indenter_on_block.build, n_block=24, layers_block=8, n_indenter=6, layers_indenter=4
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, tool = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [
+        fm.dirichlet(V, data, "block/bottom", (0.0, 0.0)),
+        fm.dirichlet(V, data, "indenter/top", tool),
+    ]
+    pair = fm.ContactPair(data, "indenter/arc", "block/top", search_radius=0.3)
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="jump_")
+
+    def set_loads(time):
+        tool.value[:] = (0.0, -0.9 * time)
+
+    path = fm.follow_path(problem, set_loads, fm.SteppingOptions(step=1.0, largest=1.0))
+    assert path.num_cuts > 0 and "contact was missed" in path.table()
+    assert problem.contacts[0].total_force[1] > 0.0
+    assert problem.certificate().violations() == []

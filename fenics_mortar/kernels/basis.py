@@ -20,6 +20,11 @@ the covered part, hence "consistent" (Cichosz & Bischoff 2011; Popp, Seitz, Gee 
 fully covered facet xm = 0, v = 1/3: Phi = (1 -+ 3 xi) / 2. The last two rows hand the weight of a
 node that carries no multiplier (its displacement is prescribed) to its neighbour.
 
+The gap may be weighted by the standard functions N instead of Phi (Petrov-Galerkin; Popp, Seitz,
+Gee & Wall 2013): they are nowhere negative, so a gap that is open has a positive weighted gap. Both
+have the same integrals, and where the gap is zero the two agree. On a partly covered facet Phi_j
+continues a linear gap to node j: beyond the edge of the master, where node j is not covered.
+
 With m = J |S|, N1 = (1 - xm)/2, N2 = (1 + xm)/2 the slave-side matrix is exact:
 
     D_11 = m (a N1 + w/2), D_12 = m (a N2 - w/2), D_21 = m ((1-a) N1 - w/2), D_22 = ...
@@ -34,6 +39,8 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 
 DUAL, STANDARD = 0, 1
+# Where the gap is weighted by N: nowhere, at nodes beyond the edge of the cover, everywhere.
+NOWHERE, BEYOND_EDGES, EVERYWHERE = 0, 1, 2
 BOTH, ONLY_FIRST, ONLY_SECOND = 0, 1, 2
 
 
@@ -71,6 +78,21 @@ def coefficients(basis, left, mean, variance):
     w = 0.5 * (1.0 - mean * mean)
     F = w / variance
     return a, o - 0.5, F, -mean / variance, -F / variance, w, -mean, o
+
+
+@kernel
+def gap_coefficients(basis, gap_weights, left, mean, variance, lowest, highest):
+    """Coefficients of the functions that weigh the gap of node 1 and of node 2.
+
+    ``lowest``, ``highest``: ends of the cover, -1 and 1 where the nodes are covered.
+    """
+    everywhere, beyond = gap_weights == EVERYWHERE, gap_weights == BEYOND_EDGES
+    first = everywhere or (beyond and lowest.real > -1.0)
+    second = everywhere or (beyond and highest.real < 1.0)
+    return (
+        coefficients(STANDARD if first else basis, left, mean, variance),
+        coefficients(STANDARD if second else basis, left, mean, variance),
+    )
 
 
 @kernel
@@ -114,73 +136,88 @@ def slave_matrix_derivative(table, size, mean, J, dJ, dsize, dmean, dvariance, d
 
 
 @kernel
-def facet_values(table, segments, size, mean, J, D, M, g):
+def line(table, mean, c, h):
+    """Phi_1 on the piece c - h ... c + h as b0 + b1 s, s = -1 ... 1."""
+    return table[0] - table[2] * (c - mean), -table[2] * h
+
+
+@kernel
+def line_derivative(table, mean, c, h, dmean, dvariance):
+    """Derivatives of ``line`` by mean and variance of the cover."""
+    dF = table[3] * dmean + table[4] * dvariance
+    return (table[1] + table[2]) * dmean - (c - mean) * dF, -h * dF
+
+
+@kernel
+def facet_values(table, gap_tables, segments, size, mean, J, D, M, g):
     """Fill D (2, 2), M (n, 2, 2) and g (2,) of one facet from the moments of its segments."""
     ends, _, Mp, _, gp, _ = segments
     slave_matrix(table, size, mean, J, D)
-    a, F = table[0], table[2]
     g[:] = 0.0
     for i in range(ends.shape[0]):
-        b0 = a - F * (0.5 * (ends[i, 0] + ends[i, 1]) - mean)
-        b1 = -0.5 * F * (ends[i, 1] - ends[i, 0])
+        c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
+        b0, b1 = line(table, mean, c, h)
         for l in range(2):
             M[i, 0, l] = b0 * Mp[i, 0, l] + b1 * Mp[i, 1, l]
             M[i, 1, l] = Mp[i, 0, l] - M[i, 0, l]
-        g_first = b0 * gp[i, 0] + b1 * gp[i, 1]
-        g[0] += g_first
-        g[1] += gp[i, 0] - g_first
+        b0, b1 = line(gap_tables[0], mean, c, h)
+        g[0] += b0 * gp[i, 0] + b1 * gp[i, 1]
+        b0, b1 = line(gap_tables[1], mean, c, h)
+        g[1] += (1.0 - b0) * gp[i, 0] - b1 * gp[i, 1]
 
 
 @kernel
-def own_derivative(table, segments, i, mean, dM, dg):
+def own_derivative(table, gap_tables, segments, i, mean, dM, dg):
     """Fill dM (2, 2, 12) and dg (2, 12) of segment ``i`` by its own nodes, xm and F fixed."""
     ends, dends, Mp, dMp, gp, dgp = segments
-    F = table[2]
-    b0 = table[0] - F * (0.5 * (ends[i, 0] + ends[i, 1]) - mean)
-    b1 = -0.5 * F * (ends[i, 1] - ends[i, 0])
+    c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
+    b0, b1 = line(table, mean, c, h)
+    first, second = gap_tables
+    p0, p1 = line(first, mean, c, h)
+    q0, q1 = line(second, mean, c, h)
     for q in range(12):
-        db0 = -0.5 * F * (dends[i, 0, q] + dends[i, 1, q])
-        db1 = -0.5 * F * (dends[i, 1, q] - dends[i, 0, q])
+        dc, dh = 0.5 * (dends[i, 0, q] + dends[i, 1, q]), 0.5 * (dends[i, 1, q] - dends[i, 0, q])
         for l in range(2):
-            first = db0 * Mp[i, 0, l] + db1 * Mp[i, 1, l]
-            first += b0 * dMp[i, 0, l, q] + b1 * dMp[i, 1, l, q]
-            dM[0, l, q] = first
-            dM[1, l, q] = dMp[i, 0, l, q] - first
-        first = db0 * gp[i, 0] + db1 * gp[i, 1] + b0 * dgp[i, 0, q] + b1 * dgp[i, 1, q]
-        dg[0, q] = first
-        dg[1, q] = dgp[i, 0, q] - first
+            change = -table[2] * (dc * Mp[i, 0, l] + dh * Mp[i, 1, l])
+            change += b0 * dMp[i, 0, l, q] + b1 * dMp[i, 1, l, q]
+            dM[0, l, q] = change
+            dM[1, l, q] = dMp[i, 0, l, q] - change
+        moved = dc * gp[i, 0] + dh * gp[i, 1]
+        dg[0, q] = p0 * dgp[i, 0, q] + p1 * dgp[i, 1, q] - first[2] * moved
+        dg[1, q] = (1.0 - q0) * dgp[i, 0, q] - q1 * dgp[i, 1, q] + second[2] * moved
 
 
 @kernel
-def add_cover_derivative(table, segments, i, mean, dmean, dF, dM, dg):
-    """Add what segment ``i`` changes by dxm and dF (12,): to dM (2, 2, 12) and dg (2, 12)."""
+def add_cover_derivative(table, gap_tables, segments, i, mean, dmean, dvariance, dM, dg):
+    """Add what segment ``i`` changes by dxm and dv (12,): to dM (2, 2, 12) and dg (2, 12)."""
     ends, _, Mp, _, gp, _ = segments
     c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
     for q in range(12):
-        db0 = (table[1] + table[2]) * dmean[q] - (c - mean) * dF[q]
-        db1 = -h * dF[q]
+        db0, db1 = line_derivative(table, mean, c, h, dmean[q], dvariance[q])
         for l in range(2):
             change = db0 * Mp[i, 0, l] + db1 * Mp[i, 1, l]
             dM[0, l, q] += change
             dM[1, l, q] -= change
-        change = db0 * gp[i, 0] + db1 * gp[i, 1]
-        dg[0, q] += change
-        dg[1, q] -= change
+        db0, db1 = line_derivative(gap_tables[0], mean, c, h, dmean[q], dvariance[q])
+        dg[0, q] += db0 * gp[i, 0] + db1 * gp[i, 1]
+        db0, db1 = line_derivative(gap_tables[1], mean, c, h, dmean[q], dvariance[q])
+        dg[1, q] -= db0 * gp[i, 0] + db1 * gp[i, 1]
 
 
 @kernel
-def facet_derivatives(table, segments, size, mean, variance, edge, partial, dD, dM, dg):
+def facet_derivatives(table, gap_tables, segments, shape, edge, partial, dD, dM, dg):
     """Fill dD (n, 2, 2, 12), dM (pairs, 2, 2, 12) and dg (n, 2, 12) of one facet."""
     ends, dends = segments[0], segments[1]
+    size, mean, variance = shape
     count = ends.shape[0]
     kind = ends.dtype
-    dJ, dsize, dF = np.zeros(12, kind), np.zeros(12, kind), np.empty(12, kind)
+    dJ, dsize = np.zeros(12, kind), np.zeros(12, kind)
     dmean, dvariance = np.zeros(12, kind), np.zeros(12, kind)
     ex, ey = 0.5 * edge[0], 0.5 * edge[1]
     J = np.sqrt(ex * ex + ey * ey)
     for k in range(count):
         own = k * count + k if partial else k
-        own_derivative(table, segments, k, mean, dM[own], dg[k])
+        own_derivative(table, gap_tables, segments, k, mean, dM[own], dg[k])
         share = 0.5 * (ends[k, 1] - ends[k, 0]) / J
         dJ[2], dJ[3], dJ[4], dJ[5] = -share * ex, -share * ey, share * ex, share * ey
         if partial:
@@ -190,19 +227,21 @@ def facet_derivatives(table, segments, size, mean, variance, edge, partial, dD, 
         return
     for k in range(count):
         cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
-        dF[:] = table[3] * dmean + table[4] * dvariance
         for i in range(count):
-            add_cover_derivative(table, segments, i, mean, dmean, dF, dM[i * count + k], dg[k])
+            add_cover_derivative(
+                table, gap_tables, segments, i, mean, dmean, dvariance, dM[i * count + k], dg[k]
+            )
 
 
 @kernel
-def tabulate_facets(facets, basis, offsets, pair_offsets, segments, values):
+def tabulate_facets(facets, basis, gap_weights, offsets, pair_offsets, segments, values):
     """Make D, M and the weighted gap of all facets from the moments of their segments.
 
     ``facets`` = (edges (f, 2): vector from the first to the second node of each facet; left (f,):
     which nodes carry a multiplier; partial (f,): whether a part of the facet is not covered). Facet
     e owns the segments offsets[e]:offsets[e+1] and the pairs pair_offsets[e]:pair_offsets[e+1] of
-    them: (i, k), k running fastest, where it is partly covered, else only i = k. ``segments`` =
+    them: (i, k), k running fastest, where it is partly covered, else only i = k. ``gap_weights``
+    says where the gap is weighted by N. ``segments`` =
     (ends, dends, M, dM, g, dg) of ``tabulate_segments``. Fills ``values`` = (D (f, 2, 2),
     dD (n, 2, 2, 12), M (n, 2, 2), dM (pairs, 2, 2, 12), g (f, 2), dg (n, 2, 12), cover (f, 2):
     the integrals of N_1 and N_2 over the covered part). dM must come zeroed; rows of facets without
@@ -221,10 +260,14 @@ def tabulate_facets(facets, basis, offsets, pair_offsets, segments, values):
         cover[e, 0] = 0.5 * J * size * (1.0 - mean)
         cover[e, 1] = 0.5 * J * size * (1.0 + mean)
         table = coefficients(basis, left[e], mean, variance)
-        facet_values(table, own, size, mean, J, D[e], M[i:j], g[e])
+        gap_tables = gap_coefficients(
+            basis, gap_weights, left[e], mean, variance, own[0][0, 0], own[0][-1, 1]
+        )
+        facet_values(table, gap_tables, own, size, mean, J, D[e], M[i:j], g[e])
         if basis == DUAL and left[e] == BOTH:
             D[e, 0, 1] = 0.0
             D[e, 1, 0] = 0.0
+        shape = (size, mean, variance)
         facet_derivatives(
-            table, own, size, mean, variance, edges[e], partial[e], dD[i:j], dM[p:q], dg[i:j]
+            table, gap_tables, own, shape, edges[e], partial[e], dD[i:j], dM[p:q], dg[i:j]
         )

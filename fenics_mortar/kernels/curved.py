@@ -42,7 +42,7 @@ derivatives by the nodes of each segment k, hence pairs (i, k).
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.basis import DUAL
+from fenics_mortar.kernels.basis import BEYOND_EDGES, DUAL, EVERYWHERE
 
 
 @kernel
@@ -408,6 +408,19 @@ def standard_derivative(dG, B, C, dC, dD):
                     accumulate(C[j, p] * B[k, r], dG[p + r], dD[j, k])
 
 
+@kernel
+def weigh_gap(gap_weights, place, weights, B, C, by_N, C_g):
+    """Fill ``C_g`` (K, K), as C for the functions that weigh the gap, and whether they are N."""
+    count = B.shape[0]
+    product(weights, B, C_g)
+    for j in range(count):
+        t = (2.0 * j / (count - 1.0) - 1.0 - place[0]) / place[1]
+        beyond = gap_weights == BEYOND_EDGES and abs(t) > 1.0 + 1e-12
+        by_N[j] = beyond or gap_weights == EVERYWHERE
+        if not by_N[j]:
+            C_g[j] = C[j]
+
+
 # Facets
 
 
@@ -451,14 +464,14 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
     positions; ``facets`` = (slave nodes (f, K), weights H (f, K, K)); ``segments`` = (master nodes
     (n, K), end_is_node (n, 2)), those of facet e being offsets[e]:offsets[e+1], with all pairs
     (i, k) of them, k running fastest, at pair_offsets[e]; ``rule`` = (points, weights); ``options``
-    = (basis, whether the ends of segments have derivatives). Fills ``values`` = (D (f, K, K),
-    dD (n, K, K, C), M (n, K, K), dM (pairs, K, K, C), g (f, K), dg (n, K, C), cover (f, K)) with
-    C = 8 K - 4 columns; rows of facets without segments are left as they are.
+    = (basis, where the gap is weighted by N, whether the ends of segments have derivatives). Fills
+    ``values`` = (D (f, K, K), dD (n, K, K, C), M (n, K, K), dM (pairs, K, K, C), g (f, K),
+    dg (n, K, C), cover (f, K)) with C = 8 K - 4 columns; rows of facets without segments are left as they are.
     """
     x, n, dn_dx, m = geometry
     nodes, handed = facets
     masters, end_is_node = segments
-    basis, move_ends = options
+    basis, gap_weights, move_ends = options
     D, dD, M, dM, g, dg, cover = values
     kind, count, columns = x.dtype, nodes.shape[1], dD.shape[3]
     size, most = 2 * count - 1, np.max(offsets[1:] - offsets[:-1]) if nodes.shape[0] else 0
@@ -475,6 +488,7 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
     dg_y = np.empty((count, 6 * count), kind)
     C, VG, inverse = np.empty((3, count, count), kind)
     B, d = np.empty((count, count)), np.empty(count, kind)
+    by_N, C_g = np.empty(count, np.bool_), np.empty((count, count), kind)
     small, dC = np.empty((2, count, columns), kind), np.empty((count, count, columns), kind)
     sum_G, sum_g = np.empty(size, kind), np.empty(count, kind)
     for e in range(nodes.shape[0]):
@@ -507,10 +521,11 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
                     chain_normals(dM_y[p, l], dn_dx, nodes[e], dT_M[i, p, l])
         multipliers(basis, sum_G, place, handed[e], B, C, D[e], d, VG, inverse)
         cover[e] = d
+        weigh_gap(gap_weights, place, handed[e], B, C, by_N, C_g)
         g[e] = 0.0
         for j in range(count):
             for p in range(count):
-                g[e, j] += C[j, p] * sum_g[p]
+                g[e, j] += C_g[j, p] * sum_g[p]
         for i in range(number):
             product(C, T_M[i], M[start + i])
         for k in range(number):
@@ -521,8 +536,9 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
             dg[start + k] = 0.0
             for j in range(count):
                 for p in range(count):
-                    accumulate(C[j, p], dT_g[k, p], dg[start + k, j])
-                    accumulate(sum_g[p], dC[j, p], dg[start + k, j])
+                    accumulate(C_g[j, p], dT_g[k, p], dg[start + k, j])
+                    if not by_N[j]:
+                        accumulate(sum_g[p], dC[j, p], dg[start + k, j])
             for i in range(number):
                 pair = pair_offsets[e] + i * number + k
                 dM[pair] = 0.0

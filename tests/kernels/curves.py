@@ -20,6 +20,7 @@ class Curves:
     weighting: int = normals.OPPOSITE
     points: int = 5
     left: np.ndarray | None = None
+    gap_weights: int = 0  # basis.NOWHERE
     radius: float = 10.0
 
     def __post_init__(self):
@@ -87,7 +88,8 @@ class Curves:
         edges = x[self.slave[:, 1]] - x[self.slave[:, 0]]
         values = (D, dD, M, dM, g, dg, cover)
         own = (edges, self.left, self.partial)
-        tabulate_facets(own, self.basis, self.offsets, self.pair_offsets, moments, values)
+        kinds = self.basis, self.gap_weights
+        tabulate_facets(own, *kinds, self.offsets, self.pair_offsets, moments, values)
         return {"D": D, "M": M, "g": g, "dD": dD, "dM": dM, "dg": dg, "cover": cover}
 
     @property
@@ -182,7 +184,7 @@ class CurvedCurves(Curves):
             self.offsets,
             self.pair_offsets,
             np.polynomial.legendre.leggauss(self.points),
-            (self.basis, True),
+            (self.basis, self.gap_weights, True),
             values,
         )
         return dict(zip(("D", "dD", "M", "dM", "g", "dg", "cover"), values))

@@ -11,6 +11,14 @@ from derivatives import complex_step
 from fenics_mortar.kernels import basis
 
 BASES = [basis.DUAL, basis.STANDARD]
+OPTIONS = [
+    (basis.DUAL, None, basis.NOWHERE),
+    (basis.DUAL, None, basis.BEYOND_EDGES),
+    (basis.DUAL, 0, basis.BEYOND_EDGES),
+    (basis.DUAL, None, basis.EVERYWHERE),
+    (basis.STANDARD, None, basis.NOWHERE),
+    (basis.STANDARD, 0, basis.NOWHERE),
+]
 COVERS = {
     "full": (-0.05, 1.05),
     "one end": (0.13, 1.05),
@@ -119,12 +127,11 @@ def test_rows_of_D_and_M_sum_to_the_same(cover, kind, drop):
 
 
 @pytest.mark.parametrize("cover", COVERS)
-@pytest.mark.parametrize("kind", BASES)
-@pytest.mark.parametrize("drop", [None, 0])
-def test_all_derivatives_equal_the_complex_step(cover, kind, drop):
+@pytest.mark.parametrize("kind, drop, gap_weights", OPTIONS)
+def test_all_derivatives_equal_the_complex_step(cover, kind, drop, gap_weights):
     start, stop = COVERS[cover]
     nodes = wavy_curved(1, slaves=4, masters=6, start=start, stop=stop)
-    pair = CurvedCurves(*nodes, basis=kind, drop=drop)
+    pair = CurvedCurves(*nodes, basis=kind, drop=drop, gap_weights=gap_weights)
     found = assemble(pair, pair.evaluate(pair.positions))
     exact = complex_step(
         lambda moved: np.concatenate(

@@ -11,6 +11,7 @@ from derivatives import complex_step
 from fenics_mortar.kernels import basis, normals
 
 BASES = [basis.DUAL, basis.STANDARD]
+GAP_WEIGHTS = [basis.NOWHERE, basis.BEYOND_EDGES, basis.EVERYWHERE]
 # cover of the slave by the master: full, an end missing, an island, and two pieces
 COVERS = {
     "full": (-0.05, 1.05),
@@ -76,6 +77,32 @@ def test_two_pieces_are_two_pieces():
     assert len(pair.slave) == 1 and (gaps > 0.1).sum() == 1
 
 
+@pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
+@pytest.mark.parametrize("kind", BASES)
+def test_gap_by_standard_weights_is_that_of_the_standard_basis(cover, kind):
+    """And beyond edges only, it is that of the own basis at nodes that are covered."""
+    own, standard = curves(cover, basis=kind), curves(cover, basis=basis.STANDARD)
+    g_own, g_standard = (pair.evaluate(pair.positions)["g"] for pair in (own, standard))
+    first, last = own.ends[own.offsets[:-1], 0], own.ends[own.offsets[1:] - 1, 1]
+    beyond = np.stack([first > -1.0, last < 1.0], axis=1)
+    for weights, partial in ((basis.EVERYWHERE, True), (basis.BEYOND_EDGES, beyond)):
+        pair = curves(cover, basis=kind, gap_weights=weights)
+        g = pair.evaluate(pair.positions)["g"]
+        assert np.allclose(g, np.where(partial, g_standard, g_own), rtol=0, atol=1e-15)
+
+
+def test_open_gap_beside_an_edge_is_open_by_standard_weights_only():
+    """A master that touches with its end and leaves the slave at an angle covers half a facet."""
+    x, m = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[1.2, -0.14], [0.5, 0.0]])
+    g = {w: curves_of(x, m, gap_weights=w) for w in (basis.NOWHERE, basis.BEYOND_EDGES)}
+    assert g[basis.NOWHERE][0] < -0.01 < 0.0 < g[basis.BEYOND_EDGES].min()
+
+
+def curves_of(x, m, **options):
+    pair = Curves(x, m, **options)
+    return pair.evaluate(pair.positions)["g"][0]
+
+
 @pytest.mark.parametrize("cover", [1.0, 1e-2, 1e-5, 1e-9])
 def test_tiny_cover_keeps_the_dual_basis_finite_and_the_sums_exact(cover):
     x = np.array([[0.0, 0], [1, 0], [2, 0]])
@@ -102,8 +129,9 @@ def test_neighbour_takes_over_the_weight_of_a_node_without_multiplier(left):
 @pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
 @pytest.mark.parametrize("kind, weighting", product(BASES, [normals.OPPOSITE, normals.UNIT]))
 @pytest.mark.parametrize("left", [basis.BOTH, basis.ONLY_FIRST, basis.ONLY_SECOND])
-def test_all_derivatives_equal_the_complex_step(cover, kind, weighting, left):
-    pair = curves(cover, basis=kind, weighting=weighting)
+@pytest.mark.parametrize("gap_weights", GAP_WEIGHTS)
+def test_all_derivatives_equal_the_complex_step(cover, kind, weighting, left, gap_weights):
+    pair = curves(cover, basis=kind, weighting=weighting, gap_weights=gap_weights)
     pair.left[:] = left
     values = pair.evaluate(pair.positions)
     count = 2 * len(pair.positions)

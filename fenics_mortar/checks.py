@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: MIT
+"""What is refused when a problem is set up, before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar import compat
+from fenics_mortar.bulk import Bulk
+from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.errors import MeshError, MortarError, SurfaceError, place
+from fenics_mortar.mesh import check_plane
+
+
+def check_space(V: Any, pairs: Sequence[ContactPair]) -> None:
+    """Refuse spaces and meshes that the package cannot work on (collective)."""
+    mesh = V.mesh
+    if compat.scalar_is_complex():
+        raise MortarError("PETSc has complex scalars; install the real build (petsc-real)")
+    check_plane(mesh)
+    _check_coordinates(mesh)
+    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
+    nodes = {1: corners, 2: {3: 6, 4: 9}[corners]}
+    layout = V.dofmap.dof_layout
+    degrees = [degree for degree, count in nodes.items() if layout.num_dofs == count]
+    at_vertices = len(layout.entity_dofs(0, 0)) == 1
+    if V.dofmap.index_map_bs != 2 or not at_vertices or not degrees:
+        raise MortarError(
+            "the displacement is not in the Lagrange space of plane vectors of degree 1 or 2 (P1, "
+            "Q1, P2 or Q2): use vector_space(mesh, 1) or vector_space(mesh, 2)"
+        )
+    if compat.geometry_dofmap(mesh).shape[1] not in (corners, nodes[degrees[0]]):
+        raise MeshError(
+            "the mesh has curved cells; contact needs straight ones, of first order, or of second "
+            "order together with a displacement of degree 2"
+        )
+    for pair in pairs:
+        if pair.data.mesh is not mesh:
+            raise MeshError(
+                f"the pair '{pair.slave_name}' - '{pair.master_name}' belongs to another mesh"
+            )
+
+
+def _check_coordinates(mesh: Any) -> None:
+    """Refuse nan and inf; a node without a place is called by its number in the input."""
+    bad = ~np.isfinite(mesh.geometry.x).all(axis=1)
+    numbers = np.unique(
+        np.concatenate(mesh.comm.allgather(np.asarray(mesh.geometry.input_global_indices)[bad]))
+    )
+    if numbers.size:
+        raise MeshError(
+            f"coordinates of {numbers.size} nodes are not finite, e.g. of node {numbers[0]} "
+            "(counted from 0, as given)"
+        )
+
+
+def check_slave_nodes(contacts: Sequence[Contact]) -> None:
+    """Refuse nodes with two multipliers."""
+    for i, one in enumerate(contacts):
+        for other in contacts[i + 1 :]:
+            both = np.intersect1d(one.slave.nodes, other.slave.nodes)
+            if both.size:
+                where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
+                raise SurfaceError(
+                    f"{both.size} nodes are slaves in two pairs, '{one.slave.name}' and "
+                    f"'{other.slave.name}', one at {place(where)}; make one of the two a "
+                    "master there"
+                )
+
+
+def check_cells(bulk: Bulk) -> None:
+    """Refuse cells without area (collective)."""
+    count, where = bulk.flat_cells()
+    if count:
+        raise MeshError(f"{count} cells have no area, one at {where}")

@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: MIT
+"""Bodies that their Dirichlet conditions leave free: contact alone holds them.
+
+Before a solve a body that loads drive where active contact does not hold it is moved rigidly until
+contact stops it: each move is the one closest to the drive that opens no node more than a little
+beyond touching, a quadratic program in the few rigid motions.
+
+While Newton iterates, a spring in the tangent keeps what active contact leaves loose. Its stiffness
+is in proportion to what drives these motions, so it vanishes at equilibrium (Levenberg-Marquardt).
+The residual knows no spring: a converged state holds neither its force nor its energy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from scipy.optimize import nnls
+
+from fenics_mortar import compat
+from fenics_mortar.bodies import (
+    FloatingBody,
+    centre_and_size,
+    find_floating_bodies,
+    label_bodies,
+    resistance,
+)
+from fenics_mortar.bulk import Bulk
+from fenics_mortar.contact import Contact
+from fenics_mortar.errors import MortarError, place
+from fenics_mortar.surfaces import Array, Surface
+
+# Active contact holds a motion if it closes or opens gaps by more than this part of it.
+HELD = 1e-3
+# Least stiffness of the spring against a rigid motion over the largest diagonal entry of K: enough
+# for a regular matrix.
+LEAST_SPRING = 1e-6
+# A resultant is rounding below the first part of the forces, or the second of stiffness and size.
+UNDRIVEN, NOISE = 1e-12, 1e-13
+# A body moves until a node overlaps by this part of its length, so that it is active then.
+TOUCH = 0.01
+# Largest rigid motion in one move over the size of the body: gaps are linear in less than that.
+LARGEST_MOVE = 0.2
+MOST_MOVES = 200
+# A body is driven if the loads' resultant is above this part of the sum of their sizes.
+DRIVEN = 1e-6
+# A node is loaded if its pressure is above this part of the stiffness there.
+LOADED = 1e-12
+# A rigid motion below this part of the body's size is rounding.
+ROUNDING = 1e-6
+
+
+class FloatingBodies:
+    """What holds the floating bodies of a problem; all methods are collective.
+
+    Args:
+        bulk: The bodies.
+        contacts: The contacts, bound to the same space.
+
+    Attributes:
+        labels: Body of each local node, ghosts included.
+        bodies: The floating ones, once they have been looked for.
+    """
+
+    def __init__(self, bulk: Bulk, contacts: Sequence[Contact]) -> None:
+        self._bulk, self._contacts = bulk, contacts
+        self.labels, self._num_bodies = label_bodies(bulk.V)
+        self.bodies: list[FloatingBody] = []
+        self._unloaded: list[FloatingBody] = []
+        self._start: Array = bulk.u.x.array
+
+    def find(self) -> None:
+        """Look for floating bodies, with ``K`` as assembled."""
+        self.bodies = find_floating_bodies(self._bulk, self.labels, self._num_bodies)
+
+    def settle(self, evaluate: Callable[[], tuple[Array, Array]]) -> list[str]:
+        """Move the bodies that loads drive rigidly, until contact stops them.
+
+        Args:
+            evaluate: Evaluates the contacts at the present state; returns the sum of all forces
+                and the sum of their sizes (owned parts).
+
+        Returns:
+            Which bodies were moved, in words.
+
+        Raises:
+            MortarError: On all ranks, if nothing stops a body.
+        """
+        if not self.bodies:
+            return []
+        self._unloaded = [body for body in self.bodies if not self._is_loaded(body)]
+        moved = set[int]()
+        for _ in range(MOST_MOVES):
+            driven, moves = self._next_moves(*evaluate())
+            if not driven:
+                self._start = self._bulk.u.x.array.copy()
+                names = sorted(self.name_of(label) for label in sorted(moved))
+                return [f"{name} was moved rigidly until contact stopped it" for name in names]
+            for body, move in zip(driven, moves, strict=True):
+                self._move(body, move)
+                moved.add(body.label)
+        body, move = driven[0], moves[0]
+        raise MortarError(
+            f"{self.name_of(body.label)} can {body.describe(move)} freely: loads drive it, and "
+            "neither Dirichlet conditions nor contact stop it"
+        )
+
+    def loose(self) -> list[FloatingBody]:
+        """The bodies with the motions that active contact does not hold either."""
+        found = []
+        for body in self.bodies:
+            active = [self._closing(c, body)[:, c.active] for c in self._contacts]
+            none = np.zeros((len(body.motions), 0))
+            norms, combinations = resistance(np.hstack([none, *active]), MPI.COMM_SELF)
+            free = combinations[norms <= HELD]
+            if len(free):
+                found.append(replace(body, motions=free @ body.motions))
+        return found
+
+    def add_springs(self, loose: Sequence[FloatingBody], total: Array, force: float) -> None:
+        """Add springs to the diagonal of ``K``, which keep a step where the forces would strain to.
+
+        Args:
+            loose: What ``loose`` found.
+            total: Sum of all forces (owned part).
+            force: Size of the forces.
+        """
+        if not loose:
+            return
+        diagonal = self._bulk.K.getDiagonal()
+        labels = np.repeat(self.labels[: self._bulk.num_owned // 2], 2)
+        for body in loose:
+            drive = float(np.linalg.norm(self._resultant(body, total)))
+            stiffness = np.clip(drive / max(force, 1e-300), LEAST_SPRING, 1.0) * body.stiffest
+            diagonal.array[labels == body.label] += stiffness / body.num_nodes
+        self._bulk.K.setDiagonal(diagonal)
+
+    def drop_undriven(
+        self, loose: Sequence[FloatingBody], step: PETSc.Vec, total: Array, force: float
+    ) -> None:
+        """Take the loose motions that only rounding drives out of a step.
+
+        Args:
+            loose: What ``loose`` found.
+            step: Increment of the displacement; changed.
+            total: Sum of all forces (owned part).
+            force: Size of the forces.
+        """
+        for body in loose:
+            drive = float(np.linalg.norm(self._resultant(body, total)))
+            if drive <= UNDRIVEN * force + NOISE * body.stiffest * body.size:
+                mine, motions = self._motions(body)
+                excess = self._rigid_part(body, step.array_r) @ motions
+                step.array.reshape(-1, 2)[mine] -= excess.reshape(-1, 2)
+
+    def check(self) -> list[str]:
+        """What became of bodies that had no contact force before the solve and have none now.
+
+        Returns:
+            Which of them contact pushed along, towards something that may stop them.
+
+        Raises:
+            MortarError: On all ranks, if nothing is there to stop a body that gave way.
+        """
+        notes = []
+        for body in self._unloaded:
+            change = (self._bulk.u.x.array - self._start)[: self._bulk.num_owned]
+            motion = self._rigid_part(body, change)
+            if np.linalg.norm(motion) <= ROUNDING * body.size or self._is_loaded(body):
+                continue
+            if not any(self._is_ahead(contact, body, motion) for contact in self._contacts):
+                raise MortarError(
+                    f"{self.name_of(body.label)} can {body.describe(motion)} freely: pushed "
+                    "by contact it gave way, since its Dirichlet conditions do not hold it"
+                )
+            notes.append(f"{self.name_of(body.label)} was pushed along by contact without a force")
+        return notes
+
+    def _is_ahead(self, contact: Contact, body: FloatingBody, motion: Array) -> bool:
+        """Whether a motion of the body closes an open gap."""
+        closing = motion @ self._closing(contact, body)
+        away = contact.covered & ~contact.active
+        return bool((closing[away] > HELD * np.linalg.norm(motion)).any())
+
+    def describe(self, loose: Sequence[FloatingBody]) -> str:
+        """The loose bodies and how they can move, in words."""
+        return ", ".join(
+            f"{self.name_of(body.label)} can {body.describe(motion)}"
+            for body in loose
+            for motion in np.eye(len(body.motions))
+        )
+
+    def remark(self, loose: Sequence[FloatingBody]) -> str:
+        """What is done about the loose bodies, in words."""
+        names = " and ".join(sorted({self.name_of(body.label) for body in loose}))
+        return (
+            f"a spring in the tangent keeps {names}, which contact holds in part" if names else ""
+        )
+
+    def name_of(self, label: int) -> str:
+        """Name of a body from the cell tags, or where it is."""
+        bulk = self._bulk
+        first = compat.dofmap(bulk.V)[:, 0]
+        for data in (contact.pair.data for contact in self._contacts):
+            if data.cell_tags is None:
+                continue
+            for name, tag in data.bodies.items():
+                found = self.labels[first[data.cell_tags.find(tag)]] == label
+                if bulk.comm.allreduce(bool(found.any()), MPI.LOR):
+                    return f"body '{name}'"
+        X = bulk.V.tabulate_dof_coordinates()[: bulk.num_owned // 2, :2]
+        mine = self.labels[: len(X)] == label
+        return f"the body around {place(centre_and_size(X[mine], bulk.comm)[0])}"
+
+    def _next_moves(self, total: Array, sizes: Array) -> tuple[list[FloatingBody], list[Array]]:
+        """The bodies that move, and the coefficients of their motions.
+
+        A body that carries contact force moves only as active contact lets it.
+        """
+        unloaded = [body for body in self.bodies if not self._is_loaded(body)]
+        labels = {body.label for body in unloaded}
+        loose = [body for body in self.loose() if body.label not in labels]
+        driven = [(body, self._drive(body, total, sizes)) for body in (*unloaded, *loose)]
+        driven = [(body, drive) for body, drive in driven if drive.any()]
+        if not driven:
+            return [], []
+        wanted = np.concatenate([LARGEST_MOVE * body.size * drive for body, drive in driven])
+        closing = [
+            np.vstack([self._closing(contact, body) for body, _ in driven]).T
+            for contact in self._contacts
+        ]
+        room = [
+            np.maximum(np.nan_to_num(contact.gap) + TOUCH * contact.nodal_lengths, 0.0)
+            for contact in self._contacts
+        ]
+        move = closest_below(wanted, np.concatenate(closing), np.concatenate(room))
+        moves = np.split(move, np.cumsum([len(body.motions) for body, _ in driven])[:-1])
+        moving = [
+            (body, move)
+            for (body, _), move in zip(driven, moves, strict=True)
+            if np.linalg.norm(move) > TOUCH**2 * self._shortest_facet()
+        ]
+        return [body for body, _ in moving], [move for _, move in moving]
+
+    def _drive(self, body: FloatingBody, total: Array, sizes: Array) -> Array:
+        """Direction in which the forces drive the body, of size one; zero if they do not."""
+        drive = self._resultant(body, total)
+        mine, _ = self._motions(body)
+        size = self._bulk.comm.allreduce(float(sizes.reshape(-1, 2)[mine].sum()))
+        norm = float(np.linalg.norm(drive))
+        return drive / norm if norm > DRIVEN * size else np.zeros(len(drive))
+
+    def _resultant(self, body: FloatingBody, total: Array) -> Array:
+        """Resultant of the forces along the body's motions, shape (motions,)."""
+        mine, motions = self._motions(body)
+        return self._bulk.comm.allreduce(-motions @ total.reshape(-1, 2)[mine].ravel())
+
+    def _move(self, body: FloatingBody, coefficients: Array) -> None:
+        """Add a rigid motion; its rotation is a true one, so nothing is strained."""
+        x, y, turn = coefficients @ body.motions
+        angle = turn / body.size
+        mine = np.flatnonzero(self.labels == body.label)
+        arm = self._bulk.positions()[mine] - body.centre
+        cosine, sine = np.cos(angle) - 1.0, np.sin(angle)
+        turn = np.array([[cosine, -sine], [sine, cosine]])
+        self._bulk.u.x.array.reshape(-1, 2)[mine] += arm @ turn.T + np.array([x, y])
+
+    def _motions(self, body: FloatingBody) -> tuple[Array, Array]:
+        """Owned nodes of a body as a mask, and its motions there, (motions, 2 * nodes)."""
+        mine = self.labels[: self._bulk.num_owned // 2] == body.label
+        x = self._bulk.positions()[: mine.size][mine]
+        return mine, body.displacement(x).reshape(len(body.motions), -1)
+
+    def _rigid_part(self, body: FloatingBody, change: Array) -> Array:
+        """Coefficients of the body's motions in a displacement (owned part), shape (motions,)."""
+        mine, motions = self._motions(body)
+        answer = motions @ change.reshape(-1, 2)[mine].ravel()
+        products = self._bulk.comm.allreduce(np.column_stack([motions @ motions.T, answer]))
+        return np.linalg.solve(products[:, :-1], products[:, -1])
+
+    def _closing(self, contact: Contact, body: FloatingBody) -> Array:
+        """Change of the mean gaps by the free motions, closing positive: (motions, slave nodes)."""
+        o = contact.operators
+        on_slave, on_master = (
+            body.displacement(x) * (self._labels_of(surface) == body.label)[:, None]
+            for surface, x in ((contact.slave, o.x), (contact.master, o.m))
+        )
+        changes = [contact.gap_change(*pair) for pair in zip(on_slave, on_master, strict=True)]
+        return -np.array(changes)
+
+    def _is_loaded(self, body: FloatingBody) -> bool:
+        """Whether any contact force acts on a body."""
+        for contact in self._contacts:
+            loaded = contact.pressure > LOADED * contact.stiffness
+            on_slave = self._labels_of(contact.slave) == body.label
+            on_master = bool((self._labels_of(contact.master) == body.label).any())
+            if (loaded & (on_slave | on_master)).any():
+                return True
+        return False
+
+    def _shortest_facet(self) -> float:
+        return min(float(contact.slave.lengths.min()) for contact in self._contacts)
+
+    def _labels_of(self, surface: Surface) -> Array:
+        return surface.gather(np.repeat(self.labels, 2).astype(float))[:, 0]
+
+
+def closest_below(wanted: Array, rows: Array, room: Array) -> Array:
+    """The vector closest to ``wanted`` with ``rows @ vector <= room``, where ``room >= 0``.
+
+    A least-distance problem, solved by nonnegative least squares (Lawson & Hanson 1974, ch. 23).
+
+    Args:
+        wanted: Shape (n,).
+        rows: Shape (m, n).
+        room: Shape (m,).
+    """
+    excess = rows @ wanted - room
+    if not (excess > 0.0).any():
+        return wanted
+    system = np.vstack([-rows.T, excess])
+    target = np.zeros(wanted.size + 1)
+    target[-1] = 1.0
+    multipliers, _ = nnls(system, target)
+    *change, last = system @ multipliers - target
+    return wanted - np.array(change) / last

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: MIT
+"""Bodies held by contact alone: they are moved until it stops them, and no spring is left in."""
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+import pytest
+from scenes import internal, neo_hookean, read, rectangles
+from scipy.optimize import minimize
+from test_errors import pushed_block
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.floating import closest_below
+
+comm = MPI.COMM_WORLD
+
+
+def disk_on_block(*, gap):
+    """A disk of radius 0.5, its centre off the middle, above a block of 2 x 0.5."""
+    gmsh.model.add("disk")
+    occ = gmsh.model.occ
+    block = occ.addRectangle(-1.0, -0.5, 0.0, 2.0, 0.5)
+    disk = occ.addDisk(0.03, 0.5 + gap, 0.0, 0.5, 0.5)
+    occ.synchronize()
+    model = gmsh.model
+    for tag, (name, surface) in enumerate((("block", block), ("disk", disk)), start=1):
+        model.setPhysicalName(2, model.addPhysicalGroup(2, [surface], tag), name)
+        for _, curve in model.getBoundary([(2, surface)], oriented=False):
+            y = model.occ.getCenterOfMass(1, curve)[1]
+            side = {"disk": "edge"}.get(name) or {-0.5: "bottom", 0.0: "top"}.get(round(y, 6))
+            if side:
+                group = model.addPhysicalGroup(1, [curve], 10 * tag + len(side))
+                model.setPhysicalName(1, group, f"{name}/{side}")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.08)
+    model.mesh.generate(2)
+    return model
+
+
+def test_disk_falls_on_a_block_under_its_own_weight():
+    """The disk has no Dirichlet condition: it stops where contact carries its weight."""
+    data = read(disk_on_block, gap=0.05)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.Measure("dx", domain=data.mesh, subdomain_data=data.cell_tags)
+    weight = 0.5 * v[1] * dx(data.bodies["disk"], metadata={"quadrature_degree": 2})
+    bcs = [fm.dirichlet(V, data, "block/bottom", (0.0, 0.0))]
+    pair = fm.ContactPair(data, "disk/edge", "block/top")
+    residual = internal(u, neo_hookean(u, 100.0, 0.3)) + weight
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="disk_")
+    report = problem.solve()
+    area = comm.allreduce(
+        fem.assemble_scalar(fem.form(fem.Constant(data.mesh, 1.0) * dx(data.bodies["disk"])))
+    )
+    assert np.allclose(problem.contacts[0].total_force, (0.0, 0.5 * area), atol=1e-9 * area)
+    assert problem.certificates()[0].violations() == []
+    assert report.num_iterations <= 15  # it rolls upon one of its facets
+    assert "body 'disk' was moved rigidly until contact stopped it" in report.notes
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+@pytest.mark.parametrize("gap", [0.1, 3.0])
+def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap, algorithm):
+    """No force drives it sideways: wherever it falls from, the pressure is that of one that lay."""
+    falling, lying = (pushed_block(gap=g, algorithm=algorithm) for g in (gap, 0.0))
+    report = falling.solve()
+    lying.solve()
+    pressure, exact = (problem.contacts[0].pressure for problem in (falling, lying))
+    assert np.abs(pressure - exact).max() < 1e-8 * exact.max()
+    assert np.abs(pressure - pressure[::-1]).max() < 1e-8 * exact.max()
+    assert falling.contacts[0].total_force == pytest.approx((0.0, 1.0), abs=1e-9)
+    assert report.num_iterations <= 5
+    assert any("spring" in note for note in report.notes)
+
+
+def test_pinned_body_turns_until_it_touches():
+    problem = pushed_block(gap=0.1, pin=(0, 1))
+    problem.solve()
+    assert problem.contacts[0].active.sum() == 1
+    assert problem.certificates()[0].violations() == []
+
+
+def test_block_between_two_plates_is_pressed_evenly():
+    """Three bodies one above the other; the middle one has no Dirichlet condition at all."""
+    scene = stack(gap=0.02)
+    for push in (-0.05, -0.1):
+        scene["push"].value[:] = (0.0, push)
+        scene["problem"].solve()
+    forces = [contact.total_force for contact in scene["problem"].contacts]
+    assert forces[0][1] > 0.0
+    assert np.allclose(forces[0], -forces[1], atol=1e-9 * forces[0][1])
+    assert all(not c.violations() for c in scene["problem"].certificates())
+
+
+def stack(*, gap):
+    """Plates held and pushed, a free block between them, slave in both pairs."""
+
+    data = read(
+        rectangles,
+        size=0.21,
+        lower=(-0.5, 0.0, 1.0, 1.0),
+        middle=(-0.5, 1.0 + gap, 1.0, 0.5),
+        upper=(-0.5, 1.5 + 2 * gap, 1.0, 1.0),
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [
+        fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)),
+        fm.dirichlet(V, data, "upper/top", push),
+    ]
+    pairs = [
+        fm.ContactPair(data, "middle/bottom", "lower/top"),
+        fm.ContactPair(data, "middle/top", "upper/bottom"),
+    ]
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="stack_")
+    return {"problem": problem, "push": push}
+
+
+def test_closest_vector_below_planes():
+    """Against a general solver of quadratic programs, on random planes."""
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        wanted, rows = random.normal(size=3), random.normal(size=(6, 3))
+        room = random.uniform(0.0, 0.3, 6)
+        constraint = {"type": "ineq", "fun": lambda v, A=rows, b=room: b - A @ v}
+        exact = minimize(
+            lambda v, t=wanted: 0.5 * ((v - t) ** 2).sum(),
+            np.zeros(3),
+            constraints=[constraint],
+            method="SLSQP",
+            options={"ftol": 1e-14},
+        ).x
+        found = closest_below(wanted, rows, room)
+        assert (rows @ found <= room + 1e-10).all()
+        assert np.abs(found - exact).max() < 1e-5
