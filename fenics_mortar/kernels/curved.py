@@ -466,7 +466,8 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
     (i, k) of them, k running fastest, at pair_offsets[e]; ``rule`` = (points, weights); ``options``
     = (basis, where the gap is weighted by N, whether the ends of segments have derivatives). Fills
     ``values`` = (D (f, K, K), dD (n, K, K, C), M (n, K, K), dM (pairs, K, K, C), g (f, K),
-    dg (n, K, C), cover (f, K)) with C = 8 K - 4 columns; rows of facets without segments are left as they are.
+    dg (n, K, C), cover (f, K)) with C = 8 K - 4 columns; rows of facets without
+    segments are left as they are.
     """
     x, n, dn_dx, m = geometry
     nodes, handed = facets
