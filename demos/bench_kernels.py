@@ -40,7 +40,8 @@ def measure(facets):
     slave = master = np.stack([chain[:-1], chain[1:]], axis=1)
     n, dn = np.empty_like(x), np.zeros((facets + 1, 2, 6))
     following = np.append(chain[1:], -1)
-    normals.tabulate_normals(x, chain - 1, following, normals.OPPOSITE, n, dn)
+    inner = np.zeros(facets + 1, bool)
+    normals.tabulate_normals(x, chain - 1, following, inner, normals.OPPOSITE, n, dn)
     find = lambda: search.find_segments((x, n, m), slave, master, 0.5, (0.1, 1e-10))  # noqa: E731
     offsets, masters, end_is_node, _ = find()
     count = masters.size

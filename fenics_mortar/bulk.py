@@ -18,16 +18,19 @@ from fenics_mortar import compat
 from fenics_mortar.errors import MortarError, count_places, raise_together
 from fenics_mortar.surfaces import Array
 
-# A Newton step may leave each corner of a cell no less than this part of the area it has. It keeps
-# the iterates away from inverted cells, and is far from what they need when they converge.
+# A Newton step may leave each cell, at each node, no less than this part of the area it has. It
+# keeps the iterates away from inverted cells, and is far from what they need when they converge.
 LEAST_AREA = 0.2
 # Below this part of a step nothing is gained by cutting it further.
 SMALLEST_STEP = 1e-3
-# A corner of a cell is flat if the area it spans is below this part of the cell's extent squared.
+# A cell is flat at a node if its area there is below this part of the cell's extent squared.
 FLAT = 1e-13
 # Entries that K may have, over those of the bulk alone, before its pattern is made anew: contact
 # that slides along leaves zeros behind.
 MOST_FILL = 1.1
+# The nodes of a cell along its outline, by their number: dolfinx' order is corners, edges, inside,
+# that of quadrilaterals the one of a tensor product
+AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6, 3, 7, 2, 5]}
 
 
 class Bulk:
@@ -69,7 +72,8 @@ class Bulk:
         self.r: PETSc.Vec = compat.create_vector(self.V)
         dofs = compat.dofmap(self.V)[: self.V.mesh.topology.index_map(2).size_local]
         self._cells, self._X = dofs, self.V.tabulate_dof_coordinates()[:, :2].copy()
-        self._undeformed_areas = _proper_corner_areas(self._X[dofs])
+        self._gradients = compat.nodal_gradients(self.V)
+        self._undeformed_areas = _proper_areas(self._X[dofs], self._gradients)
         self.num_owned = 2 * self.V.dofmap.index_map.size_local
         self.first = 2 * self.V.dofmap.index_map.local_range[0]
         self.prescribed: npt.NDArray[np.bool_] = np.zeros(u.x.array.size, bool)
@@ -140,10 +144,10 @@ class Bulk:
 
         Returns:
             The part that was added: the largest of ``part``, ``part`` / 2, ... that leaves every
-            corner of a cell ``LEAST_AREA`` of the area it has now.
+            cell at every node ``LEAST_AREA`` of the area it has now.
         """
         u = self.u.x.array
-        start, least = u.copy(), LEAST_AREA * np.maximum(self._corner_areas(), 0.0)
+        start, least = u.copy(), LEAST_AREA * np.maximum(self._areas(), 0.0)
         u[: self.num_owned] += step.array_r
         self.u.x.scatter_forward()
         increment, smallest = u - start, SMALLEST_STEP * part
@@ -154,15 +158,15 @@ class Bulk:
         return part
 
     def _any_below(self, least: Array) -> bool:
-        return self.comm.allreduce(bool((self._corner_areas() < least).any()), MPI.LOR)
+        return self.comm.allreduce(bool((self._areas() < least).any()), MPI.LOR)
 
     def positions(self) -> Array:
         """Current positions of the local nodes, ghosts included, shape (n, 2) [length]."""
         return self._X + self.u.x.array.reshape(-1, 2)
 
-    def _corner_areas(self) -> Array:
-        """Deformed over undeformed area at the corners of the owned cells, (cells, corners)."""
-        return _corner_areas(self.positions()[self._cells]) / self._undeformed_areas
+    def _areas(self) -> Array:
+        """Deformed over undeformed area at the nodes of the owned cells, (cells, nodes)."""
+        return _areas(self.positions()[self._cells], self._gradients) / self._undeformed_areas
 
     def check_finite(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
@@ -206,34 +210,34 @@ class Bulk:
         flat = np.isnan(self._undeformed_areas).all(axis=1)
         return count_places(self.comm, self._X[self._cells[flat]].mean(axis=1))
 
-    def _input_nodes(self) -> npt.NDArray[np.int64]:
-        """Number in the mesh's input of the local nodes of the space."""
-        geometry = self.V.mesh.geometry
-        numbers = np.asarray(geometry.input_global_indices, np.int64)
-        nodes = np.full(len(self._X), -1, np.int64)
-        nodes[compat.dofmap(self.V)] = numbers[compat.geometry_dofmap(self.V.mesh)]
-        return nodes
-
     def by_input_node(self) -> tuple[npt.NDArray[np.int64], Array]:
-        """Input numbers (n,) and displacements (n, 2) of all nodes, on all ranks (collective)."""
+        """Names (n, k), see ``compat``, and displacements (n, 2) of all nodes, on all ranks.
+
+        Collective.
+        """
         owned = self.num_owned // 2
-        nodes = np.concatenate(self.comm.allgather(self._input_nodes()[:owned]))
+        nodes = np.concatenate(self.comm.allgather(compat.input_nodes(self.V)[:owned]))
         u = np.concatenate(self.comm.allgather(self.u.x.array.reshape(-1, 2)[:owned]))
-        order = np.argsort(nodes)
+        order = np.lexsort(nodes.T[::-1])
         return nodes[order], u[order]
 
     def set_by_input_node(self, nodes: npt.NDArray[np.int64], values: Array) -> None:
         """Set the displacement from what ``by_input_node`` gave.
 
         Raises:
-            MortarError: On all ranks, if the nodes are those of another mesh.
+            MortarError: On all ranks, if the nodes are those of another mesh or degree.
         """
-        mine = self._input_nodes()
-        place = np.minimum(np.searchsorted(nodes, mine), len(nodes) - 1)
-        wrong = bool((nodes[place] != mine).any())
-        error = MortarError("the saved state belongs to another mesh") if wrong else None
+        mine = compat.input_nodes(self.V)
+        wrong = nodes.ndim != 2 or nodes.shape[1] != mine.shape[1]
+        if not wrong:
+            both, place = np.unique(np.concatenate([nodes, mine]), axis=0, return_inverse=True)
+            wrong = len(both) != len(nodes)
+        error = MortarError("the saved state belongs to another mesh or degree") if wrong else None
         raise_together(self.comm, error)
-        self.u.x.array[:] = values[place].ravel()
+        of_name = np.empty(len(both), np.int64)
+        place = place.ravel()
+        of_name[place[: len(nodes)]] = np.arange(len(nodes))
+        self.u.x.array[:] = values[of_name[place[len(nodes) :]]].ravel()
 
     def inside_other_body(
         self, points: Array, bodies: Array, labels: npt.NDArray[np.int64]
@@ -261,28 +265,36 @@ class Bulk:
 
     def inverted_cells(self) -> tuple[int, str]:
         """Number of inverted cells, and the reference place of one (collective)."""
-        inverted = (self._corner_areas() <= 0.0).any(axis=1)
+        inverted = (self._areas() <= 0.0).any(axis=1)
         return count_places(self.comm, self._X[self._cells[inverted]].mean(axis=1))
 
 
-def _corner_areas(x: Array) -> Array:
-    """Twice the area spanned at each corner of triangles or tensor-ordered quadrilaterals."""
-    around = [0, 1, 2] if x.shape[1] == 3 else [0, 1, 3, 2]
-    x = x[:, around]
-    after, before = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
-    return after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0]
+def _areas(x: Array, gradients: Array) -> Array:
+    """Determinant of dx/dX at the nodes of cells ``x`` (cells, n, 2): shape (cells, n) [area].
+
+    ``gradients`` (n, n, 2) are those of the shape functions in the reference cell. At a corner of a
+    straight cell this is twice the area of the triangle spanned there.
+    """
+    x = np.moveaxis(x - x[:, :1], 2, 0)
+    along, across = x @ gradients[:, :, 0].T, x @ gradients[:, :, 1].T
+    return along[0] * across[1] - along[1] * across[0]
 
 
 def _contains(corners: Array, point: Array) -> npt.NDArray[np.bool_]:
-    """Whether ``point`` lies on one side of all edges of each convex cell (n, corners, 2)."""
-    around = [0, 1, 2] if corners.shape[1] == 3 else [0, 1, 3, 2]
-    x = corners[:, around]
-    edges, r = np.roll(x, -1, axis=1) - x, point - x
-    sides = edges[..., 0] * r[..., 1] - edges[..., 1] * r[..., 0]
-    return (sides > 0.0).all(axis=1) | (sides < 0.0).all(axis=1)
+    """Whether ``point`` lies in each cell ``corners`` (n, nodes, 2), its nodes joined by lines.
+
+    A ray from the point meets the outline an odd number of times.
+    """
+    x = corners[:, AROUND[corners.shape[1]]] - point
+    y, after = x, np.roll(x, -1, axis=1)
+    meets = (y[..., 1] > 0.0) != (after[..., 1] > 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (after[..., 0] - y[..., 0]) / (after[..., 1] - y[..., 1])
+        ahead = y[..., 0] - slope * y[..., 1] > 0.0
+    return (meets & ahead).sum(axis=1) % 2 == 1
 
 
-def _proper_corner_areas(x: Array) -> Array:
-    """As ``_corner_areas``, with nan at corners that are flat, as where two nodes are one."""
-    areas, extent = _corner_areas(x), np.ptp(x, axis=1).max(axis=1, initial=0.0)
+def _proper_areas(x: Array, gradients: Array) -> Array:
+    """As ``_areas``, with nan where a cell is flat, as where two nodes are one."""
+    areas, extent = _areas(x, gradients), np.ptp(x, axis=1).max(axis=1, initial=0.0)
     return np.where(np.abs(areas) > FLAT * extent[:, None] ** 2, areas, np.nan)

@@ -17,7 +17,7 @@ import numpy as np
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
-from fenics_mortar.kernels.segment import sample_gaps
+from fenics_mortar.kernels.curved import sample_gaps
 from fenics_mortar.surfaces import Indices
 
 # Forces and pressures below this part of the stiffness are compared with it instead of each other:
@@ -199,7 +199,7 @@ def _deepest(contact: Contact) -> float:
     gaps = np.zeros((s.num_segments, SAMPLES.size))
     x = o.x + contact.offset[:, None] * o.n
     sample_gaps((x, o.n, o.m), (s.slave, s.master), s.end_is_node, SAMPLES, gaps)
-    lengths = np.linalg.norm(o.x[s.slave[:, 1]] - o.x[s.slave[:, 0]], axis=1)
+    lengths = np.linalg.norm(o.x[s.slave[:, -1]] - o.x[s.slave[:, 0]], axis=1)
     deepest = float((-gaps / lengths[:, None]).max(initial=0.0))
     return contact.slave.comm.allreduce(deepest, MPI.MAX)
 

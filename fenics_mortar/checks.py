@@ -23,14 +23,19 @@ def check_space(V: Any, pairs: Sequence[ContactPair]) -> None:
     check_plane(mesh)
     _check_coordinates(mesh)
     corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
-    if compat.geometry_dofmap(mesh).shape[1] != corners:
-        raise MeshError("the mesh has curved cells; contact needs straight ones, of first order")
+    nodes = {1: corners, 2: {3: 6, 4: 9}[corners]}
     layout = V.dofmap.dof_layout
-    at_vertices = layout.num_dofs == corners and len(layout.entity_dofs(0, 0)) == 1
-    if V.dofmap.index_map_bs != 2 or not at_vertices:
+    degrees = [degree for degree, count in nodes.items() if layout.num_dofs == count]
+    at_vertices = len(layout.entity_dofs(0, 0)) == 1
+    if V.dofmap.index_map_bs != 2 or not at_vertices or not degrees:
         raise MortarError(
-            "the displacement is not in the Lagrange space of plane vectors of degree 1 (P1 or "
-            "Q1): use vector_space(mesh, 1)"
+            "the displacement is not in the Lagrange space of plane vectors of degree 1 or 2 (P1, "
+            "Q1, P2 or Q2): use vector_space(mesh, 1) or vector_space(mesh, 2)"
+        )
+    if compat.geometry_dofmap(mesh).shape[1] not in (corners, nodes[degrees[0]]):
+        raise MeshError(
+            "the mesh has curved cells; contact needs straight ones, of first order, or of second "
+            "order together with a displacement of degree 2"
         )
     for pair in pairs:
         if pair.data.mesh is not mesh:

@@ -20,6 +20,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+import basix
 import dolfinx.fem.petsc  # must be explicit in every release
 import ufl
 from dolfinx import fem, la
@@ -111,6 +112,43 @@ def geometry_dofmap(mesh: dmesh.Mesh) -> Indices:
     if hasattr(geometry, "dofmaps") and not callable(geometry.dofmaps):
         return np.asarray(geometry.dofmaps[0])
     return _as_table(geometry.dofmap, geometry.cmap.create_dof_layout())
+
+
+def input_nodes(V: fem.FunctionSpace) -> npt.NDArray[np.int64]:
+    """Return names of the local nodes of ``V`` that do not depend on the distribution.
+
+    A node at a vertex has the vertex' number in the mesh's input; one on an edge or inside a cell
+    the numbers of its vertices in ascending order. Shape (local nodes, most vertices of a node); -1
+    fills up.
+    """
+    mesh, layout, dofs = V.mesh, V.dofmap.dof_layout, dofmap(V)
+    corners = {"triangle": 3, "quadrilateral": 4}[cell_name(mesh)]
+    numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
+    vertices = numbers[geometry_dofmap(mesh)[:, :corners]]
+    counts = (corners, corners, 1)  # vertices, edges, the cell
+    entities = [(dim, i) for dim, count in enumerate(counts) for i in range(count)]
+    found = []
+    for entity in entities:
+        around = [dof for dof in layout.entity_closure_dofs(*entity) if dof < corners]
+        found += [(dof, around) for dof in layout.entity_dofs(*entity)]
+    width = max(len(around) for _, around in found)
+    names = np.full((len(V.tabulate_dof_coordinates()), width), -1, np.int64)
+    for dof, around in found:
+        names[dofs[:, dof], : len(around)] = np.sort(vertices[:, around], axis=1)
+    return names
+
+
+def nodal_gradients(V: fem.FunctionSpace) -> Array:
+    """Return the gradients of the Lagrange functions of a cell of ``V`` at its own nodes.
+
+    Shape (nodes, functions, 2), in the reference cell. For degree 1 and 2 all are whole numbers.
+    """
+    cell = getattr(basix.CellType, cell_name(V.mesh))
+    degree = {3: 1, 4: 1, 6: 2, 9: 2}[V.dofmap.dof_layout.num_dofs]
+    variant = basix.LagrangeVariant.gll_warped
+    element = basix.create_element(basix.ElementFamily.P, cell, degree, variant)
+    values = element.tabulate(1, element.points)[1:, :, :, 0]
+    return np.rint(np.moveaxis(values, 0, -1))
 
 
 def _as_table(table: Any, layout: Any) -> Indices:

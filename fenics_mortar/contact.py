@@ -3,10 +3,11 @@
 
 The complementarity function of slave node j is (Popp, Gee & Wall 2009; Foltyn & Vlach 2016, eq. 6)
 
-    C_j = z_n - max(0, z_n - c_j g_j / D_jj),    z_n = n_j . z_j,
+    C_j = z_n - max(0, z_n - c_j g_j / w_j),    z_n = n_j . z_j,
 
-with g_j the weighted gap; the node is active where z_n - c_j g_j / D_jj > 0. Its two rows in the
-linear system, for the increment dd of the displacement and the new multiplier z, read
+with g_j the weighted gap and w_j = int Phi_j, the row sum of D and D_jj of most dual functions; the
+node is active where z_n - c_j g_j / w_j > 0. Its two rows in the linear system, for the increment
+dd of the displacement and the new multiplier z, read
 
     active:     G_j dd = -g_j,     d(tau_j) . z_j^k + tau_j . z_j = 0
     inactive:   z_j = 0.
@@ -251,10 +252,10 @@ class Contact:
 
     @property
     def gap(self) -> Array:
-        """Mean gap g_j / D_jj of every covered slave node, nan elsewhere, (slave nodes,)."""
+        """Mean gap g_j / w_j of every covered slave node, nan elsewhere, (slave nodes,)."""
         gap = np.full(self.slave.num_nodes, np.nan)
         on = self.covered
-        gap[on] = self.operators.gap[on] / self.operators.diagonal[on]
+        gap[on] = self.operators.gap[on] / self.operators.weight[on]
         return gap
 
     @property
@@ -340,7 +341,7 @@ class Contact:
             np.add.at(change, block.rows, np.einsum("bjq,bq->bj", block.values, direction))
         self.slave.comm.Allreduce(MPI.IN_PLACE, change)
         on = self.covered
-        change[on] /= self.operators.diagonal[on]
+        change[on] /= self.operators.weight[on]
         return np.where(on, change, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:

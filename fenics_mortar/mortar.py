@@ -15,8 +15,9 @@ Formulas: Popp, Gee & Wall (2009); consistent treatment of partly covered facets
 & Wall (2013). A rank holds the integrals of its share of the slave facets; what belongs to nodes
 is summed over the ranks and equal everywhere.
 
-Derivatives are kept as dense blocks: 12 columns per segment, the components of the slave nodes
-before, 1, 2, after and of the master nodes 1, 2. A `Block` says where a stack of such blocks goes.
+Derivatives are kept as dense blocks. With K nodes per facet, 2 or 3, a segment has C = 8 K - 4
+columns: the components of the slave nodes of the facet before, its own and the one after, and of
+its master nodes. A `Block` says where a stack of such blocks goes.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.kernels import basis, normals, segment
+from fenics_mortar.kernels import basis, curved, normals, segment
 from fenics_mortar.segments import Segments, find_segments
 from fenics_mortar.surfaces import Array, Indices, Surface
 
@@ -105,13 +106,14 @@ class MortarOperators:
         slave, master: The two surfaces.
         x, m: Current positions of their nodes, shapes (slave nodes, 2), (master nodes, 2).
         n: Slave normals, shape (slave nodes, 2).
-        dn: Their derivatives by previous, own and next node, shape (slave nodes, 2, 6).
+        dn: Their derivatives by the K - 1 nodes before, the own node and the K - 1 nodes after,
+            shape (slave nodes, 2, 4 K - 2).
         segments: Segments of this rank's share of facets.
-        D: Slave matrices of the facets of this share, shape (f, 2, 2) [length].
-        M: Master matrices of its segments, shape (n, 2, 2) [length].
-        dD: Derivative of D by each segment's nodes, shape (n, 2, 2, 12) [1].
-        dM: Derivative of M for each pair of segments, shape (p, 2, 2, 12) [1].
-        dgap: Derivative of the weighted gap by each segment's nodes, shape (n, 2, 12) [length].
+        D: Slave matrices of the facets of this share, shape (f, K, K) [length].
+        M: Master matrices of its segments, shape (n, K, K) [length].
+        dD: Derivative of D by each segment's nodes, shape (n, K, K, C) [1].
+        dM: Derivative of M for each pair of segments, shape (p, K, K, C) [1].
+        dgap: Derivative of the weighted gap by each segment's nodes, shape (n, K, C) [length].
         diagonal: D[j, j] of every slave node, shape (slave nodes,) [length].
         gap: Weighted gap of every slave node, shape (slave nodes,) [length^2].
         cover: Integral of N_j over the covered part, shape (slave nodes,) [length].
@@ -145,15 +147,15 @@ class MortarOperators:
 
     @property
     def facet_nodes(self) -> Indices:
-        """Slave nodes of the facets of this share, shape (f, 2)."""
+        """Slave nodes of the facets of this share, shape (f, K)."""
         return self.slave.facets[self.segments.facets]
 
     @property
     def columns(self) -> Indices:
-        """Displacement dofs of the 12 columns of each segment, shape (n, 12); -1 is missing."""
-        first, second = self.segments.slave[:, 0], self.segments.slave[:, 1]
-        before, after = self.slave.previous[first], self.slave.following[second]
-        on_slave = dofs_of(self.slave.nodes, np.stack([before, first, second, after], axis=1))
+        """Displacement dofs of the columns of each segment, shape (n, C); -1 is missing."""
+        degree = self.slave.degree
+        near = self.slave.along(self.segments.slave[:, 0], range(-degree, 2 * degree + 1))
+        on_slave = dofs_of(self.slave.nodes, near)
         return np.concatenate([on_slave, dofs_of(self.master.nodes, self.segments.master)], axis=1)
 
     def force(self, z: Array) -> tuple[Array, Array]:
@@ -178,15 +180,17 @@ class MortarOperators:
     def slave_force_derivative(self, z: Array) -> Block:
         """Blocks of d(D^T z)/dd in displacement dofs."""
         s = self.segments
-        values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave]).reshape(-1, 4, 12)
-        return Block(dofs_of(self.slave.nodes, s.slave), self.columns, values)
+        values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave])
+        rows = dofs_of(self.slave.nodes, s.slave)
+        return Block(rows, self.columns, values.reshape(*rows.shape, self.dD.shape[3]))
 
     def master_force_derivative(self, z: Array) -> Block:
         """Blocks of -d(M^T z)/dd in displacement dofs."""
         s = self.segments
         i, k = s.pairs[:, 0], s.pairs[:, 1]
-        values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]]).reshape(-1, 4, 12)
-        return Block(dofs_of(self.master.nodes, s.master[i]), self.columns[k], values)
+        values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]])
+        rows = dofs_of(self.master.nodes, s.master[i])
+        return Block(rows, self.columns[k], values.reshape(*rows.shape, self.dM.shape[3]))
 
     def gap_derivative(self) -> list[Block]:
         """Blocks of dg/dd: rows are slave nodes, columns displacement dofs [length]."""
@@ -197,18 +201,18 @@ class MortarOperators:
     def _frozen_gap_derivative(self) -> list[Block]:
         """-n_j . (D_jk dx_k - M_jl dx_l): D, M and n do not move."""
         s, nodes = self.segments, self.facet_nodes
-        on_slave = -np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes]).reshape(-1, 2, 4)
-        on_master = np.einsum("sjl,sjc->sjlc", self.M, self.n[s.slave]).reshape(-1, 2, 4)
+        shape = (-1, nodes.shape[1], 2 * nodes.shape[1])
+        on_slave = -np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes]).reshape(shape)
+        on_master = np.einsum("sjl,sjc->sjlc", self.M, self.n[s.slave]).reshape(shape)
         return [
             Block(nodes, dofs_of(self.slave.nodes, nodes), on_slave),
             Block(s.slave, dofs_of(self.master.nodes, s.master), on_master),
         ]
 
     def normal_columns(self) -> Indices:
-        """Displacement dofs of the columns of ``dn``, shape (slave nodes, 6)."""
-        own = np.arange(self.slave.num_nodes)
-        stencil = np.stack([self.slave.previous, own, self.slave.following], axis=1)
-        return dofs_of(self.slave.nodes, stencil)
+        """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
+        degree, own = self.slave.degree, np.arange(self.slave.num_nodes)
+        return dofs_of(self.slave.nodes, self.slave.along(own, range(-degree, degree + 1)))
 
     def less_offset(self, offset: Array) -> MortarOperators:
         """The operators for the gap less an offset, interpolated between nodes (collective).
@@ -226,7 +230,7 @@ class MortarOperators:
         return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)
 
     def tangential_derivative(self, z: Array) -> Array:
-        """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 6), columns as in ``dn``."""
+        """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""
         return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]
 
 
@@ -238,9 +242,10 @@ def dofs_of(nodes: Indices, which: Indices) -> Indices:
 
 
 def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
-    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 6)."""
-    n, dn = np.empty_like(x), np.zeros((len(x), 2, 6))
-    normals.tabulate_normals(x, surface.previous, surface.following, WEIGHTINGS[weighting], n, dn)
+    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 4 K - 2)."""
+    n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
+    curve = surface.previous, surface.following, surface.inner
+    normals.tabulate_normals(x, *curve, WEIGHTINGS[weighting], n, dn)
     return n, dn
 
 
@@ -293,19 +298,12 @@ def evaluate_mortar(
         radius=options.radius,
         least_cosine=options.least_cosine,
     )
-    moments = _tabulate_moments(s, (x, n, dn, m), options.points, linearization.segments)
-    nodes = slave.facets[facets]
-    D, gap, cover = np.zeros((facets.size, 2, 2)), np.zeros(nodes.shape), np.zeros(nodes.shape)
-    dD, dgap = np.empty((s.num_segments, 2, 2, 12)), np.empty((s.num_segments, 2, 12))
-    M, dM = np.empty((s.num_segments, 2, 2)), np.zeros((len(s.pairs), 2, 2, 12))
-    left = np.where(carries[nodes[:, 1]], basis.BOTH, basis.ONLY_FIRST)
-    left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
-    edges = x[nodes[:, 1]] - x[nodes[:, 0]]
-    values = (D, dD, M, dM, gap, dgap, cover)
-    kinds = BASES[options.basis], GAP_WEIGHTS[options.gap_weights]
-    basis.tabulate_facets(
-        (edges, left, s.partial), *kinds, s.offsets, s.pair_offsets, moments, values
+    integrate = _integrate_straight if slave.degree == 1 else _integrate_curved
+    geometry = x, n, dn, m
+    D, dD, M, dM, gap, dgap, cover = integrate(
+        slave, s, geometry, carries, options, linearization.segments
     )
+    nodes = slave.facets[facets]
     nodal = np.zeros((4, slave.num_nodes))
     on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
     for row, values in zip(nodal, on_facets, strict=True):
@@ -317,6 +315,81 @@ def evaluate_mortar(
         slave, master, x, m, n, dn, s, D, M, dD, dM, dgap,
         diagonal, gaps, covers, weights, num_segments, linearization,
     )  # fmt: skip
+
+
+def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
+    """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.basis``."""
+    facets, count, columns = s.facets.size, s.num_segments, 8 * size - 4
+    return (
+        np.zeros((facets, size, size)),
+        np.empty((count, size, size, columns)),
+        np.empty((count, size, size)),
+        np.zeros((len(s.pairs), size, size, columns)),
+        np.zeros((facets, size)),
+        np.empty((count, size, columns)),
+        np.zeros((facets, size)),
+    )
+
+
+def _integrate_straight(
+    slave: Surface,
+    s: Segments,
+    geometry: tuple[Array, Array, Array, Array],
+    carries: npt.NDArray[np.bool_],
+    options: MortarOptions,
+    move_ends: bool,
+) -> tuple[Array, ...]:
+    """D, dD, M, dM, g, dg and cover of facets of two nodes."""
+    nodes, x = slave.facets[s.facets], geometry[0]
+    left = np.where(carries[nodes[:, 1]], basis.BOTH, basis.ONLY_FIRST)
+    left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
+    facets = x[nodes[:, 1]] - x[nodes[:, 0]], left, s.partial
+    moments = _tabulate_moments(s, geometry, options.points, move_ends)
+    values = _empty_values(s, 2)
+    kinds = BASES[options.basis], GAP_WEIGHTS[options.gap_weights]
+    basis.tabulate_facets(facets, *kinds, s.offsets, s.pair_offsets, moments, values)
+    return values
+
+
+def _integrate_curved(
+    slave: Surface,
+    s: Segments,
+    geometry: tuple[Array, Array, Array, Array],
+    carries: npt.NDArray[np.bool_],
+    options: MortarOptions,
+    move_ends: bool,
+) -> tuple[Array, ...]:
+    """The same of curved facets (collective).
+
+    Where a surface is covered up to a place inside a facet, the integral of the far node's shape
+    function can be negative. Such a node carries no multiplier: its function, continuous there,
+    goes to its neighbour.
+    """
+    x, n, _, m = geometry
+    nodes, rule = slave.facets[s.facets], np.polynomial.legendre.leggauss(options.points)
+    segments = s.master, s.end_is_node
+    cover = np.empty(nodes.shape)
+    curved.tabulate_covers((x, n, m), nodes, segments, s.offsets, rule, cover)
+    nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
+    slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    weights = _hand_over((carries & (nodal > 0.0))[nodes])
+    values = _empty_values(s, nodes.shape[1])
+    curved.tabulate_facets(
+        geometry, (nodes, weights), segments, s.offsets, s.pair_offsets, rule,
+        (BASES[options.basis], GAP_WEIGHTS[options.gap_weights], move_ends), values,
+    )  # fmt: skip
+    return values
+
+
+def _hand_over(carries: npt.NDArray[np.bool_]) -> Array:
+    """Which part of node k's function node j of a facet gets, shape (f, K, K).
+
+    A node that carries keeps its own; the nearest ones that carry share that of another equally.
+    """
+    place = np.arange(carries.shape[1])
+    distance = np.where(carries[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf)
+    nearest = (distance == distance.min(axis=1, keepdims=True)) & carries[:, :, None]
+    return nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
 
 
 def _tabulate_moments(

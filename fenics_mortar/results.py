@@ -23,15 +23,21 @@ import ufl
 from ufl.algorithms import extract_arguments
 
 from fenics_mortar import compat
+from fenics_mortar.bulk import AROUND
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError, raise_together
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array, Indices
 
-# By the number of corners: dolfinx' order of quadrilaterals is that of a tensor product
-MIDPOINT = {3: [[1 / 3, 1 / 3]], 4: [[0.5, 0.5]]}
-AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2]}
-VTK_NAME = {3: "triangle", 4: "quad"}
+MIDPOINT = {"triangle": [[1 / 3, 1 / 3]], "quadrilateral": [[0.5, 0.5]]}
+# By the number of nodes: meshio's name and the order of VTK, which is corners, edges, inside
+FACETS = {2: ("line", [0, 1]), 3: ("line3", [0, 2, 1])}
+CELLS = {
+    3: ("triangle", [0, 1, 2]),
+    4: ("quad", [0, 1, 3, 2]),
+    6: ("triangle6", [0, 1, 2, 5, 3, 4]),
+    9: ("quad9", [0, 1, 3, 2, 4, 6, 7, 5, 8]),
+}
 
 
 class ResultsWriter:
@@ -60,18 +66,16 @@ class ResultsWriter:
         self._fields = {name: _CellField(problem, e, name) for name, e in (fields or {}).items()}
         path = _prepare(comm, path, ".pvd")
         cells = _owned_cells(problem)
-        corners = cells.shape[1]
         self._nodes, numbers = np.unique(cells, return_inverse=True)
         X = problem.bulk.V.tabulate_dof_coordinates()[self._nodes]
-        piece = numbers.reshape(cells.shape)[:, AROUND[corners]]
-        self._bulk = _Series(comm, path, X, VTK_NAME[corners], piece)
+        self._bulk = _Series(comm, path, X, numbers.reshape(cells.shape), CELLS)
         self._surfaces = []
         names = [re.sub(r"\W+", "_", contact.slave.name) for contact in problem.contacts]
         for i, (name, contact) in enumerate(zip(names, problem.contacts, strict=True)):
             name = name if names.count(name) == 1 else f"{name}_{i}"
             series = path.with_name(f"{path.name}_contact_{name}")
             facets = contact.slave.facets[: None if comm.rank == 0 else 0]
-            self._surfaces.append(_Series(comm, series, _pad(contact.slave.X), "line", facets))
+            self._surfaces.append(_Series(comm, series, _pad(contact.slave.X), facets, FACETS))
 
     def write(self, time: float) -> None:
         """Write the present state as that of ``time`` (collective)."""
@@ -105,8 +109,11 @@ def _surface_data(contact: Contact, u: Array) -> dict[str, Array]:
 class _Series:
     """One .vtu a step and rank that has cells, and the .pvd that lists them."""
 
-    def __init__(self, comm: MPI.Comm, path: Path, X: Array, kind: str, cells: Indices) -> None:
-        self._comm, self._path, self._X, self._cells = comm, path, X, [(kind, cells)]
+    def __init__(
+        self, comm: MPI.Comm, path: Path, X: Array, cells: Indices, kinds: dict[int, Any]
+    ) -> None:
+        kind, order = kinds[cells.shape[1]]
+        self._comm, self._path, self._X, self._cells = comm, path, X, [(kind, cells[:, order])]
         self._ranks = np.flatnonzero(comm.allgather(len(cells)))
         self._times: list[float] = []
 
@@ -157,7 +164,7 @@ class _CellField:
                 raise ValueError(f"its shape is {self._shape}; right is {right}")
             if extract_arguments(ufl.as_ufl(expression)):
                 raise ValueError("it holds a test or trial function")
-            midpoint = MIDPOINT[V.dofmap.dof_layout.num_dofs]
+            midpoint = MIDPOINT[compat.cell_name(V.mesh)]
             self._compiled = compat.create_expression(expression, midpoint)
 
         _try_together(problem.comm, True, compile_it, f"field {name!r} cannot be evaluated")

@@ -24,13 +24,14 @@ class Segments:
 
     Attributes:
         facets: Slave facets looked at, shape (f,).
-        partial: Whether a part of the facet has no partner, shape (f,).
+        partial: Whether the multiplier functions of a facet move with its segments, shape (f,): it
+            is curved, or a part of it has no partner.
         offsets: Segments of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
-        pair_offsets: The same for the pairs of segments coupled by a partial cover, (f + 1,).
-        slave: Slave nodes of each segment, shape (n, 2).
-        master: Master nodes, shape (n, 2).
+        pair_offsets: The same for the pairs of segments coupled by these functions, (f + 1,).
+        slave: Slave nodes of each segment, shape (n, K).
+        master: Master nodes, shape (n, K).
         end_is_node: Whether the lower / upper end is a slave node, shape (n, 2); else it is the
-            partner of master node 2 / 1.
+            partner of the last / first master node.
         pairs: Segments (i, k) of which M of i depends on the nodes of k, shape (p, 2).
     """
 
@@ -84,7 +85,7 @@ def find_segments(
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)
     cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
-    partial = cover < 2.0 - FULL_COVER
+    partial = (cover < 2.0 - FULL_COVER) | (slave.degree > 1)
     pair_counts = np.where(partial, counts**2, counts)
     pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
     return Segments(

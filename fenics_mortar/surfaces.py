@@ -33,7 +33,8 @@ class Surface:
     Attributes:
         name: Name used in messages.
         X: Reference positions, shape (n, 2) [length].
-        facets: Nodes of each facet, shape (m, 2), the body on the left; in order along the curves.
+        facets: Nodes of each facet in order along its curve, the body on the left; shape (m, 2),
+            with quadratic displacements (m, 3).
         previous: Node before each node along its curve, -1 at an end, shape (n,).
         following: Node after each node, -1 at an end, shape (n,).
         nodes: Global number of each node in the function space (block number), shape (n,).
@@ -59,15 +60,39 @@ class Surface:
         return self.X.shape[0]
 
     @property
+    def degree(self) -> int:
+        """Polynomial degree of the facets."""
+        return self.facets.shape[1] - 1
+
+    @property
+    def inner(self) -> npt.NDArray[np.bool_]:
+        """Whether a node lies inside a facet, shape (n,)."""
+        inner = np.zeros(self.num_nodes, bool)
+        inner[self.facets[:, 1:-1]] = True
+        return inner
+
+    @property
     def lengths(self) -> Array:
         """Reference lengths of the facets, shape (m,) [length]."""
-        return np.linalg.norm(self.X[self.facets[:, 1]] - self.X[self.facets[:, 0]], axis=1)
+        return _measures(self.X[self.facets]).sum(axis=1)
 
     @property
     def nodal_lengths(self) -> Array:
         """Integral of each nodal shape function over the reference surface, shape (n,) [length]."""
-        halves = np.repeat(self.lengths / 2, 2)
-        return np.bincount(self.facets.ravel(), halves, self.num_nodes).astype(np.float64)
+        measures = _measures(self.X[self.facets])
+        nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
+        return nodal.astype(np.float64)
+
+    def along(self, nodes: Indices, steps: range) -> Indices:
+        """Nodes so many ``steps`` along the curve from ``nodes`` (k,): (k, steps); -1 is beyond."""
+        columns = []
+        for step in steps:
+            table = np.append(self.following if step > 0 else self.previous, -1)
+            node = nodes
+            for _ in range(abs(step)):
+                node = table[node]
+            columns.append(node)
+        return np.stack(columns, axis=1)
 
     def gather(self, values: Array) -> Array:
         """Collect nodal values of a function of the space on all ranks (collective).
@@ -95,7 +120,7 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
     """Collect the facets of ``tag`` as curves (collective).
 
     Args:
-        V: Displacement space, vector valued, degree 1.
+        V: Displacement space, vector valued, degree 1 or 2.
         facet_tags: Facet tags of the mesh of ``V``.
         tag: Tag of the surface.
         name: Name used in messages.
@@ -132,9 +157,10 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
 
 
 def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array, Indices]:
-    """Nodes of the facets owned here, shape (m, 2); their positions, (m, 2, 2), and input numbers.
+    """Nodes of the facets owned here, shape (m, K); their positions, (m, K, 2), and input numbers.
 
-    Collective. A facet counts if any rank that has it gave it the tag.
+    Collective. A facet counts if any rank that has it gave it the tag. Nodes inside facets have the
+    input number -1.
     """
     mesh = V.mesh
     mesh.topology.create_connectivity(1, 2)
@@ -154,20 +180,19 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
     facet_cells, cell_facets = mesh.topology.connectivity(1, 2), mesh.topology.connectivity(2, 1)
     dofmap, x = compat.dofmap(V), V.tabulate_dof_coordinates()[:, :2]
     layout = V.dofmap.dof_layout
-    ends = np.empty((tagged.size, 2), np.int64)
+    ends = np.empty((tagged.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
     for i, facet in enumerate(tagged):
         cell = facet_cells.links(facet)[0]
         local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
-        a, b = dofmap[cell][layout.entity_closure_dofs(1, local)][:2]
+        a, b, *inside = dofmap[cell][layout.entity_closure_dofs(1, local)]
         inward = x[dofmap[cell]].mean(axis=0) - x[a]
         edge = x[b] - x[a]
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
-        ends[i] = (a, b) if on_left else (b, a)
-    coordinates = x[ends].reshape(-1, 2, 2)
-    given = np.empty(len(x), np.int64)
-    given[dofmap] = np.asarray(mesh.geometry.input_global_indices)[compat.geometry_dofmap(mesh)]
+        ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
+    names = compat.input_nodes(V)
+    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
     to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
-    return np.asarray(to_global, np.int64).reshape(-1, 2), coordinates, given[ends]
+    return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
 
 
 def _number_nodes(
@@ -178,12 +203,13 @@ def _number_nodes(
         raise SurfaceError(f"surface '{name}' has no facets")
     nodes, first, inverse = np.unique(ends.ravel(), return_index=True, return_inverse=True)
     X = coordinates.reshape(-1, 2)[first]
-    facets = inverse.reshape(-1, 2).astype(np.int64)
-    order = np.argsort(given.ravel()[first], kind="stable")
-    twice = order[:-1][np.diff(given.ravel()[first][order]) == 0]
+    facets = inverse.reshape(ends.shape).astype(np.int64)
+    numbers = given.ravel()[first]
+    order = np.argsort(numbers, kind="stable")
+    twice = order[:-1][(np.diff(numbers[order]) == 0) & (numbers[order[:-1]] >= 0)]
     if twice.size:  # dolfinx does not join cells of two ranks that meet in a corner only
         raise _branching(name, X[twice[0]])
-    lengths = np.linalg.norm(X[facets[:, 1]] - X[facets[:, 0]], axis=1)
+    lengths = np.linalg.norm(X[facets[:, -1]] - X[facets[:, 0]], axis=1)
     shortest = int(np.argmin(lengths))
     if lengths[shortest] <= 1e-12 * lengths.max():
         raise SurfaceError(
@@ -206,12 +232,13 @@ def _order_curves(
     """Walk along the curves: order of the nodes, renumbered facets, neighbours of each node."""
     count = X.shape[0]
     following, previous = np.full(count, -1), np.full(count, -1)
-    for a, b in facets:
+    for a, b in np.concatenate([facets[:, k : k + 2] for k in range(facets.shape[1] - 1)]):
         for table, node, other in ((following, a, b), (previous, b, a)):
             if table[node] >= 0:
                 raise _branching(name, X[node])
             table[node] = other
     by_place = np.lexsort((X[:, 1], X[:, 0]))
+    by_place = by_place[np.isin(by_place, facets[:, 0])]
     ends_first = np.concatenate([by_place[previous[by_place] < 0], by_place])
     order: list[int] = []
     seen = np.zeros(count, bool)
@@ -226,5 +253,18 @@ def _order_curves(
     position[permutation] = np.arange(count)
     position[-1] = -1
     previous, following = position[previous[permutation]], position[following[permutation]]
-    first = np.flatnonzero(following >= 0)
-    return permutation, np.stack([first, following[first]], axis=1), previous, following
+    nodes = [np.flatnonzero(np.isin(permutation, facets[:, 0]))]
+    for _ in range(facets.shape[1] - 1):
+        nodes.append(following[nodes[-1]])
+    return permutation, np.stack(nodes, axis=1), previous, following
+
+
+def _measures(X: Array) -> Array:
+    """Integrals of the shape functions over facets ``X`` (m, K, 2): shape (m, K) [length]."""
+    if X.shape[1] == 2:
+        return np.repeat(np.linalg.norm(X[:, 1] - X[:, 0], axis=1)[:, None] / 2, 2, axis=1)
+    points, weights = np.polynomial.legendre.leggauss(5)
+    N = np.stack([points * (points - 1) / 2, 1 - points**2, points * (points + 1) / 2])
+    dN = np.stack([points - 0.5, -2 * points, points + 0.5])
+    J = np.linalg.norm(np.einsum("kp,mkc->mpc", dN, X), axis=2)
+    return np.einsum("kp,mp,p->mk", N, J, weights)

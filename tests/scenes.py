@@ -99,12 +99,13 @@ def pressed_blocks(
     nu: float = 0.3,
     pair: dict[str, Any] | None = None,
     problem: dict[str, Any] | None = None,
+    degree: int = 1,
     comm=MPI.COMM_WORLD,
     **mesh: Any,
 ) -> Scene:
     """Two blocks, the lower held at its bottom, the upper moved at its top by ``loads['push']``."""
     data = read(two_blocks.build, comm=comm, **mesh)
-    V = fm.vector_space(data.mesh, 1)
+    V = fm.vector_space(data.mesh, degree)
     u = fem.Function(V)
     held, push = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
     bcs = [
@@ -127,12 +128,14 @@ def homogeneous_blocks(
     material=neo_hookean,
     E: float = 100.0,
     nu: float = 0.3,
+    pair: dict[str, Any] | None = None,
     problem: dict[str, Any] | None = None,
+    degree: int = 1,
     **mesh: Any,
 ) -> Scene:
     """Two blocks of equal width with u = gradient . X prescribed on some boundaries."""
     data = read(two_blocks.build, **{"width_upper": 1.0, "width_lower": 1.0, **mesh})
-    V = fm.vector_space(data.mesh, 1)
+    V = fm.vector_space(data.mesh, degree)
     u, exact = fem.Function(V), fem.Function(V)
     exact.interpolate(lambda X: gradient @ X[:2])
     bcs = [fm.dirichlet(V, data, name, exact) for name in boundaries]
@@ -140,9 +143,8 @@ def homogeneous_blocks(
     if slave == "lower":
         sides.reverse()
     options = {"petsc_options_prefix": "test_", "newton": TIGHT, **(problem or {})}
-    problem_ = fm.ContactProblem(
-        internal(u, material(u, E, nu)), u, [fm.ContactPair(data, *sides)], bcs=bcs, **options
-    )
+    contact = fm.ContactPair(data, *sides, **(pair or {}))
+    problem_ = fm.ContactProblem(internal(u, material(u, E, nu)), u, [contact], bcs=bcs, **options)
     return Scene(data, u, problem_, {"exact": exact})
 
 

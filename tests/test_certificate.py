@@ -20,8 +20,9 @@ def solved(**options):
 
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("basis", ["dual", "standard"])
-def test_solved_state_has_no_violations(slave, basis):
-    scene = solved(slave=slave, pair={"basis": basis}, n_upper=7, n_lower=11)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_solved_state_has_no_violations(slave, basis, degree):
+    scene = solved(slave=slave, pair={"basis": basis}, n_upper=7, n_lower=11, degree=degree)
     (certificate,) = scene.problem.certificate().pairs
     assert certificate.violations() == []
     assert certificate.force < 1e-14 and certificate.shear < 1e-12

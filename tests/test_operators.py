@@ -35,12 +35,15 @@ def whole(vec):
 
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("basis", ["dual", "standard"])
-def test_row_sums_of_D_and_M_are_equal(slave, basis):
-    problem = moved_scene(slave=slave, pair={"basis": basis}).problem
+@pytest.mark.parametrize("degree", [1, 2])
+def test_row_sums_of_D_and_M_are_equal(slave, basis, degree):
+    problem = moved_scene(slave=slave, pair={"basis": basis}, degree=degree).problem
     D, M = dense(problem.D), dense(problem.M)
     assert np.abs(D.sum(axis=1) - M.sum(axis=1)).max() < 1e-15
-    if basis == "dual":
-        assert np.abs(D - np.diag(np.diag(D))).max() == 0.0
+    if basis == "dual":  # but for what a node hands over whose integral is negative
+        kept = np.diag(D) > 0.0
+        assert np.abs(D - np.diag(np.diag(D)))[:, kept].max() == 0.0
+        assert kept.all() or degree == 2
 
 
 def test_operators_do_not_depend_on_the_number_of_ranks():
@@ -51,16 +54,18 @@ def test_operators_do_not_depend_on_the_number_of_ranks():
     assert np.abs(np.diag(D) - scene.contact.operators.diagonal).max() < 1e-16
 
 
-def test_linear_fields_pass_exactly_from_master_to_slave():
-    scene = pressed_blocks(n_upper=7, n_lower=5, width_upper=1.0, width_lower=1.2)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_linear_fields_pass_exactly_from_master_to_slave(degree):
+    scene = pressed_blocks(n_upper=7, n_lower=5, width_upper=1.0, width_lower=1.2, degree=degree)
     scene.problem.evaluate(start=True)
     D, M, contact = dense(scene.problem.D), dense(scene.problem.M), scene.contact
     linear = np.array([1.0, -2.0])
     assert np.abs(D @ contact.slave.X @ linear - M @ contact.master.X @ linear).max() < 1e-14
 
 
-def test_derivative_matrices_are_the_change_of_the_operators():
-    scene = moved_scene()
+@pytest.mark.parametrize("degree", [1, 2])
+def test_derivative_matrices_are_the_change_of_the_operators(degree):
+    scene = moved_scene(degree=degree)
     problem, contact = scene.problem, scene.contact
     z = np.random.default_rng(0).uniform(-1, 1, contact.z.shape)
     matrices = problem.matrices
@@ -88,7 +93,8 @@ def test_derivative_matrices_are_the_change_of_the_operators():
         gap, normals = whole(problem.matrices.gap()), whole(problem.matrices.normals())
         return {"gap": gap, "normals": normals, "slave": forces[0], "master": forces[1]}
 
-    step = 1e-5  # the central difference errs by step^2 = 1e-10 and by rounding, 1e-16 / step
+    # the central difference errs by (step / distance of nodes)^2 and by rounding, 1e-16 / step
+    step = 2e-6
     plus, minus = functions(step), functions(-step)
     for name, matrix in found.items():
         exact = (plus[name] - minus[name]) / (2 * step)

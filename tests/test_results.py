@@ -20,6 +20,12 @@ from fenics_mortar.results import ResultsWriter, contact_table, plot
 
 COMM = MPI.COMM_WORLD
 CELLS = ("triangle", "quadrilateral")
+KINDS = {
+    ("triangle", 1): "triangle",
+    ("triangle", 2): "triangle6",
+    ("quad", 1): "quad",
+    ("quad", 2): "quad9",
+}
 SMALL = {"n_upper": 4, "n_lower": 6, "layers_upper": 4, "layers_lower": 3, "gap": 0.01}
 
 
@@ -61,9 +67,10 @@ def assert_equal_tables(found, right):
         assert np.array_equal(found[key], value), key
 
 
+@pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("cell", CELLS)
-def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell):
-    scene = pressed(cell)
+def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell, degree):
+    scene = pressed(cell, degree=degree)
     u, grad = scene.u, ufl.grad(scene.u)
     fields = {
         "det": ufl.det(ufl.Identity(2) + grad),
@@ -94,17 +101,21 @@ def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell
     # the last step: values at the midpoints of cells, with zeros for the third direction
     right = gathered(midpoints(scene), np.stack(components, axis=1))
     for mesh in meshes:
-        assert mesh.cells[0].type == {"triangle": "triangle", "quadrilateral": "quad"}[cell]
+        kind, corner_count = {"triangle": ("triangle", 3), "quadrilateral": ("quad", 4)}[cell]
+        assert mesh.cells[0].type == KINDS[kind, degree]
         found = {name: mesh.cell_data[name][0] for name in fields}
         for i, nodes in enumerate(mesh.cells[0].data):
-            corners = mesh.points[nodes, :2]
+            corners = mesh.points[nodes[:corner_count], :2]
+            after = np.roll(corners, -1, axis=0)
+            if degree == 2:  # VTK has the middle of the edge between corners i and i + 1 next
+                middles = mesh.points[nodes[corner_count : 2 * corner_count], :2]
+                assert np.allclose(middles, 0.5 * (corners + after), atol=1e-12)
             xx, xy, yx, yy = right[tuple(np.round(corners.mean(axis=0), 9) + 0.0)]
             assert np.allclose(found["det"][i], (1 + xx) * (1 + yy) - xy * yx, rtol=1e-12)
             assert np.allclose(found["first"][i], [xx, xy, 0], atol=1e-14)
             assert np.allclose(found["grad"][i], [xx, xy, 0, yx, yy, 0, 0, 0, 0], atol=1e-14)
             assert np.allclose(found["full"][i], [xx, 0, 1, 0, 2, 0, 3, 0, yy], atol=1e-14)
-            around = np.roll(corners, -1, axis=0)
-            crosses = corners[:, 0] * around[:, 1] - corners[:, 1] * around[:, 0]
+            crosses = corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]
             area = 0.5 * abs(crosses.sum())
             assert area > 0.8 * 0.5 * np.prod(np.ptp(corners, axis=0))  # no bow tie
 
@@ -117,9 +128,10 @@ def values_in_cells(V, expression):
     return function.x.array[compat.dofmap(V)[:num_cells, 0]]
 
 
+@pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("slave", ["upper", "lower"])
-def test_contact_files_hold_what_the_contact_holds(shared_path, slave):
-    scene = pressed(slave=slave)
+def test_contact_files_hold_what_the_contact_holds(shared_path, slave, degree):
+    scene = pressed(slave=slave, degree=degree)
     c = scene.contact
     with ResultsWriter(shared_path / "series.pvd", scene.problem) as results:
         results.write(-1.0)
@@ -133,7 +145,8 @@ def test_contact_files_hold_what_the_contact_holds(shared_path, slave):
     assert np.nanmin(before.point_data["gap"]) == pytest.approx(0.01, rel=1e-9)
     assert c.active.any()
     assert np.array_equal(after.points[:, :2], c.slave.X)
-    assert np.array_equal(after.cells[0].data, c.slave.facets)
+    ends_first = [0, 1] if degree == 1 else [0, 2, 1]
+    assert np.array_equal(after.cells[0].data, c.slave.facets[:, ends_first])
     data = after.point_data
     assert np.array_equal(data["contact_pressure"], c.pressure)
     assert data["contact_pressure"].max() > 1.0
@@ -259,11 +272,11 @@ def test_table_has_no_gap_where_nothing_is_near():
 
 
 @pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("solved", [True, False])
-def test_plot_draws_a_picture(shared_path, cell, solved):
+@pytest.mark.parametrize("solved, degree", [(True, 1), (False, 1), (True, 2)])
+def test_plot_draws_a_picture(shared_path, cell, solved, degree):
     from matplotlib import image
 
-    scene = pressed(cell)
+    scene = pressed(cell, degree=degree)
     if solved:
         scene.problem.solve()
     energy = ufl.inner(ufl.grad(scene.u), ufl.grad(scene.u))

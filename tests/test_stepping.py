@@ -119,6 +119,26 @@ def test_restart_continues_the_run_on_any_number_of_ranks(writer, reader, shared
     assert np.abs(z - exact).max() < 1e-9 * np.abs(exact).max()
 
 
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_state_of_degree_two_is_read_on_any_number_of_ranks(cell, shared_path):
+    file = str(shared_path / "state.npz")
+    together = pressed_blocks(degree=2, cell=cell, **MESH)
+    together.u.interpolate(lambda X: np.stack([0.1 * X[0] ** 2, X[0] * X[1] - 0.2 * X[1] ** 2]))
+    fm.save_state(together.problem, file)
+    alone = pressed_blocks(degree=2, cell=cell, comm=MPI.COMM_SELF, **MESH)
+    exact = alone.u.copy()
+    exact.interpolate(lambda X: np.stack([0.1 * X[0] ** 2, X[0] * X[1] - 0.2 * X[1] ** 2]))
+    fm.load_state(alone.problem, file)
+    assert np.abs(alone.u.x.array - exact.x.array).max() < 1e-14
+
+
+def test_state_of_another_degree_is_refused(shared_path):
+    file = str(shared_path / "state.npz")
+    fm.save_state(pressed_blocks(**MESH).problem, file)
+    with pytest.raises(fm.MortarError, match="another mesh or degree"):
+        fm.load_state(pressed_blocks(degree=2, **MESH).problem, file)
+
+
 def test_state_of_another_mesh_is_refused(shared_path):
     file = str(shared_path / "state.npz")
     fm.save_state(pressed_blocks(**MESH).problem, file)

@@ -17,9 +17,9 @@ from fenics_mortar.surfaces import extract_surface
 comm = MPI.COMM_WORLD
 
 
-def surface(build, name, **options):
+def surface(build, name, degree=1, **options):
     data = read(build, **options)
-    V = fm.vector_space(data.mesh, 1)
+    V = fm.vector_space(data.mesh, degree)
     return V, extract_surface(V, data.facet_tags, data.boundary_tag(name), name)
 
 
@@ -83,3 +83,25 @@ def test_nodal_lengths_sum_to_the_length():
     _, side = surface(two_blocks.build, "upper/bottom", width_upper=1.5)
     assert side.nodal_lengths.sum() == pytest.approx(1.5, rel=1e-14)
     assert side.nodal_lengths[0] == pytest.approx(side.nodal_lengths[1] / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_quadratic_facets_have_their_middle_between_their_ends(cell):
+    _, side = surface(two_blocks.build, "lower/top", degree=2, n_lower=7, cell=cell)
+    assert side.num_nodes == 15 and len(side.facets) == 7
+    assert (np.diff(side.X[:, 0]) < 0).all()
+    assert side.facets.tolist() == [[k, k + 1, k + 2] for k in range(0, 14, 2)]
+    assert np.array_equal(np.flatnonzero(side.inner), np.arange(1, 15, 2))
+    a, middle, b = np.moveaxis(side.X[side.facets], 1, 0)
+    assert np.allclose(middle, (a + b) / 2, atol=1e-15)
+    thirds = side.lengths[:, None] * np.array([1, 4, 1]) / 6
+    exact = np.bincount(side.facets.ravel(), thirds.ravel())
+    assert np.allclose(side.nodal_lengths, exact, rtol=1e-14)
+
+
+def test_closed_quadratic_curve_starts_at_a_vertex():
+    _, side = surface(rings.build, "inner/outside", degree=2, n_inner=11)
+    assert (side.previous >= 0).all() and (side.following >= 0).all()
+    assert len(side.facets) == 11 and side.num_nodes == 22
+    assert np.array_equal(side.facets[:-1, 2], side.facets[1:, 0]) and side.facets[-1, 2] == 0
+    assert np.abs(side.along(np.array([0]), range(-2, 3)) - [[20, 21, 0, 1, 2]]).max() == 0

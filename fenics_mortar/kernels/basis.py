@@ -86,6 +86,16 @@ def coefficients(basis, left, mean, variance):
 
 
 @kernel
+def outermost(ends):
+    """The segments with the lower and the upper end of the cover: segments may have no length."""
+    first, last = 0, 0
+    for i in range(1, ends.shape[0]):
+        first = i if ends[i, 0].real < ends[first, 0].real else first
+        last = i if ends[i, 1].real > ends[last, 1].real else last
+    return first, last
+
+
+@kernel
 def gap_weight(basis, weights, alone, sign, end, mean, variance):
     """Psi of one node as a + S (xi - xm): (a, da/dxm, S, dS/dxm, dS/dv, dS/dp).
 
@@ -233,11 +243,12 @@ def facet_derivatives(table, gap_weights, segments, shape, edge, partial, dD, dM
         slave_matrix_derivative(table, size, mean, J, dJ, dsize, dmean, dvariance, dD[k])
     if not partial:
         return
+    first, last = outermost(ends)
     for k in range(count):
         cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
         for q in range(12):
-            dp[0, q] = dends[k, 0, q] if k == 0 else 0.0
-            dp[1, q] = dends[k, 1, q] if k == count - 1 else 0.0
+            dp[0, q] = dends[k, 0, q] if k == first else 0.0
+            dp[1, q] = dends[k, 1, q] if k == last else 0.0
         for i in range(count):
             pair = i * count + k
             add_cover_derivative(
@@ -272,12 +283,13 @@ def tabulate_facets(facets, basis, gap_weights, offsets, pair_offsets, segments,
         cover[e, 0] = 0.5 * J * size * (1.0 - mean)
         cover[e, 1] = 0.5 * J * size * (1.0 + mean)
         table = coefficients(basis, left[e], mean, variance)
+        first, last = outermost(own[0])
         alone = 0
         if left[e] != BOTH:
             alone = 1 if left[e] == ONLY_FIRST else -1
         weights = (
-            gap_weight(basis, gap_weights, alone, -1.0, own[0][0, 0], mean, variance),
-            gap_weight(basis, gap_weights, -alone, 1.0, own[0][-1, 1], mean, variance),
+            gap_weight(basis, gap_weights, alone, -1.0, own[0][first, 0], mean, variance),
+            gap_weight(basis, gap_weights, -alone, 1.0, own[0][last, 1], mean, variance),
         )
         facet_values(table, weights, own, size, mean, J, D[e], M[i:j], g[e])
         if basis == DUAL and left[e] == BOTH:

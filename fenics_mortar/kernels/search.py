@@ -21,14 +21,28 @@ as covered up to its node: both are rounding where two bodies end at one place.
 
 import numpy as np
 
-from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels import curved, kernel
 from fenics_mortar.kernels.projection import master_to_slave, side_of_ray, slave_to_master
-from fenics_mortar.kernels.segment import local_coordinates
+
+
+@kernel
+def control_points(values, facets):
+    """Nodal ``values`` (n, 2) with those of inner nodes replaced: their hull holds the facets.
+
+    The control points of a quadratic curve in Bezier's form; nodes of straight facets are theirs.
+    """
+    controls = values.copy()
+    if facets.shape[1] == 3:
+        for f in range(facets.shape[0]):
+            a, c, b = facets[f]
+            for d in range(2):
+                controls[c, d] = 2.0 * values[c, d] - 0.5 * (values[a, d] + values[b, d])
+    return controls
 
 
 @kernel
 def build_tree(x, facets):
-    """Boxes (2P, 4) = (xmin, ymin, xmax, ymax) over ``facets`` (m, 2) of the curve ``x``."""
+    """Boxes (2P, 4) = (xmin, ymin, xmax, ymax) over ``facets`` (m, K) of control points ``x``."""
     leaves = 1
     while leaves < facets.shape[0]:
         leaves *= 2
@@ -36,10 +50,10 @@ def build_tree(x, facets):
     boxes[:, :2] = np.inf
     boxes[:, 2:] = -np.inf
     for f in range(facets.shape[0]):
-        a, b = x[facets[f, 0]], x[facets[f, 1]]
-        for d in range(2):
-            boxes[leaves + f, d] = min(a[d], b[d])
-            boxes[leaves + f, 2 + d] = max(a[d], b[d])
+        for node in facets[f]:
+            for d in range(2):
+                boxes[leaves + f, d] = min(boxes[leaves + f, d], x[node, d])
+                boxes[leaves + f, 2 + d] = max(boxes[leaves + f, 2 + d], x[node, d])
     for i in range(leaves - 1, 0, -1):
         for d in range(2):
             boxes[i, d] = min(boxes[2 * i, d], boxes[2 * i + 1, d])
@@ -62,16 +76,18 @@ def misses_along(box, tx, ty, low, high):
 
 
 @kernel
-def query_tree(boxes, a, b, na, nb, radius, stack, hits):
+def query_tree(boxes, x, n, nodes, radius, stack, hits):
     """Fill ``hits`` with the facets whose boxes meet the strip of one slave facet; their number.
 
-    The number may exceed the size of ``hits``: then call again with a larger one.
+    ``x`` and ``n`` are control points. The number may exceed the size of ``hits``: then call again
+    with a larger one.
     """
+    a, b = x[nodes[0]], x[nodes[-1]]
     tx, ty = b[0] - a[0], b[1] - a[1]
     strip = np.array([np.inf, np.inf, -np.inf, -np.inf])
     low, high = np.inf, -np.inf
-    for k in range(4):
-        base, normal = (a, na) if k < 2 else (b, nb)
+    for k in range(2 * nodes.size):
+        base, normal = x[nodes[k // 2]], n[nodes[k // 2]]
         r = radius if k % 2 == 0 else -radius
         px, py = base[0] + r * normal[0], base[1] + r * normal[1]
         strip[0], strip[1] = min(strip[0], px), min(strip[1], py)
@@ -100,32 +116,47 @@ def query_tree(boxes, a, b, na, nb, radius, stack, hits):
 
 
 @kernel
-def find_interval(y, is_node):
+def partner_of_master(y, last, N):
+    """``xi`` of the partner of the first or the last master node."""
+    if N.shape[1] == 2:
+        return master_to_slave(y, int(last))
+    return curved.master_to_slave(y, 2 * int(last), N)
+
+
+@kernel
+def find_interval(y, N, is_node):
     """Whether a slave facet meets a master facet, and on which (xi_a, xi_b); fills ``is_node``."""
-    first_1 = side_of_ray(y[0:2], y[4:6], y[8:10])
-    first_2 = side_of_ray(y[0:2], y[4:6], y[10:12])
-    second_1 = side_of_ray(y[2:4], y[6:8], y[8:10])
-    second_2 = side_of_ray(y[2:4], y[6:8], y[10:12])
+    size = y.size // 3
+    x, n, m = y[:size], y[size : 2 * size], y[2 * size :]
+    first_1 = side_of_ray(x[:2], n[:2], m[:2])
+    first_2 = side_of_ray(x[:2], n[:2], m[-2:])
+    second_1 = side_of_ray(x[-2:], n[-2:], m[:2])
+    second_2 = side_of_ray(x[-2:], n[-2:], m[-2:])
     is_node[0], is_node[1] = first_2 <= 0.0, second_1 >= 0.0
     if (not is_node[0] and second_2 >= 0.0) or (not is_node[1] and first_1 <= 0.0):
         return False, 1.0, -1.0
     if (is_node[0] and first_1 <= 0.0) or (is_node[1] and second_2 >= 0.0):
         return False, 1.0, -1.0
-    lower = -1.0 if is_node[0] else master_to_slave(y, 1)
-    upper = 1.0 if is_node[1] else master_to_slave(y, 0)
+    lower = -1.0 if is_node[0] else partner_of_master(y, True, N)
+    upper = 1.0 if is_node[1] else partner_of_master(y, False, N)
     return True, lower, upper
 
 
 @kernel
-def distance_if_facing(y, xi, least_cosine):
+def distance_if_facing(y, N, xi, least_cosine):
     """|g| at ``xi``, or inf where the normals of slave and master are not opposed enough."""
-    nx = 0.5 * (1.0 - xi) * y[4] + 0.5 * (1.0 + xi) * y[6]
-    ny = 0.5 * (1.0 - xi) * y[5] + 0.5 * (1.0 + xi) * y[7]
-    ax, ay = y[10] - y[8], y[11] - y[9]
+    curved.tabulate_shapes(xi, N)
+    nx, ny = curved.combine(y, 1, N, 0)
+    if N.shape[1] == 2:
+        eta, alpha = slave_to_master(y, xi)
+    else:
+        eta, alpha = curved.slave_to_master(y, xi, N)
+    curved.tabulate_shapes(eta, N)
+    ax, ay = curved.combine(y, 2, N, 1)
     size = np.sqrt(nx * nx + ny * ny)
-    if -(nx * ay - ny * ax) < least_cosine * size * np.sqrt(ax * ax + ay * ay):
+    if not -(nx * ay - ny * ax) >= least_cosine * size * np.sqrt(ax * ax + ay * ay):
         return np.inf
-    return abs(slave_to_master(y, xi)[1]) * size
+    return abs(alpha) * size
 
 
 @kernel
@@ -165,15 +196,15 @@ def facet_segments(geometry, slave, master_facets, hits, radius, limits, found):
     """Fill ``found`` (see ``keep_nearest``) for one slave facet; return the number of rows."""
     x, n, m = geometry
     least_cosine, least_cover = limits
-    y = np.empty(12)
+    y, N = np.empty(6 * slave.size), np.empty((3, slave.size))
     is_node = np.empty(2, np.bool_)
     count = 0
     for hit in range(hits.size):
-        local_coordinates(x, n, m, slave, master_facets[hits[hit]], y)
-        meets, lower, upper = find_interval(y, is_node)
+        curved.gather(x, n, m, slave, master_facets[hits[hit]], y)
+        meets, lower, upper = find_interval(y, N, is_node)
         if not meets:
             continue
-        distance = distance_if_facing(y, 0.5 * (lower + upper), least_cosine)
+        distance = distance_if_facing(y, N, 0.5 * (lower + upper), least_cosine)
         if distance <= radius:
             found[count, 0], found[count, 1], found[count, 2] = distance, lower, upper
             found[count, 3] = hits[hit]
@@ -194,28 +225,27 @@ def facet_segments(geometry, slave, master_facets, hits, radius, limits, found):
 
 @kernel
 def find_segments(geometry, slave_facets, master_facets, radius, limits):
-    """Find the segments of ``slave_facets`` (f, 2).
+    """Find the segments of ``slave_facets`` (f, K).
 
     ``geometry`` = (slave positions, slave normals, master positions); ``limits`` = (least cosine
     between slave normal and reversed master normal, least length in xi). Returns offsets (f + 1,),
     master facet (n,), end_is_node (n, 2), ends (n, 2).
     """
     x, n, m = geometry
-    boxes = build_tree(m, master_facets)
+    boxes = build_tree(control_points(m, master_facets), master_facets)
+    controls = control_points(x, slave_facets), control_points(n, slave_facets)
     stack = np.empty(128, np.int64)
     hits = np.empty(64, np.int64)
     found = np.empty((64, 6))
     offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
     rows = np.empty((4 * slave_facets.shape[0] + 64, 6))
     for e in range(slave_facets.shape[0]):
-        a, b = slave_facets[e]
-        count = query_tree(boxes, x[a], x[b], n[a], n[b], radius, stack, hits)
+        nodes = slave_facets[e]
+        count = query_tree(boxes, *controls, nodes, radius, stack, hits)
         if count > hits.size:
             hits, found = np.empty(2 * count, np.int64), np.empty((2 * count, 6))
-            query_tree(boxes, x[a], x[b], n[a], n[b], radius, stack, hits)
-        kept = facet_segments(
-            geometry, slave_facets[e], master_facets, hits[:count], radius, limits, found
-        )
+            query_tree(boxes, *controls, nodes, radius, stack, hits)
+        kept = facet_segments(geometry, nodes, master_facets, hits[:count], radius, limits, found)
         start = offsets[e]
         if start + kept > rows.shape[0]:
             longer = np.empty((2 * (start + kept), 6))

@@ -134,22 +134,6 @@ def local_coordinates(x, n, m, slave, master, y):
 
 
 @kernel
-def sample_gaps(geometry, connectivity, end_is_node, points, gaps):
-    """Fill ``gaps`` (n, p) at the places s = ``points`` (p,) of n segments; see below."""
-    x, n, m = geometry
-    slave, master = connectivity
-    y, ends, dends = np.empty(12), np.empty(2), np.empty((2, 12))
-    for i in range(slave.shape[0]):
-        local_coordinates(x, n, m, slave[i], master[i], y)
-        segment_ends(y, end_is_node[i, 0], end_is_node[i, 1], ends, dends)
-        for p in range(points.size):
-            xi = 0.5 * (ends[0] + ends[1]) + 0.5 * (ends[1] - ends[0]) * points[p]
-            nx = 0.5 * (1.0 - xi) * y[4] + 0.5 * (1.0 + xi) * y[6]
-            ny = 0.5 * (1.0 - xi) * y[5] + 0.5 * (1.0 + xi) * y[7]
-            gaps[i, p] = slave_to_master(y, xi)[1] * np.sqrt(nx * nx + ny * ny)
-
-
-@kernel
 def tabulate_segments(
     geometry, connectivity, end_is_node, rule, linearize_ends, ends, dends, M, dM, g, dg
 ):

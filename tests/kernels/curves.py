@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_mortar.kernels import basis, normals, search, segment
+from fenics_mortar.kernels import basis, curved, normals, search, segment
 
 LIMITS = (0.1, 1e-10)
 
@@ -52,7 +52,8 @@ class Curves:
 
     def normals(self, x):
         n, dn = np.empty_like(x), np.zeros((len(x), 2, 6), x.dtype)
-        normals.tabulate_normals(x, self.previous, self.following, self.weighting, n, dn)
+        inner = np.zeros(len(x), bool)
+        normals.tabulate_normals(x, self.previous, self.following, inner, self.weighting, n, dn)
         return n, dn
 
     def columns(self, i):
@@ -108,3 +109,97 @@ def wavy(seed, slaves=5, masters=8, start=-0.05, stop=1.05):
         return np.stack([x, y], axis=1)
 
     return curve(0.0, 1.0, slaves, 0.0), curve(stop, start, masters, -0.02)
+
+
+@dataclass
+class CurvedCurves(Curves):
+    """The same by the kernels for any number of nodes per facet, ``degree`` + 1."""
+
+    degree: int = 2
+    drop: int | None = None
+
+    def __post_init__(self):
+        k = self.degree
+        self.slave, self.master = (
+            k * np.arange((len(nodes) - 1) // k)[:, None] + np.arange(k + 1)
+            for nodes in (self.x, self.m)
+        )
+        count = len(self.x)
+        self.previous = np.arange(count) - 1
+        self.following = np.append(np.arange(1, count), -1)
+        n, _ = self.normals(self.x)
+        self.offsets, self.masters, self.end_is_node, self.ends = search.find_segments(
+            (self.x, n, self.m), self.slave, self.master, self.radius, LIMITS
+        )
+        counts = np.diff(self.offsets)
+        self.pair_offsets = np.concatenate([[0], np.cumsum(counts**2)])
+        self.nodes = (
+            self.slave[np.repeat(np.arange(len(counts)), counts)],
+            self.master[self.masters],
+        )
+        self.pairs = [
+            (i, j)
+            for start, stop in zip(self.offsets[:-1], self.offsets[1:])
+            for i in range(start, stop)
+            for j in range(start, stop)
+        ]
+        self.weights = np.tile(np.eye(k + 1), (len(counts), 1, 1))
+        if self.drop is not None:
+            near = min(self.drop + 1, k) if self.drop < k else k - 1
+            self.weights[:, :, self.drop] = np.eye(k + 1)[near]
+
+    def normals(self, x):
+        n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * self.degree + 2), x.dtype)
+        inner = np.arange(len(x)) % self.degree != 0
+        normals.tabulate_normals(x, self.previous, self.following, inner, self.weighting, n, dn)
+        return n, dn
+
+    def columns(self, i):
+        """Columns in (x, m) of the derivatives of segment ``i``; -1 is missing."""
+        k, slave = self.degree, self.nodes[0][i]
+        near = np.arange(slave[0] - k, slave[-1] + k + 1)
+        near[(near < 0) | (near >= len(self.x))] = -1
+        nodes = [*near, *(self.nodes[1][i] + len(self.x))]
+        return np.ravel([(2 * j, 2 * j + 1) if j >= 0 else (-1, -1) for j in nodes])
+
+    def evaluate(self, positions):
+        """As for two nodes."""
+        kind, size = positions.dtype, self.degree + 1
+        x, m = positions[: len(self.x)], positions[len(self.x) :]
+        n, dn = self.normals(x)
+        count, facets, columns = len(self.masters), len(self.slave), 8 * size - 4
+
+        def zeros(*shape):
+            return np.zeros(shape, kind)
+
+        values = (
+            zeros(facets, size, size), zeros(count, size, size, columns),
+            zeros(count, size, size), zeros(len(self.pairs), size, size, columns),
+            zeros(facets, size), zeros(count, size, columns), zeros(facets, size),
+        )  # fmt: skip
+        curved.tabulate_facets(
+            (x, n, dn, m),
+            (self.slave, self.weights),
+            (self.master[self.masters], self.end_is_node),
+            self.offsets,
+            self.pair_offsets,
+            np.polynomial.legendre.leggauss(self.points),
+            (self.basis, self.gap_weights, True),
+            values,
+        )
+        return dict(zip(("D", "dD", "M", "dM", "g", "dg", "cover"), values))
+
+
+def with_inner_nodes(x, seed, bulge=0.1):
+    """Nodes of quadratic facets: between two nodes of ``x`` one near the middle."""
+    rng = np.random.default_rng(seed)
+    length = np.linalg.norm(np.diff(x, axis=0), axis=1)[:, None]
+    nodes = np.empty((2 * len(x) - 1, 2))
+    nodes[::2] = x
+    nodes[1::2] = (x[:-1] + x[1:]) / 2 + bulge * length * rng.uniform(-1, 1, (len(x) - 1, 2))
+    return nodes
+
+
+def wavy_curved(seed, bulge=0.1, **options):
+    """Two wavy curves of quadratic facets."""
+    return tuple(with_inner_nodes(x, seed + k, bulge) for k, x in enumerate(wavy(seed, **options)))

@@ -34,10 +34,11 @@ def nodal(scene):
     return np.concatenate(across.allgather(X)), np.concatenate(across.allgather(u))
 
 
+@pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
-def test_result_is_that_of_one_rank(slave, algorithm):
-    options = {"slave": slave, "problem": {"algorithm": algorithm}, **MESH}
+def test_result_is_that_of_one_rank(slave, algorithm, degree):
+    options = {"slave": slave, "degree": degree, "problem": {"algorithm": algorithm}, **MESH}
     together, alone = pressed_blocks(**options), pressed_blocks(comm=MPI.COMM_SELF, **options)
     reports, references = solve(together), solve(alone)
     for report, reference in zip(reports, references, strict=True):
@@ -87,10 +88,10 @@ def test_units_do_not_matter():
             assert np.allclose(norms[seen], other[seen], rtol=1e-5)
 
 
-@pytest.mark.parametrize("angle", [30.0, 90.0, 163.0])
-def test_rigid_motion_of_everything_leaves_the_pressures(angle):
+@pytest.mark.parametrize("angle, degree", [(30.0, 1), (90.0, 1), (163.0, 1), (30.0, 2)])
+def test_rigid_motion_of_everything_leaves_the_pressures(angle, degree):
     """The whole solved scene is turned by its Dirichlet conditions and a start from there."""
-    scene = pressed_blocks(**MESH)
+    scene = pressed_blocks(degree=degree, **MESH)
     solve(scene, [(0.02, -0.06)])
     pressure = scene.contact.pressure.copy()
     u, V = scene.u, scene.u.function_space
@@ -113,9 +114,10 @@ def test_rigid_motion_of_everything_leaves_the_pressures(angle):
     assert np.abs(problem.contacts[0].pressure - pressure).max() < 1e-10 * pressure.max()
 
 
+@pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("slave", ["upper", "lower"])
-def test_contact_forces_of_both_sides_cancel(slave):
-    scene = pressed_blocks(slave=slave, n_upper=7, n_lower=11, width_upper=2.4)
+def test_contact_forces_of_both_sides_cancel(slave, degree):
+    scene = pressed_blocks(slave=slave, n_upper=7, n_lower=11, width_upper=2.4, degree=degree)
     solve(scene)  # the upper block overhangs: facets covered in part
     on_slave, on_master = scene.contact.operators.force(scene.contact.z)
     defect = np.abs(on_slave.sum(axis=0) + on_master.sum(axis=0)).max()
@@ -134,10 +136,11 @@ def test_contact_force_is_the_reaction_of_the_held_boundary():
     assert np.abs(contact.total_force + reaction).max() < 1e-10 * np.abs(reaction).max()
 
 
+@pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
-def test_newton_is_quadratic_to_rounding(algorithm):
+def test_newton_is_quadratic_to_rounding(algorithm, degree):
     """r_{k+1} <= C r_k^2 with one C in the last three iterations above rounding."""
-    scene = pressed_blocks(problem={"algorithm": algorithm}, **MESH)
+    scene = pressed_blocks(problem={"algorithm": algorithm}, degree=degree, **MESH)
     report = solve(scene, [(0.0, -0.06)])[-1]
     assert len({iteration.num_active for iteration in report.iterations}) == 1
     r = np.array(report.residuals[1:]) / report.force
@@ -150,7 +153,8 @@ def test_newton_is_quadratic_to_rounding(algorithm):
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("basis", ["dual", "standard"])
 @pytest.mark.parametrize("normals", ["opposite", "unit", "own"])
-def test_assembled_tangent_has_second_order_remainder(slave, basis, normals):
+@pytest.mark.parametrize("degree", [1, 2])
+def test_assembled_tangent_has_second_order_remainder(slave, basis, normals, degree):
     """Partly covered facets, all nodes moved at random, and the whole scene turned."""
     pair = {"basis": basis, "normals": normals}
     scene = pressed_blocks(
@@ -161,6 +165,7 @@ def test_assembled_tangent_has_second_order_remainder(slave, basis, normals):
         width_upper=1.33,
         width_lower=1.2,
         rotation=0.4,
+        degree=degree,
     )
     size = scene.problem.bulk.num_owned
     noise = np.random.default_rng(0).uniform(-0.01, 0.01, scene.problem.bulk.r.getSize())

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: MIT
+"""Kernels of curved facets: against those of two nodes, by hand, invariants, derivatives."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from curves import CurvedCurves, Curves, wavy, wavy_curved, with_inner_nodes
+from derivatives import complex_step
+
+from fenics_mortar.kernels import basis
+
+BASES = [basis.DUAL, basis.STANDARD]
+OPTIONS = [
+    (basis.DUAL, None, basis.BY_BASIS),
+    (basis.DUAL, None, basis.BY_COVER),
+    (basis.DUAL, 0, basis.BY_COVER),
+    (basis.DUAL, None, basis.BY_STANDARD),
+    (basis.STANDARD, None, basis.BY_BASIS),
+    (basis.STANDARD, 0, basis.BY_BASIS),
+]
+COVERS = {
+    "full": (-0.05, 1.05),
+    "one end": (0.13, 1.05),
+    "both ends": (0.13, 0.97),
+    "island": (0.55, 0.62),
+}
+
+
+def curves(cover, seed=0, **options):
+    start, stop = COVERS[cover]
+    return CurvedCurves(*wavy_curved(seed, start=start, stop=stop), **options)
+
+
+def assemble(pair, values):
+    """Dense derivatives of D (f, K, K), M (n, K, K) and g (f, K) by all positions."""
+    count = 2 * len(pair.positions)
+    facet = np.repeat(np.arange(len(pair.slave)), np.diff(pair.offsets))
+    found = {name: np.zeros((*values[name].shape, count + 1)) for name in ("D", "M", "g")}
+    for k in range(len(pair.masters)):
+        found["D"][facet[k]][..., pair.columns(k)] += values["dD"][k]
+        found["g"][facet[k]][..., pair.columns(k)] += values["dg"][k]
+    for p, (i, k) in enumerate(pair.pairs):
+        found["M"][i][..., pair.columns(k)] += values["dM"][p]
+    return {name: array[..., :-1] for name, array in found.items()}
+
+
+@pytest.mark.parametrize("cover", COVERS)
+@pytest.mark.parametrize("kind", BASES)
+def test_two_nodes_give_what_their_own_kernels_give(cover, kind):
+    start, stop = COVERS[cover]
+    x, m = wavy(3, start=start, stop=stop)
+    straight = Curves(x, m, basis=kind, points=8)
+    general = CurvedCurves(x, m, basis=kind, points=8, degree=1)
+    one, other = straight.evaluate(straight.positions), general.evaluate(general.positions)
+    # the closed form of D and the sum over segments differ by rounding, as does 1 / half^2
+    for name in ("D", "M", "g", "cover"):
+        assert np.abs(one[name] - other[name]).max() < 1e-14, name
+    one, other = assemble(straight, one), assemble(general, other)
+    for name in one:
+        assert np.abs(one[name] - other[name]).max() < 1e-12 * np.abs(one[name]).max(), name
+
+
+def test_dual_functions_of_a_straight_facet_by_hand():
+    # slave [0, 4], master [1, 3] as one straight facet each: eta = (2 - x), J = 2
+    x = np.array([[0.0, 1], [2, 1], [4, 1]])
+    m = np.array([[5.0, 0], [2, 0], [-1, 0]])
+    pair = CurvedCurves(x, m)
+    values = pair.evaluate(pair.positions)
+    assert np.allclose(values["D"][0], 2 * np.diag([1, 4, 1]) / 3, atol=1e-15)
+    # Phi = (5 xi^2 - 2 xi - 1)/4, (3 - 5 xi^2)/2, ...; L at eta = -2 xi / 3
+    moments = {0: 2.0, 2: 2 / 3, 4: 2 / 5}
+
+    def integral(a, b):
+        polynomial = np.polynomial.polynomial.polymul(a, b)
+        return 2 * sum(c * moments.get(i, 0.0) for i, c in enumerate(polynomial))
+
+    phi = [[-1 / 4, -1 / 2, 5 / 4], [3 / 2, 0, -5 / 2], [-1 / 4, 1 / 2, 5 / 4]]
+    shapes = [[0, 1 / 3, 2 / 9], [1, 0, -4 / 9], [0, -1 / 3, 2 / 9]]
+    exact = [[integral(p, s) for s in shapes] for p in phi]
+    assert np.allclose(values["M"][0], exact, atol=1e-14)
+    assert np.allclose(values["g"][0], np.array([2, 8, 2]) / 3, atol=1e-14)
+
+
+@pytest.mark.parametrize("cover", COVERS)
+def test_dual_basis_is_biorthogonal_on_the_covered_part(cover):
+    dual, standard = curves(cover), curves(cover, basis=basis.STANDARD)
+    one, other = dual.evaluate(dual.positions), standard.evaluate(standard.positions)
+    off_diagonal = one["D"][:, ~np.eye(3, dtype=bool)]
+    assert np.abs(off_diagonal).max() == 0.0
+    assert np.abs(one["cover"] - np.einsum("ejj->ej", one["D"])).max() < 1e-15
+    assert np.abs(one["cover"] - other["D"].sum(axis=2)).max() < 1e-15
+
+
+@pytest.mark.parametrize("cover", COVERS)
+def test_dual_functions_integrate_polynomials_to_their_nodal_values(cover):
+    # on a flat pair the master functions are quadratics of the slave's coordinate, therefore
+    # sum_l M_jl p(m_l) = int Phi_j p = d_j p(x_j) for p = 1, x, x^2
+    start, stop = COVERS[cover]
+    x = with_inner_nodes(np.stack([np.linspace(0, 1, 4), np.zeros(4)], axis=1), 0, 0.0)
+    m = with_inner_nodes(np.stack([np.linspace(stop, start, 6), np.full(6, -0.1)], axis=1), 0, 0.0)
+    pair = CurvedCurves(x, m)
+    values = pair.evaluate(pair.positions)
+    for power in range(3):
+        for e, nodes in enumerate(pair.slave):
+            found = np.zeros(3)
+            for i in range(pair.offsets[e], pair.offsets[e + 1]):
+                found += values["M"][i] @ m[pair.nodes[1][i], 0] ** power
+            d = np.einsum("jj->j", values["D"][e])
+            # the functions are up to 1e2 on the island
+            assert np.abs(found - d * x[nodes, 0] ** power).max() < 1e-14
+
+
+@pytest.mark.parametrize("cover", COVERS)
+@pytest.mark.parametrize("kind", BASES)
+@pytest.mark.parametrize("drop", [None, 0, 1, 2])
+def test_rows_of_D_and_M_sum_to_the_same(cover, kind, drop):
+    pair = curves(cover, basis=kind, drop=drop)
+    values = pair.evaluate(pair.positions)
+    of_D, of_M = values["D"].sum(axis=2), np.zeros((len(pair.slave), 3))
+    for e in range(len(pair.slave)):
+        of_M[e] = values["M"][pair.offsets[e] : pair.offsets[e + 1]].sum(axis=(0, 2))
+    assert np.abs(of_D - of_M).max() < 1e-15
+    assert np.abs(of_D.sum(axis=1) - values["cover"].sum(axis=1)).max() < 1e-15
+    if drop is not None:
+        assert np.abs(of_D[:, drop]).max() == 0.0
+
+
+@pytest.mark.parametrize("cover", COVERS)
+@pytest.mark.parametrize("kind, drop, gap_weights", OPTIONS)
+def test_all_derivatives_equal_the_complex_step(cover, kind, drop, gap_weights):
+    start, stop = COVERS[cover]
+    nodes = wavy_curved(1, slaves=4, masters=6, start=start, stop=stop)
+    pair = CurvedCurves(*nodes, basis=kind, drop=drop, gap_weights=gap_weights)
+    found = assemble(pair, pair.evaluate(pair.positions))
+    exact = complex_step(
+        lambda moved: np.concatenate(
+            [pair.evaluate(moved)[name].ravel() for name in ("D", "M", "g")]
+        ),
+        pair.positions,
+    )
+    start = 0
+    for name in ("D", "M", "g"):
+        size = int(np.prod(found[name].shape[:-1]))
+        part = exact[start : start + size].reshape(found[name].shape)
+        start += size
+        error = np.abs(found[name] - part).max()
+        assert error < 1e-11 * np.abs(part).max(), name
+
+
+@pytest.mark.parametrize("seed, kind", product(range(3), BASES))
+def test_rigid_motion_leaves_gap_and_matrices(seed, kind):
+    pair = CurvedCurves(*wavy_curved(seed, start=0.1), basis=kind)
+    turn = np.array([[0.28, -0.96], [0.96, 0.28]])
+    before = pair.evaluate(pair.positions)
+    after = pair.evaluate(pair.positions @ turn.T + [3.0, -2.0])
+    for name in ("D", "M", "g"):
+        assert np.abs(after[name] - before[name]).max() < 1e-13
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_segments_of_a_covered_facet_fill_it(seed):
+    pair = CurvedCurves(*wavy_curved(seed, slaves=23, masters=31))
+    for e in range(len(pair.slave)):
+        ends = pair.ends[pair.offsets[e] : pair.offsets[e + 1]]
+        assert ends[0, 0] == -1.0 and ends[-1, 1] == 1.0
+        assert np.abs(ends[1:, 0] - ends[:-1, 1]).max(initial=0.0) < 1e-13
+
+
+@pytest.mark.parametrize("cover", [1.0, 1e-2, 1e-4])
+def test_tiny_cover_keeps_the_dual_basis_finite_and_the_sums_exact(cover):
+    x = np.stack([np.linspace(0, 2, 5), np.zeros(5)], axis=1)
+    m = np.stack([np.linspace(1 + cover, -1, 3), np.full(3, -0.1)], axis=1)
+    pair = CurvedCurves(x, m)
+    values = pair.evaluate(pair.positions)
+    d = np.einsum("jj->j", values["D"][1])
+    # int over X in [0, cover] of N(xi), xi + 1 = 2 X
+    exact = [cover - 1.5 * cover**2 + 2 / 3 * cover**3, 2 * cover**2 - 4 / 3 * cover**3]
+    exact.append(2 / 3 * cover**3 - cover**2 / 2)
+    assert np.abs(d / exact - 1).max() < 4e-15 / cover
+    # d_j T(xi_j) is of order one, however small d_j is: rounding of the facet's length
+    M = values["M"][pair.offsets[1] :].sum(axis=0)
+    assert np.abs(M.sum(axis=1) - d).max() < 1e-14
+
+
+def test_nodes_upon_nodes_are_integrated_in_any_direction():
+    """Rounding leaves slivers of no length, some behind the segment that covers the facet."""
+    slave, master = np.arange(9.0), np.arange(10.0, -3.0, -1.0)
+    behind = 0
+    for angle in np.linspace(0.0, 6.0, 61):
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        x = np.stack([slave, np.zeros(9)], axis=1) @ turn
+        m = np.stack([master, np.full(13, -0.1)], axis=1) @ turn
+        pair = CurvedCurves(x, m)
+        values = pair.evaluate(pair.positions)
+        last = pair.ends[pair.offsets[1:] - 1]
+        behind += (last[:, 1] == -1.0).sum()
+        assert np.allclose(values["g"], 0.1 * np.array([1, 4, 1]) / 3, atol=1e-14)
+        for name in ("dD", "dM", "dg"):
+            assert np.isfinite(values[name]).all()
+    assert behind > 0

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: MIT
+"""Displacements of degree 2: what they pass exactly, on straight and on curved cells."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+import rings
+from scenes import (
+    homogeneous_blocks,
+    internal,
+    lame,
+    linear_elastic,
+    neo_hookean,
+    read,
+    rotation,
+)
+from scipy.optimize import brentq
+from test_patch import CELLS, EXACT, NU, SLAVES, STRETCH, E, assert_uniform, blocks, uniaxial
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+RATIOS = [(4, 4), (5, 7), (3, 10), (1, 17)]
+BASES = ["dual", "standard"]
+
+
+@pytest.mark.parametrize("basis", BASES)
+@pytest.mark.parametrize("material", [neo_hookean, linear_elastic])
+@pytest.mark.parametrize("angle", [0, 30])
+def test_uniaxial_pressure_is_uniform(material, angle, basis):
+    a, pressure = uniaxial(material)
+    turn = rotation(np.radians(angle))
+    gradient = turn @ np.diag([a - 1, STRETCH - 1]) @ turn.T
+    for counts, slave, cell in product(RATIOS, SLAVES, CELLS):
+        scene = homogeneous_blocks(
+            gradient,
+            ["lower/bottom", "upper/top"],
+            material=material,
+            slave=slave,
+            cell=cell,
+            degree=2,
+            pair={"basis": basis},
+            **blocks(counts, angle),
+        )
+        scene.problem.solve()
+        assert_uniform(scene, pressure)
+
+
+@pytest.mark.parametrize("basis", BASES)
+@pytest.mark.parametrize("angle", [0, 30])
+def test_all_round_pressure_passes_an_inclined_interface(angle, basis):
+    """The end nodes are prescribed and hand their functions to the nodes inside their facets."""
+    mu, lmbda = lame(E, NU)
+    a = 0.95
+    pressure = -(mu * (a - 1 / a) + 2 * lmbda * np.log(a) / a) / a
+    boundaries = [f"{body}/{side}" for body in SLAVES for side in ("left", "right")]
+    for counts, slave, cell in product(RATIOS, SLAVES, CELLS):
+        scene = homogeneous_blocks(
+            (a - 1) * np.eye(2),
+            [*boundaries, "lower/bottom", "upper/top"],
+            slave=slave,
+            cell=cell,
+            degree=2,
+            pair={"basis": basis},
+            inclination=np.radians(15),
+            **blocks(counts, angle),
+        )
+        scene.problem.solve()
+        assert_uniform(scene, pressure)
+
+
+@pytest.mark.parametrize("basis", BASES)
+@pytest.mark.parametrize("angle", [0, 30])
+def test_linear_pressure_passes_a_flat_interface(angle, basis):
+    """Bending and compression without Poisson's effect: exact for quadratic displacements.
+
+    With s along the interface and h above it, u_h = -(e + c s) h, u_s = c h^2 / 2: sigma_hh =
+    -E (e + c s), no other stress, and the interface does not move. The dual functions pass it since
+    they integrate a linear pressure against a shape function to its value at the node.
+    """
+    e, c = 0.02, 0.015
+    turn = rotation(np.radians(angle))
+
+    def field(X):
+        s, h = turn.T @ X[:2] - np.array([[0.0], [1.0]])
+        return turn @ np.stack([c * h**2 / 2, -(e + c * s) * h])
+
+    for counts, slave, cell in product(RATIOS[1:], SLAVES, CELLS):
+        scene = homogeneous_blocks(
+            np.zeros((2, 2)),
+            ["lower/bottom", "upper/top"],
+            material=linear_elastic,
+            nu=0.0,
+            slave=slave,
+            cell=cell,
+            degree=2,
+            pair={"basis": basis},
+            **blocks(counts, angle),
+        )
+        scene.loads["exact"].interpolate(field)
+        scene.problem.solve()
+        s = (scene.contact.slave.X @ turn)[:, 0]
+        exact = E * (e + c * s)
+        assert scene.contact.active.all()
+        assert np.abs(scene.contact.pressure / exact - 1).max() < EXACT
+        assert np.abs(scene.u.x.array - scene.loads["exact"].x.array).max() < 1e-12
+
+
+INNER, INTERFACE, OUTER, INTERFERENCE = 1.0, 2.0, 3.0, 0.02
+
+
+def curved_rings(**options):
+    """The rings with cells of order 2, whose inner nodes lie on the circles."""
+    model = rings.build(interference=INTERFERENCE, **options)
+    model.mesh.setOrder(2)
+    return model
+
+
+def press_fit(n, slave, cell):
+    """Two rings held at the inmost and the outmost circle, linear elastic, not yet solved."""
+    options = {"n_inner": n, "n_outer": 4 * n // 3, "layers_inner": n // 6, "layers_outer": n // 6}
+    data = read(curved_rings, cell=cell, **options)
+    V = fm.vector_space(data.mesh, 2)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, np.zeros(2)) for name in ("inner/inside", "outer/outside")]
+    sides = ["inner/outside", "outer/inside"]
+    pair = fm.ContactPair(data, *(sides if slave == "inner" else sides[::-1]))
+    residual = internal(u, linear_elastic(u, E, NU))
+    return fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="fit_")
+
+
+def press_fit_pressure():
+    """Force over deformed length: u = A r + B / r, sigma = 2 (lambda + mu) A - 2 mu B / r^2."""
+    mu, lmbda = lame(E, NU)
+    radius = INTERFACE + INTERFERENCE
+
+    def traction(held, r, u):
+        A, B = np.linalg.solve([[held, 1 / held], [r, 1 / r]], [0.0, u])
+        return 2 * (lmbda + mu) * A - 2 * mu * B / r**2
+
+    def imbalance(u):
+        outside = traction(OUTER, INTERFACE, INTERFERENCE + u) * INTERFACE
+        return traction(INNER, radius, u) * radius - outside
+
+    u = brentq(imbalance, -INTERFERENCE, 0.0, xtol=1e-16)
+    return -traction(INNER, radius, u) * radius / (radius + u)
+
+
+@pytest.mark.parametrize("slave, cell", product(("inner", "outer"), CELLS))
+def test_press_fit_of_curved_cells_converges_to_the_exact_pressure(slave, cell):
+    """At least second order; straight cells do not converge at all, their corners carry all."""
+    exact, errors = press_fit_pressure(), []
+    for n in (12, 24):
+        problem = press_fit(n, slave, cell)
+        problem.solve()
+        (contact,) = problem.contacts
+        assert contact.active.all()
+        errors.append(np.abs(contact.pressure / exact - 1).max())
+    assert errors[1] < errors[0] / 4
+    assert errors[1] < 0.02
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_tangent_of_curved_cells_has_second_order_remainder(cell):
+    problem = press_fit(12, "outer", cell)
+    problem.solve()
+    assert problem.certificates()[0].force < 1e-14
+    slopes = problem.check_tangent(print_table=False).slopes
+    assert slopes.pop("bulk") == np.inf  # linear elastic: the remainder is rounding
+    for name, slope in slopes.items():
+        assert slope == pytest.approx(2.0, abs=0.05), name
