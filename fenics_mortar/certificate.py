@@ -195,10 +195,10 @@ def _positive(value: float) -> float:
 
 def _deepest(contact: Contact) -> float:
     """Largest penetration at sample points of all segments over the facet's length (collective)."""
-    o, s = contact.operators, contact.operators.segments
+    o, s = contact.operators, contact.intersections()
     gaps = np.zeros((s.num_segments, SAMPLES.size))
     x = o.x + contact.offset[:, None] * o.n
-    sample_gaps((x, o.n, o.m), (s.slave, s.master), s.end_is_node, SAMPLES, gaps)
+    sample_gaps((x, o.n, o.m), (s.slave, s.master), s.ends, SAMPLES, gaps)
     lengths = np.linalg.norm(o.x[s.slave[:, -1]] - o.x[s.slave[:, 0]], axis=1)
     deepest = float((-gaps / lengths[:, None]).max(initial=0.0))
     return contact.slave.comm.allreduce(deepest, MPI.MAX)
@@ -208,7 +208,7 @@ def _paired_nodes(contact: Contact) -> Indices:
     """Global numbers of the nodes of both surfaces that have a partner (collective)."""
     o = contact.operators
     seen = np.zeros(contact.master.num_nodes, bool)
-    seen[o.segments.master.ravel()] = True
+    seen[contact.intersections().master.ravel()] = True
     contact.slave.comm.Allreduce(MPI.IN_PLACE, seen, MPI.LOR)
     return np.concatenate([contact.slave.nodes[o.cover > 0.0], contact.master.nodes[seen]])
 

@@ -40,6 +40,7 @@ from fenics_mortar.mortar import (
     evaluate_mortar,
     evaluate_normals,
 )
+from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
 # A node counts as covered if the diagonal of D is above this part of its length.
@@ -78,7 +79,13 @@ class ContactPair:
             gap to the node, see overlap where the surfaces are apart and press from a distance, so
             there it is one that asks for the gap at the edge. "basis": always by the multiplier's
             function, as most codes do. "standard": by the standard functions (Petrov-Galerkin).
-        points: Gauss points per segment.
+        integration: Where the gap is looked at. "segments": exactly, on every intersection of a slave
+            with a master facet. "elements": at ``points`` Gauss points per slave facet, each with
+            the partner that it hits, as in many codes; forces balance, but a uniform pressure
+            passes only as exactly as the points resolve the ends of master facets. "nodes": at the
+            slave nodes, which is node-to-segment contact; ``basis``, ``gap_weights`` and ``points``
+            mean nothing then. The last two are there for comparison.
+        points: Gauss points per segment, with "elements" per slave facet; 5 by default.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
@@ -108,7 +115,8 @@ class ContactPair:
         basis: Basis = "dual",
         normals: Weighting = "opposite",
         gap_weights: GapWeights = "cover",
-        points: int = 5,
+        integration: Integration = "segments",
+        points: int | None = None,
         search_radius: float | None = None,
         max_angle: float = 70.0,
         initial_gap: float | None = None,
@@ -118,11 +126,16 @@ class ContactPair:
             ("basis", basis, get_args(Basis)),
             ("normals", normals, get_args(Weighting)),
             ("gap_weights", gap_weights, get_args(GapWeights)),
+            ("integration", integration, get_args(Integration)),
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
+        if integration == "nodes" and points is not None:
+            raise ValueError(f"points={points}: with integration='nodes' the points are the nodes")
+        points = 5 if points is None else points
         if not isinstance(points, (int, np.integer)) or points < 2:
-            raise ValueError(f"points={points}: a whole number, at least 2 per segment")
+            what = {"segments": "segment", "elements": "facet", "nodes": "facet"}[integration]
+            raise ValueError(f"points={points}: a whole number, at least 2 per {what}")
         if search_radius is not None and not search_radius > 0.0:
             raise ValueError(f"search_radius={search_radius}: a positive length, or None")
         if not 0.0 < max_angle < 90.0:
@@ -138,6 +151,7 @@ class ContactPair:
             data.boundary_facets(name)
         self.basis, self.normals, self.points = basis, normals, points
         self.gap_weights: GapWeights = gap_weights
+        self.integration: Integration = integration
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
         self.initial_gap = initial_gap
 
@@ -201,6 +215,7 @@ class Contact:
             pair.basis,
             pair.normals,
             pair.gap_weights,
+            pair.integration,
             pair.points,
             pair.search_radius or min(float(np.hypot(*extent)) for extent in extents),
             float(np.cos(np.radians(pair.max_angle))),
@@ -282,6 +297,16 @@ class Contact:
             self.slave, self.master, x, m, self.carries, planes, self.options, linearization
         )
         self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+
+    def intersections(self) -> Segments:
+        """Where the facets of this rank's share meet the master, whatever integrates the pair."""
+        o, options = self.operators, self.options
+        if options.integration == "segments":
+            return o.segments
+        return find_segments(
+            self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
+            radius=options.radius, least_cosine=options.least_cosine,
+        )  # fmt: skip
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve."""

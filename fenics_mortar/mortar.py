@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.kernels import basis, curved, normals, segment
-from fenics_mortar.segments import Segments, find_segments
+from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.surfaces import Array, Indices, Surface
 
 Basis = Literal["dual", "standard"]
@@ -85,7 +85,8 @@ class MortarOptions:
         basis: "dual" (D is diagonal) or "standard" multipliers.
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
         gap_weights: What weighs the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
-        points: Gauss points per segment.
+        integration: "segments", "elements" or "nodes"; see ``segments``.
+        points: Gauss points per segment, with "elements" per slave facet.
         radius: Farthest distance along the normal at which partners are looked for [length].
         least_cosine: Least cosine between the slave's normal and the reversed master's.
     """
@@ -93,9 +94,20 @@ class MortarOptions:
     basis: Basis
     weighting: Weighting
     gap_weights: GapWeights
+    integration: Integration
     points: int
     radius: float
     least_cosine: float
+
+    @property
+    def kinds(self) -> tuple[int, int]:
+        """Basis and weights of the gap, as the kernels take them.
+
+        On points that are the nodes the standard functions are the dual ones of any cover.
+        """
+        if self.integration == "nodes":
+            return basis.STANDARD, basis.BY_BASIS
+        return BASES[self.basis], GAP_WEIGHTS[self.gap_weights]
 
 
 @dataclass(frozen=True)
@@ -297,6 +309,8 @@ def evaluate_mortar(
         facets=facets,
         radius=options.radius,
         least_cosine=options.least_cosine,
+        integration=options.integration,
+        points=options.points,
     )
     integrate = _integrate_straight if slave.degree == 1 else _integrate_curved
     geometry = x, n, dn, m
@@ -344,10 +358,9 @@ def _integrate_straight(
     left = np.where(carries[nodes[:, 1]], basis.BOTH, basis.ONLY_FIRST)
     left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
     facets = x[nodes[:, 1]] - x[nodes[:, 0]], left, s.partial
-    moments = _tabulate_moments(s, geometry, options.points, move_ends)
+    moments = _tabulate_moments(s, geometry, move_ends)
     values = _empty_values(s, 2)
-    kinds = BASES[options.basis], GAP_WEIGHTS[options.gap_weights]
-    basis.tabulate_facets(facets, *kinds, s.offsets, s.pair_offsets, moments, values)
+    basis.tabulate_facets(facets, *options.kinds, s.offsets, s.pair_offsets, moments, values)
     return values
 
 
@@ -365,19 +378,19 @@ def _integrate_curved(
     function can be negative. Such a node carries no multiplier: its function, continuous there,
     goes to its neighbour.
     """
-    x, n, _, m = geometry
-    nodes, rule = slave.facets[s.facets], np.polynomial.legendre.leggauss(options.points)
-    segments = s.master, s.end_is_node
+    nodes = slave.facets[s.facets]
     cover = np.empty(nodes.shape)
-    curved.tabulate_covers((x, n, m), nodes, segments, s.offsets, rule, cover)
+    curved.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
     nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
     slave.comm.Allreduce(MPI.IN_PLACE, nodal)
     weights = _hand_over((carries & (nodal > 0.0))[nodes])
     values = _empty_values(s, nodes.shape[1])
     curved.tabulate_facets(
-        geometry, (nodes, weights), segments, s.offsets, s.pair_offsets, rule,
-        (BASES[options.basis], GAP_WEIGHTS[options.gap_weights], move_ends), values,
+        geometry, (nodes, weights), (s.master, s.end_is_fixed, s.ends), s.offsets, s.pair_offsets,
+        s.rule, (*options.kinds, move_ends), values,
     )  # fmt: skip
+    if options.integration == "nodes":
+        values[0][weights == 0.0] = 0.0  # but for rounding
     return values
 
 
@@ -393,15 +406,14 @@ def _hand_over(carries: npt.NDArray[np.bool_]) -> Array:
 
 
 def _tabulate_moments(
-    s: Segments, geometry: tuple[Array, Array, Array, Array], points: int, move_ends: bool
+    s: Segments, geometry: tuple[Array, Array, Array, Array], move_ends: bool
 ) -> tuple[Array, ...]:
-    """Ends, moments and derivatives of all segments; see ``kernels.segment``."""
+    """Ends, spread, moments and derivatives of all segments; see ``kernels.segment``."""
     count = s.num_segments
-    ends, dends = np.empty((count, 2)), np.empty((count, 2, 12))
+    ends, dends = s.ends.copy(), np.empty((count, 2, 12))
     M, dM = np.empty((count, 2, 2)), np.empty((count, 2, 2, 12))
     g, dg = np.empty((count, 2)), np.empty((count, 2, 12))
-    rule = np.polynomial.legendre.leggauss(points)
     segment.tabulate_segments(
-        geometry, (s.slave, s.master), s.end_is_node, rule, move_ends, ends, dends, M, dM, g, dg
+        geometry, (s.slave, s.master), s.end_is_fixed, s.rule, move_ends, ends, dends, M, dM, g, dg
     )
-    return ends, dends, M, dM, g, dg
+    return ends, dends, s.spread, M, dM, g, dg

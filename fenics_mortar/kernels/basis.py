@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Multiplier basis of a slave facet, and the mortar integrals made from segment moments.
 
-The covered part S of a facet is the union of its segments. With |S| = int_S dxi, mean
-xm = int_S xi / |S| and variance v = int_S (xi - xm)^2 / |S|, every basis used here reads
+The covered part S of a facet is the union of its segments, and an integral over it is the sum over
+their points. With |S| = int_S dxi, mean xm = int_S xi / |S| and variance v = int_S (xi - xm)^2 /
+|S|, every basis used here reads
 
     Phi_1 = a - F (xi - xm),    Phi_2 = 1 - Phi_1,
 
@@ -19,6 +20,11 @@ The dual row is the closed form of A = D_e M_e^-1 for any number of covered piec
 the covered part, hence "consistent" (Cichosz & Bischoff 2011; Popp, Seitz, Gee & Wall 2013). On a
 fully covered facet xm = 0, v = 1/3: Phi = (1 -+ 3 xi) / 2. The last two rows hand the weight of a
 node that carries no multiplier (its displacement is prescribed) to its neighbour.
+
+The points of a segment have, in its own coordinate s, a mean e and a variance q, its ``spread``: 0
+and 1/3 for a Gauss rule, so that the sums are the integrals. On points that are fixed on the facet
+the same formulas make the bases of that discrete measure; v must then not vanish for the dual one.
+With points at the two nodes, xm = 0 and v = 1: there both bases are one, and D is diagonal.
 
 The gap of node 1 is weighted by a function of the same integral,
 
@@ -50,22 +56,22 @@ BOTH, ONLY_FIRST, ONLY_SECOND = 0, 1, 2
 
 
 @kernel
-def cover_of(ends):
-    """|S|, mean and variance of the union of disjoint intervals ``ends`` (n, 2).
+def cover_of(ends, spread):
+    """|S|, mean and variance of the union of disjoint segments: ``ends`` (n, 2), ``spread`` (n, 2).
 
     Centres are taken from the first one, so that a single tiny interval keeps all digits.
     """
     size, mean = 0.0, 0.0
     first = 0.5 * (ends[0, 0] + ends[0, 1])
     for i in range(ends.shape[0]):
-        length = ends[i, 1] - ends[i, 0]
-        size += length
-        mean += length * (0.5 * (ends[i, 0] + ends[i, 1]) - first)
+        c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
+        size += 2.0 * h
+        mean += 2.0 * h * (c - first + h * spread[i, 0])
     mean = first + mean / size
     variance = 0.0
     for i in range(ends.shape[0]):
         c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
-        variance += 2.0 * h * ((c - mean) ** 2 + h * h / 3.0)
+        variance += 2.0 * h * ((c - mean + h * spread[i, 0]) ** 2 + h * h * spread[i, 1])
     return size, mean, variance / size
 
 
@@ -114,16 +120,17 @@ def gap_weight(basis, weights, alone, sign, end, mean, variance):
 
 
 @kernel
-def cover_derivative(ends, dends, size, mean, variance, dsize, dmean, dvariance):
+def cover_derivative(ends, dends, spread, size, mean, variance, dsize, dmean, dvariance):
     """Fill the share of one segment, ``ends`` (2,), in d|S|, dxm, dv, each of shape (12,)."""
-    c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
+    h = 0.5 * (ends[1] - ends[0])
+    away = 0.5 * (ends[0] + ends[1]) + h * spread[0] - mean
     for k in range(dsize.size):
-        dc, dh = 0.5 * (dends[0, k] + dends[1, k]), 0.5 * (dends[1, k] - dends[0, k])
+        dh = 0.5 * (dends[1, k] - dends[0, k])
+        moved = 0.5 * (dends[0, k] + dends[1, k]) + spread[0] * dh
         dsize[k] = 2.0 * dh
-        dmean[k] = 2.0 * (h * dc + (c - mean) * dh) / size
-        dvariance[k] = (
-            2.0 * (2.0 * h * (c - mean) * dc + ((c - mean) ** 2 + h * h - variance) * dh) / size
-        )
+        dmean[k] = 2.0 * (h * moved + away * dh) / size
+        change = (away**2 + 3.0 * h * h * spread[1] - variance) * dh
+        dvariance[k] = 2.0 * (2.0 * h * away * moved + change) / size
 
 
 @kernel
@@ -169,7 +176,7 @@ def line_derivative(table, mean, c, h, dmean, dvariance):
 @kernel
 def facet_values(table, gap_weights, segments, size, mean, J, D, M, g):
     """Fill D (2, 2), M (n, 2, 2) and g (2,) of one facet from the moments of its segments."""
-    ends, _, Mp, _, gp, _ = segments
+    ends, _, _, Mp, _, gp, _ = segments
     slave_matrix(table, size, mean, J, D)
     g[:] = 0.0
     for i in range(ends.shape[0]):
@@ -186,7 +193,7 @@ def facet_values(table, gap_weights, segments, size, mean, J, D, M, g):
 @kernel
 def own_derivative(table, gap_weights, segments, i, mean, dM, dg):
     """Fill dM (2, 2, 12) and dg (2, 12) of segment ``i`` by its own nodes, xm and F fixed."""
-    ends, dends, Mp, dMp, gp, dgp = segments
+    ends, dends, _, Mp, dMp, gp, dgp = segments
     c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
     b0, b1 = line(table, mean, c, h)
     for q in range(12):
@@ -208,7 +215,7 @@ def add_cover_derivative(table, gap_weights, segments, i, mean, dmean, dvariance
 
     To dM (2, 2, 12) and dg (2, 12).
     """
-    ends, _, Mp, _, gp, _ = segments
+    ends, _, _, Mp, _, gp, _ = segments
     c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
     for q in range(12):
         db0, db1 = line_derivative(table, mean, c, h, dmean[q], dvariance[q])
@@ -225,7 +232,7 @@ def add_cover_derivative(table, gap_weights, segments, i, mean, dmean, dvariance
 @kernel
 def facet_derivatives(table, gap_weights, segments, shape, edge, partial, dD, dM, dg):
     """Fill dD (n, 2, 2, 12), dM (pairs, 2, 2, 12) and dg (n, 2, 12) of one facet."""
-    ends, dends = segments[0], segments[1]
+    ends, dends, spread = segments[0], segments[1], segments[2]
     size, mean, variance = shape
     count = ends.shape[0]
     kind = ends.dtype
@@ -239,13 +246,15 @@ def facet_derivatives(table, gap_weights, segments, shape, edge, partial, dD, dM
         share = 0.5 * (ends[k, 1] - ends[k, 0]) / J
         dJ[2], dJ[3], dJ[4], dJ[5] = -share * ex, -share * ey, share * ex, share * ey
         if partial:
-            cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
+            piece = ends[k], dends[k], spread[k]
+            cover_derivative(*piece, size, mean, variance, dsize, dmean, dvariance)
         slave_matrix_derivative(table, size, mean, J, dJ, dsize, dmean, dvariance, dD[k])
     if not partial:
         return
     first, last = outermost(ends)
     for k in range(count):
-        cover_derivative(ends[k], dends[k], size, mean, variance, dsize, dmean, dvariance)
+        piece = ends[k], dends[k], spread[k]
+        cover_derivative(*piece, size, mean, variance, dsize, dmean, dvariance)
         for q in range(12):
             dp[0, q] = dends[k, 0, q] if k == first else 0.0
             dp[1, q] = dends[k, 1, q] if k == last else 0.0
@@ -261,24 +270,24 @@ def tabulate_facets(facets, basis, gap_weights, offsets, pair_offsets, segments,
     """Make D, M and the weighted gap of all facets from the moments of their segments.
 
     ``facets`` = (edges (f, 2): vector from the first to the second node of each facet; left (f,):
-    which nodes carry a multiplier; partial (f,): whether a part of the facet is not covered). Facet
+    which nodes carry a multiplier; partial (f,): whether the covered part of the facet moves). Facet
     e owns the segments offsets[e]:offsets[e+1] and the pairs pair_offsets[e]:pair_offsets[e+1] of
-    them: (i, k), k running fastest, where it is partly covered, else only i = k. ``gap_weights``
-    says what weighs the gap. ``segments`` =
-    (ends, dends, M, dM, g, dg) of ``tabulate_segments``. Fills ``values`` = (D (f, 2, 2),
+    them: (i, k), k running fastest, where that moves, else only i = k. ``gap_weights`` says what
+    weighs the gap. ``segments`` = (ends, dends, spread (n, 2), M, dM, g, dg), all but the third of
+    ``tabulate_segments``. Fills ``values`` = (D (f, 2, 2),
     dD (n, 2, 2, 12), M (n, 2, 2), dM (pairs, 2, 2, 12), g (f, 2), dg (n, 2, 12), cover (f, 2):
     the integrals of N_1 and N_2 over the covered part). dM must come zeroed; rows of facets without
     segments are left as they are.
     """
     edges, left, partial = facets
-    ends, dends, Mp, dMp, gp, dgp = segments
+    ends, dends, spread, Mp, dMp, gp, dgp = segments
     D, dD, M, dM, g, dg, cover = values
     for e in range(edges.shape[0]):
         i, j, p, q = offsets[e], offsets[e + 1], pair_offsets[e], pair_offsets[e + 1]
         if i == j:
             continue
-        own = (ends[i:j], dends[i:j], Mp[i:j], dMp[i:j], gp[i:j], dgp[i:j])
-        size, mean, variance = cover_of(own[0])
+        own = (ends[i:j], dends[i:j], spread[i:j], Mp[i:j], dMp[i:j], gp[i:j], dgp[i:j])
+        size, mean, variance = cover_of(ends[i:j], spread[i:j])
         J = 0.5 * np.sqrt(edges[e, 0] * edges[e, 0] + edges[e, 1] * edges[e, 1])
         cover[e, 0] = 0.5 * J * size * (1.0 - mean)
         cover[e, 1] = 0.5 * J * size * (1.0 + mean)

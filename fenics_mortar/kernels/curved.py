@@ -159,19 +159,18 @@ def slave_to_master(y, xi, N):
 
 
 @kernel
-def segment_ends(y, lower_is_node, upper_is_node, N, ends, dends_dy):
-    """Fill the ends (2,) of a segment and their derivative (2, 6 K).
+def segment_ends(y, lower_is_fixed, upper_is_fixed, N, ends, dends_dy):
+    """Fill those ends (2,) of a segment that move, and the derivative (2, 6 K) of both.
 
-    The master facet runs against the slave facet: the lower end is the first slave node or the
-    partner of the last master node, the upper end the last slave node or the partner of the first.
+    The master facet runs against the slave facet: the lower end is fixed (at the first slave node)
+    or the partner of the last master node, the upper end at the last one or that of the first.
     """
-    ends[0], ends[1] = -1.0, 1.0
     dends_dy[:] = 0.0
     last = N.shape[1] - 1
-    if not lower_is_node:
+    if not lower_is_fixed:
         ends[0] = master_to_slave(y, last, N)
         master_to_slave_derivative(y, last, ends[0], N, dends_dy[0])
-    if not upper_is_node:
+    if not upper_is_fixed:
         ends[1] = master_to_slave(y, 0, N)
         master_to_slave_derivative(y, 0, ends[1], N, dends_dy[1])
 
@@ -343,8 +342,9 @@ def multipliers(basis, G, place, weights, B, C, D, d, VG, inverse):
             V[j, p] = t**p
             for q in range(count):
                 mass[p, q] = G[p + q]
-    invert(mass, inverse)
-    product(V, inverse, VG)
+    if basis == DUAL:
+        invert(mass, inverse)
+        product(V, inverse, VG)
     for j in range(count):
         for p in range(count):
             own[j, p] = d[j] * VG[j, p] if basis == DUAL else B[j, p] + 0.0 * d[j]
@@ -437,25 +437,20 @@ def place_of(ends):
 
 
 @kernel
-def tabulate_covers(geometry, facets, segments, offsets, rule, cover):
+def tabulate_covers(x, facets, ends, offsets, rule, cover):
     """Fill ``cover`` (f, K): the integrals of N over the covered parts; see below."""
-    x, n, m = geometry
-    masters, end_is_node = segments
-    points, weights = rule
-    count = facets.shape[1]
-    y, N = np.empty(6 * count), np.empty((3, count))
-    ends, dends = np.empty(2), np.empty((2, 6 * count))
+    points, weights, spans = rule
+    y, N = np.empty(6 * facets.shape[1]), np.empty((3, facets.shape[1]))
     cover[:] = 0.0
     for e in range(facets.shape[0]):
+        gather(x, x, x, facets[e], facets[e], y)
         for i in range(offsets[e], offsets[e + 1]):
-            gather(x, n, m, facets[e], masters[i], y)
-            segment_ends(y, end_is_node[i, 0], end_is_node[i, 1], N, ends, dends)
-            h = 0.5 * (ends[1] - ends[0])
-            for p in range(points.size):
-                tabulate_shapes(0.5 * (ends[0] + ends[1]) + h * points[p], N)
+            c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
+            for p in range(spans[i, 0], spans[i, 1]):
+                tabulate_shapes(c + h * points[p], N)
                 tx, ty = combine(y, 0, N, 1)
                 J = np.sqrt(tx * tx + ty * ty)
-                for j in range(count):
+                for j in range(facets.shape[1]):
                     cover[e, j] += weights[p] * J * h * N[0, j]
 
 
@@ -465,16 +460,17 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
 
     ``geometry`` = (x, n, dn_dx, m): slave positions, normals and their derivative, master
     positions; ``facets`` = (slave nodes (f, K), weights H (f, K, K)); ``segments`` = (master nodes
-    (n, K), end_is_node (n, 2)), those of facet e being offsets[e]:offsets[e+1], with all pairs
-    (i, k) of them, k running fastest, at pair_offsets[e]; ``rule`` = (points, weights); ``options``
-    = (basis, what weighs the gap, whether the ends of segments have derivatives). Fills
-    ``values`` = (D (f, K, K), dD (n, K, K, C), M (n, K, K), dM (pairs, K, K, C), g (f, K),
-    dg (n, K, C), cover (f, K)) with C = 8 K - 4 columns; rows of facets without
-    segments are left as they are.
+    (n, K), end_is_fixed (n, 2), ends (n, 2) of which those that are fixed are used), those of facet
+    e being offsets[e]:offsets[e+1], with all pairs (i, k) of them, k running fastest, at
+    pair_offsets[e]; ``rule`` = (s, w, spans (n, 2)) as in ``segment``; ``options`` = (basis, what
+    weighs the gap, whether the ends of segments have derivatives). Fills ``values`` =
+    (D (f, K, K), dD (n, K, K, C), M (n, K, K), dM (pairs, K, K, C), g (f, K), dg (n, K, C), cover
+    (f, K)) with C = 8 K - 4 columns; rows of facets without segments are left as they are.
     """
     x, n, dn_dx, m = geometry
     nodes, handed = facets
-    masters, end_is_node = segments
+    masters, end_is_fixed, found = segments
+    points, point_weights, spans = rule
     basis, gap_weights, move_ends = options
     D, dD, M, dM, g, dg, cover = values
     kind, count, columns = x.dtype, nodes.shape[1], dD.shape[3]
@@ -502,7 +498,8 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
         for i in range(number):
             own = start + i
             gather(x, n, m, nodes[e], masters[own], y)
-            lower, upper = end_is_node[own, 0], end_is_node[own, 1]
+            lower, upper = end_is_fixed[own, 0], end_is_fixed[own, 1]
+            ends[i, 0], ends[i, 1] = found[own, 0], found[own, 1]
             segment_ends(y, lower, upper, work[0], ends[i], dends[i])
             if not move_ends:
                 dends[i] = 0.0
@@ -511,8 +508,9 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
         sum_g[:] = 0.0
         for i in range(number):
             gather(x, n, m, nodes[e], masters[start + i], y)
+            span = slice(spans[start + i, 0], spans[start + i, 1])
             integrate_segment(
-                y, ends[i], dends[i], place, rule, work,
+                y, ends[i], dends[i], place, (points[span], point_weights[span]), work,
                 (G[i], T_M[i], T_g[i]), (dG_y, dM_y, dg_y),
             )  # fmt: skip
             sum_G += G[i]
@@ -555,21 +553,21 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
 
 
 @kernel
-def sample_gaps(geometry, connectivity, end_is_node, points, gaps):
+def sample_gaps(geometry, connectivity, places, points, gaps):
     """Fill ``gaps`` (n, p) at the places s = ``points`` (p,) of n segments.
 
-    ``geometry`` = (x, n, m); ``connectivity`` = (slave nodes (n, K), master nodes (n, K)).
+    ``geometry`` = (x, n, m); ``connectivity`` = (slave nodes (n, K), master nodes (n, K));
+    ``places``: their ends (n, 2).
     """
     x, n, m = geometry
     slave, master = connectivity
     count = slave.shape[1]
     y, N = np.empty(6 * count), np.empty((3, count))
-    ends, dends = np.empty(2), np.empty((2, 6 * count))
     for i in range(slave.shape[0]):
         gather(x, n, m, slave[i], master[i], y)
-        segment_ends(y, end_is_node[i, 0], end_is_node[i, 1], N, ends, dends)
         for p in range(points.size):
-            xi = 0.5 * (ends[0] + ends[1]) + 0.5 * (ends[1] - ends[0]) * points[p]
+            c, h = 0.5 * (places[i, 0] + places[i, 1]), 0.5 * (places[i, 1] - places[i, 0])
+            xi = c + h * points[p]
             tabulate_shapes(xi, N)
             nx, ny = combine(y, 1, N, 0)
             _, alpha = slave_to_master(y, xi, N)

@@ -86,17 +86,16 @@ def slave_to_master(y, xi):
 
 
 @kernel
-def segment_ends(y, lower_is_node, upper_is_node, ends, dends_dy):
-    """Fill the ends (2,) of a segment and their derivative (2, 12).
+def segment_ends(y, lower_is_fixed, upper_is_fixed, ends, dends_dy):
+    """Fill those ends (2,) of a segment that move, and the derivative (2, 12) of both.
 
-    The master facet runs against the slave facet: the lower end is slave node 1 or the partner of
-    master node 2, the upper end is slave node 2 or the partner of master node 1.
+    The master facet runs against the slave facet: the lower end is fixed (at slave node 1) or the
+    partner of master node 2, the upper end is fixed (at slave node 2) or that of master node 1.
     """
-    ends[0], ends[1] = -1.0, 1.0
     dends_dy[:] = 0.0
-    if not lower_is_node:
+    if not lower_is_fixed:
         ends[0] = master_to_slave(y, 1)
         master_to_slave_derivative(y, 1, ends[0], dends_dy[0])
-    if not upper_is_node:
+    if not upper_is_fixed:
         ends[1] = master_to_slave(y, 0)
         master_to_slave_derivative(y, 0, ends[1], dends_dy[1])

@@ -17,6 +17,10 @@ Slivers stay, down to length zero: where a master node is about to pass a slave 
 is nothing, but the motion of their ends is part of the derivative. Only a facet that is covered
 by next to nothing in all is left out, and one of which next to nothing is missing at an end counts
 as covered up to its node: both are rounding where two bodies end at one place.
+
+For points that are fixed on the slave facets, a ray asks the same question of the two ends of each
+master facet. One upon a master node, within rounding, has a partner by rule, so that aligned meshes
+do not leave it to chance.
 """
 
 import numpy as np
@@ -113,6 +117,16 @@ def query_tree(boxes, x, n, nodes, radius, stack, hits):
             stack[top], stack[top + 1] = 2 * i, 2 * i + 1
             top += 2
     return count
+
+
+@kernel
+def candidates(boxes, controls, nodes, radius, stack, hits):
+    """The facets that ``query_tree`` finds; in ``hits`` if it is long enough."""
+    count = query_tree(boxes, *controls, nodes, radius, stack, hits)
+    if count > hits.size:
+        hits = np.empty(2 * count, np.int64)
+        query_tree(boxes, *controls, nodes, radius, stack, hits)
+    return hits[:count]
 
 
 @kernel
@@ -224,6 +238,92 @@ def facet_segments(geometry, slave, master_facets, hits, radius, limits, found):
 
 
 @kernel
+def curve_starts(facets, num_nodes):
+    """Whether no facet ends at a node, (num_nodes,)."""
+    starts = np.ones(num_nodes, np.bool_)
+    for f in range(facets.shape[0]):
+        starts[facets[f, -1]] = False
+    return starts
+
+
+@kernel
+def ray_hits(y, N, is_start, tolerance):
+    """Whether the ray of the slave point with shapes ``N`` goes through a master facet.
+
+    One upon a master node, within ``tolerance`` [length], goes through the facet that ends there,
+    at the start of a curve through the one that begins.
+    """
+    at = 4 * N.shape[1]
+    x, n = np.empty(2), np.empty(2)
+    x[0], x[1] = curved.combine(y, 0, N, 0)
+    n[0], n[1] = curved.combine(y, 1, N, 0)
+    first, last = side_of_ray(x, n, y[at : at + 2]), side_of_ray(x, n, y[-2:])
+    return last <= tolerance and first > (-tolerance if is_start else tolerance)
+
+
+@kernel
+def point_partners(geometry, slave, master_facets, starts, hits, points, radius, limits, partners):
+    """Fill ``partners`` (p,): the nearest master facet of each point, -1 for none; how many have.
+
+    At equal distance it is the facet of the lower number.
+    """
+    x, n, m = geometry
+    least_cosine, tie = limits
+    y, N = np.empty(6 * slave.size), np.empty((3, slave.size))
+    edge = x[slave[-1]] - x[slave[0]]
+    tolerance = tie * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
+    partners[:] = -1
+    distances = np.full(points.size, np.inf)
+    for hit in hits:
+        curved.gather(x, n, m, slave, master_facets[hit], y)
+        for p in range(points.size):
+            curved.tabulate_shapes(points[p], N)
+            if not ray_hits(y, N, starts[master_facets[hit, 0]], tolerance):
+                continue
+            distance = distance_if_facing(y, N, points[p], least_cosine)
+            same = distance == distances[p] and hit < partners[p]
+            if distance <= radius and (distance < distances[p] or same):
+                partners[p], distances[p] = hit, distance
+    return (partners >= 0).sum()
+
+
+@kernel
+def find_points(geometry, slave_facets, master_facets, radius, limits, points, least_points):
+    """Find the partners of the same ``points`` (p,), in order, on each of ``slave_facets`` (f, K).
+
+    As ``find_segments``; here ``limits`` = (least cosine, part of a slave facet within which a ray
+    goes through a master node). Returns offsets (f + 1,), master facets (n,) and points (n, 2),
+    first and one after the last, of the runs of points with the same partner; no run for facets of
+    which fewer than ``least_points`` points have one.
+    """
+    x, n, m = geometry
+    boxes = build_tree(control_points(m, master_facets), master_facets)
+    controls = control_points(x, slave_facets), control_points(n, slave_facets)
+    starts = curve_starts(master_facets, m.shape[0])
+    stack, hits = np.empty(128, np.int64), np.empty(64, np.int64)
+    partners = np.empty(points.size, np.int64)
+    offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
+    rows = np.empty((points.size * slave_facets.shape[0], 3), np.int64)
+    for e in range(slave_facets.shape[0]):
+        nodes = slave_facets[e]
+        near = candidates(boxes, controls, nodes, radius, stack, hits)
+        paired = point_partners(
+            geometry, nodes, master_facets, starts, near, points, radius, limits, partners
+        )
+        end = offsets[e]
+        for p in range(points.size):
+            if paired < least_points or partners[p] < 0:
+                continue
+            if p == 0 or partners[p] != partners[p - 1]:
+                rows[end, 0], rows[end, 1] = partners[p], p
+                end += 1
+            rows[end - 1, 2] = p + 1
+        offsets[e + 1] = end
+    rows = rows[: offsets[-1]]
+    return offsets, rows[:, 0].copy(), rows[:, 1:].copy()
+
+
+@kernel
 def find_segments(geometry, slave_facets, master_facets, radius, limits):
     """Find the segments of ``slave_facets`` (f, K).
 
@@ -241,11 +341,10 @@ def find_segments(geometry, slave_facets, master_facets, radius, limits):
     rows = np.empty((4 * slave_facets.shape[0] + 64, 6))
     for e in range(slave_facets.shape[0]):
         nodes = slave_facets[e]
-        count = query_tree(boxes, *controls, nodes, radius, stack, hits)
-        if count > hits.size:
-            hits, found = np.empty(2 * count, np.int64), np.empty((2 * count, 6))
-            query_tree(boxes, *controls, nodes, radius, stack, hits)
-        kept = facet_segments(geometry, nodes, master_facets, hits[:count], radius, limits, found)
+        near = candidates(boxes, controls, nodes, radius, stack, hits)
+        if near.size > found.shape[0]:
+            found = np.empty((2 * near.size, 6))
+        kept = facet_segments(geometry, nodes, master_facets, near, radius, limits, found)
         start = offsets[e]
         if start + kept > rows.shape[0]:
             longer = np.empty((2 * (start + kept), 6))

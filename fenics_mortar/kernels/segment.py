@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Moments of one contact segment and their derivatives by the nodal positions.
 
-A segment is the part [xi_a, xi_b] of a slave facet that meets one master facet. Its points are
-xi = c + h s with s in [-1, 1]. What is integrated here are the moments
+A segment is the part [xi_a, xi_b] of a slave facet that meets one master facet, and a list of
+points xi = c + h s, -1 <= s <= 1, with weights whose sum is 2: a Gauss rule, if its ends are where
+the facets meet. Or its ends are fixed places on the slave facet, and its points are those of a rule
+for the whole facet that lie between them: then nothing moves but the partners of the points. What
+is summed up here are the moments
 
     M[p, l] = int s^p N_l(eta) dgamma,    g[p] = int s^p g dgamma,    p = 0, 1,
 
@@ -14,6 +17,7 @@ symbol     meaning                                                              
 =========  =========================================================================  ===========
 y          x1, x2, n1, n2, m1, m2 (see ``projection``)                                (12,)
 c, h       centre and half length of the segment, c = (xi_a + xi_b)/2                 ()
+s, w       places and weights of the points of a segment                              (p,)
 J          |x2 - x1| / 2, so dgamma = J h ds                                          ()
 g          gap n^ . (x^ - x) = alpha |n|, n^ = n / |n|                                ()
 columns    derivatives end up by the positions of the slave nodes before, 1, 2,       (12,)
@@ -135,28 +139,30 @@ def local_coordinates(x, n, m, slave, master, y):
 
 @kernel
 def tabulate_segments(
-    geometry, connectivity, end_is_node, rule, linearize_ends, ends, dends, M, dM, g, dg
+    geometry, connectivity, end_is_fixed, rule, linearize_ends, ends, dends, M, dM, g, dg
 ):
     """Fill ends (n, 2), moments M (n, 2, 2), g (n, 2) and derivatives (..., 12) of n segments.
 
     ``geometry`` = (x, n, dn_dx, m): slave positions, normals and their derivative, master
-    positions; ``connectivity`` = (slave nodes (n, 2), master nodes (n, 2)); ``rule`` = (points,
-    weights). Without ``linearize_ends`` the ends count as fixed on the slave facet.
+    positions; ``connectivity`` = (slave nodes (n, 2), master nodes (n, 2)); ``rule`` = (s, w, spans
+    (n, 2)): segment i has the points spans[i, 0]:spans[i, 1]. Ends that are fixed must come filled.
+    Without ``linearize_ends`` all count as fixed in the derivatives.
     """
     x, n, dn_dx, m = geometry
     slave, master = connectivity
-    points, weights = rule
+    points, weights, spans = rule
     kind = x.dtype
     y, deta, dgap = np.empty(12, kind), np.empty(12, kind), np.empty(12, kind)
     dM_dy, dg_dy = np.empty((2, 2, 12), kind), np.empty((2, 12), kind)
     dends_dy = np.empty((2, 12), kind)
     for i in range(slave.shape[0]):
         local_coordinates(x, n, m, slave[i], master[i], y)
-        segment_ends(y, end_is_node[i, 0], end_is_node[i, 1], ends[i], dends_dy)
+        segment_ends(y, end_is_fixed[i, 0], end_is_fixed[i, 1], ends[i], dends_dy)
         if not linearize_ends:
             dends_dy[:] = 0.0
+        own = slice(spans[i, 0], spans[i, 1])
         integrate_segment(
-            y, ends[i], dends_dy, points, weights, M[i], dM_dy, g[i], dg_dy, deta, dgap
+            y, ends[i], dends_dy, points[own], weights[own], M[i], dM_dy, g[i], dg_dy, deta, dgap
         )
         dn1, dn2 = dn_dx[slave[i, 0]], dn_dx[slave[i, 1]]
         for p in range(2):

@@ -2,10 +2,12 @@
 """Two curves facing each other, and the mortar integrals of them without mesh or PETSc."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 
-from fenics_mortar.kernels import basis, curved, normals, search, segment
+from fenics_mortar.kernels import basis, curved, normals, segment
+from fenics_mortar.segments import find_segments
 
 LIMITS = (0.1, 1e-10)
 
@@ -22,6 +24,7 @@ class Curves:
     left: np.ndarray | None = None
     gap_weights: int = 0  # BY_BASIS
     radius: float = 10.0
+    integration: str = "segments"
 
     def __post_init__(self):
         count = len(self.x)
@@ -32,23 +35,19 @@ class Curves:
         if self.left is None:
             self.left = np.full(count - 1, basis.BOTH)
         n, _ = self.normals(self.x)
-        self.offsets, self.masters, self.end_is_node, self.ends = search.find_segments(
-            (self.x, n, self.m), self.slave, self.master, self.radius, LIMITS
-        )
-        counts = np.diff(self.offsets)
-        owner = np.repeat(np.arange(count - 1), counts)
-        cover = np.bincount(owner, self.ends[:, 1] - self.ends[:, 0], count - 1)
-        self.partial = cover < 2 - 1e-12
-        self.pair_counts = np.where(self.partial, counts**2, counts)
-        self.pair_offsets = np.concatenate([[0], np.cumsum(self.pair_counts)])
-        self.nodes = self.slave[owner], self.master[self.masters]
-        self.pairs = [
-            (i, k)
-            for e in range(count - 1)
-            for i in range(self.offsets[e], self.offsets[e + 1])
-            for k in range(self.offsets[e], self.offsets[e + 1])
-            if i == k or self.partial[e]
-        ]
+        self.find(n)
+
+    def find(self, n):
+        """Find the segments as a problem does."""
+        slave = SimpleNamespace(facets=self.slave, degree=self.slave.shape[1] - 1)
+        self.segments = s = find_segments(
+            slave, SimpleNamespace(facets=self.master), self.x, n, self.m,
+            facets=np.arange(len(self.slave)), radius=self.radius, least_cosine=LIMITS[0],
+            integration=self.integration, points=self.points,
+        )  # fmt: skip
+        self.offsets, self.pair_offsets, self.partial = s.offsets, s.pair_offsets, s.partial
+        self.ends, self.nodes, self.pairs = s.ends, (s.slave, s.master), s.pairs
+        self.masters = np.searchsorted(self.master[:, 0], s.master[:, 0])
 
     def normals(self, x):
         n, dn = np.empty_like(x), np.zeros((len(x), 2, 6), x.dtype)
@@ -75,13 +74,15 @@ class Curves:
         def empty(*shape):
             return np.zeros(shape, kind)
 
-        moments = (
-            empty(count, 2), empty(count, 2, 12), empty(count, 2, 2),
+        s = self.segments
+        ends, dends, *moments = (
+            s.ends.astype(kind), empty(count, 2, 12), empty(count, 2, 2),
             empty(count, 2, 2, 12), empty(count, 2), empty(count, 2, 12),
         )  # fmt: skip
-        rule = np.polynomial.legendre.leggauss(self.points)
-        tabulate_segments, tabulate_facets = segment.tabulate_segments, basis.tabulate_facets
-        tabulate_segments((x, n, dn, m), self.nodes, self.end_is_node, rule, True, *moments)
+        segment.tabulate_segments(
+            (x, n, dn, m), self.nodes, s.end_is_fixed, s.rule, True, ends, dends, *moments
+        )
+        moments = ends, dends, s.spread, *moments
         D, dD = empty(facets, 2, 2), empty(count, 2, 2, 12)
         M, dM = empty(count, 2, 2), empty(len(self.pairs), 2, 2, 12)
         g, dg, cover = empty(facets, 2), empty(count, 2, 12), empty(facets, 2)
@@ -89,7 +90,7 @@ class Curves:
         values = (D, dD, M, dM, g, dg, cover)
         own = (edges, self.left, self.partial)
         kinds = self.basis, self.gap_weights
-        tabulate_facets(own, *kinds, self.offsets, self.pair_offsets, moments, values)
+        basis.tabulate_facets(own, *kinds, self.offsets, self.pair_offsets, moments, values)
         return {"D": D, "M": M, "g": g, "dD": dD, "dM": dM, "dg": dg, "cover": cover}
 
     @property
@@ -128,22 +129,8 @@ class CurvedCurves(Curves):
         self.previous = np.arange(count) - 1
         self.following = np.append(np.arange(1, count), -1)
         n, _ = self.normals(self.x)
-        self.offsets, self.masters, self.end_is_node, self.ends = search.find_segments(
-            (self.x, n, self.m), self.slave, self.master, self.radius, LIMITS
-        )
-        counts = np.diff(self.offsets)
-        self.pair_offsets = np.concatenate([[0], np.cumsum(counts**2)])
-        self.nodes = (
-            self.slave[np.repeat(np.arange(len(counts)), counts)],
-            self.master[self.masters],
-        )
-        self.pairs = [
-            (i, j)
-            for start, stop in zip(self.offsets[:-1], self.offsets[1:])
-            for i in range(start, stop)
-            for j in range(start, stop)
-        ]
-        self.weights = np.tile(np.eye(k + 1), (len(counts), 1, 1))
+        self.find(n)
+        self.weights = np.tile(np.eye(k + 1), (len(self.slave), 1, 1))
         if self.drop is not None:
             near = min(self.drop + 1, k) if self.drop < k else k - 1
             self.weights[:, :, self.drop] = np.eye(k + 1)[near]
@@ -180,10 +167,10 @@ class CurvedCurves(Curves):
         curved.tabulate_facets(
             (x, n, dn, m),
             (self.slave, self.weights),
-            (self.master[self.masters], self.end_is_node),
+            (self.segments.master, self.segments.end_is_fixed, self.segments.ends),
             self.offsets,
             self.pair_offsets,
-            np.polynomial.legendre.leggauss(self.points),
+            self.segments.rule,
             (self.basis, self.gap_weights, True),
             values,
         )

@@ -67,9 +67,9 @@ def test_derivative_of_the_partner_equals_the_complex_step(seed, k):
 
 
 @pytest.mark.parametrize("lower, upper", [(a, b) for a in (True, False) for b in (True, False)])
-def test_segment_ends_are_nodes_or_partners(lower, upper):
+def test_segment_ends_are_fixed_or_partners(lower, upper):
     y = facets(3)
-    ends, derivative = np.empty(2), np.empty((2, 12))
+    ends, derivative = np.array([-1.0, 1.0]), np.empty((2, 12))
     segment_ends(y, lower, upper, ends, derivative)
     assert ends[0] == (-1.0 if lower else master_to_slave(y, 1))
     assert ends[1] == (1.0 if upper else master_to_slave(y, 0))
