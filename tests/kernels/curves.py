@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
+from derivatives import complex_step
 
 from fenics_mortar.kernels import basis, curved, normals, segment
 from fenics_mortar.segments import find_segments
@@ -25,6 +26,7 @@ class Curves:
     gap_weights: int = 0  # BY_BASIS
     radius: float = 10.0
     integration: str = "segments"
+    coupled = False  # whether all segments of a facet make pairs
 
     def __post_init__(self):
         count = len(self.x)
@@ -39,7 +41,7 @@ class Curves:
 
     def find(self, n):
         """Find the segments as a problem does."""
-        slave = SimpleNamespace(facets=self.slave, degree=self.slave.shape[1] - 1)
+        slave = SimpleNamespace(facets=self.slave, degree=2 if self.coupled else 1)
         self.segments = s = find_segments(
             slave, SimpleNamespace(facets=self.master), self.x, n, self.m,
             facets=np.arange(len(self.slave)), radius=self.radius, least_cosine=LIMITS[0],
@@ -93,6 +95,33 @@ class Curves:
         basis.tabulate_facets(own, *kinds, self.offsets, self.pair_offsets, moments, values)
         return {"D": D, "M": M, "g": g, "dD": dD, "dM": dM, "dg": dg, "cover": cover}
 
+    def assemble(self, values):
+        """Dense derivatives of D (f, K, K), M (n, K, K) and g (f, K) by all positions."""
+        count = 2 * len(self.positions)
+        facet = np.repeat(np.arange(len(self.slave)), np.diff(self.offsets))
+        found = {name: np.zeros((*values[name].shape, count + 1)) for name in ("D", "M", "g")}
+        for k in range(len(self.masters)):
+            found["D"][facet[k]][..., self.columns(k)] += values["dD"][k]
+            found["g"][facet[k]][..., self.columns(k)] += values["dg"][k]
+        for p, (i, k) in enumerate(self.pairs):
+            found["M"][i][..., self.columns(k)] += values["dM"][p]
+        return {name: array[..., :-1] for name, array in found.items()}
+
+    def exact_derivatives(self):
+        """The same by complex steps."""
+        values = self.evaluate(self.positions)
+        exact = complex_step(
+            lambda moved: np.concatenate(
+                [self.evaluate(moved)[name].ravel() for name in ("D", "M", "g")]
+            ),
+            self.positions,
+        )
+        cuts = np.cumsum([values[name].size for name in ("D", "M")])
+        return {
+            name: part.reshape(*values[name].shape, -1)
+            for name, part in zip(("D", "M", "g"), np.split(exact, cuts))
+        }
+
     @property
     def positions(self):
         return np.concatenate([self.x, self.m])
@@ -118,6 +147,7 @@ class CurvedCurves(Curves):
 
     degree: int = 2
     drop: int | None = None
+    coupled = True
 
     def __post_init__(self):
         k = self.degree

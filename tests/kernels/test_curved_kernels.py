@@ -6,7 +6,6 @@ from itertools import product
 import numpy as np
 import pytest
 from curves import CurvedCurves, Curves, wavy, wavy_curved, with_inner_nodes
-from derivatives import complex_step
 
 from fenics_mortar.kernels import basis
 
@@ -32,19 +31,6 @@ def curves(cover, seed=0, **options):
     return CurvedCurves(*wavy_curved(seed, start=start, stop=stop), **options)
 
 
-def assemble(pair, values):
-    """Dense derivatives of D (f, K, K), M (n, K, K) and g (f, K) by all positions."""
-    count = 2 * len(pair.positions)
-    facet = np.repeat(np.arange(len(pair.slave)), np.diff(pair.offsets))
-    found = {name: np.zeros((*values[name].shape, count + 1)) for name in ("D", "M", "g")}
-    for k in range(len(pair.masters)):
-        found["D"][facet[k]][..., pair.columns(k)] += values["dD"][k]
-        found["g"][facet[k]][..., pair.columns(k)] += values["dg"][k]
-    for p, (i, k) in enumerate(pair.pairs):
-        found["M"][i][..., pair.columns(k)] += values["dM"][p]
-    return {name: array[..., :-1] for name, array in found.items()}
-
-
 @pytest.mark.parametrize("cover", COVERS)
 @pytest.mark.parametrize("kind", BASES)
 def test_two_nodes_give_what_their_own_kernels_give(cover, kind):
@@ -56,7 +42,7 @@ def test_two_nodes_give_what_their_own_kernels_give(cover, kind):
     # the closed form of D and the sum over segments differ by rounding, as does 1 / half^2
     for name in ("D", "M", "g", "cover"):
         assert np.abs(one[name] - other[name]).max() < 1e-14, name
-    one, other = assemble(straight, one), assemble(general, other)
+    one, other = straight.assemble(one), general.assemble(other)
     for name in one:
         assert np.abs(one[name] - other[name]).max() < 1e-12 * np.abs(one[name]).max(), name
 
@@ -132,20 +118,10 @@ def test_all_derivatives_equal_the_complex_step(cover, kind, drop, gap_weights):
     start, stop = COVERS[cover]
     nodes = wavy_curved(1, slaves=4, masters=6, start=start, stop=stop)
     pair = CurvedCurves(*nodes, basis=kind, drop=drop, gap_weights=gap_weights)
-    found = assemble(pair, pair.evaluate(pair.positions))
-    exact = complex_step(
-        lambda moved: np.concatenate(
-            [pair.evaluate(moved)[name].ravel() for name in ("D", "M", "g")]
-        ),
-        pair.positions,
-    )
-    start = 0
-    for name in ("D", "M", "g"):
-        size = int(np.prod(found[name].shape[:-1]))
-        part = exact[start : start + size].reshape(found[name].shape)
-        start += size
-        error = np.abs(found[name] - part).max()
-        assert error < 1e-11 * np.abs(part).max(), name
+    found, exact = pair.assemble(pair.evaluate(pair.positions)), pair.exact_derivatives()
+    for name, array in exact.items():
+        error = np.abs(found[name] - array).max()
+        assert error < 1e-11 * np.abs(array).max(), name
 
 
 @pytest.mark.parametrize("seed, kind", product(range(3), BASES))

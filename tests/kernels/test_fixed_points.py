@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: MIT
+"""Points that are fixed on the slave facets: at the nodes, or those of a Gauss rule per facet."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from curves import CurvedCurves, Curves, wavy, wavy_curved
+from test_mortar_kernels import COVERS, curves
+
+from fenics_mortar.kernels import basis, curved
+
+RULES = [("elements", 2), ("elements", 5), ("nodes", None)]
+
+
+def options(integration, points, kind=basis.DUAL):
+    """Options of the curves; with points at the nodes one basis serves all."""
+    if integration == "nodes":
+        return {"integration": "nodes", "basis": basis.STANDARD}
+    return {"integration": integration, "points": points, "basis": kind}
+
+
+def make(cover, degree, **more):
+    """Curves of straight or of curved facets."""
+    if degree == 1:
+        pair = curves(cover, **more)
+    else:
+        start, stop = COVERS[cover]
+        nodes = wavy_curved(1, slaves=4, masters=6, start=start, stop=stop)
+        pair = CurvedCurves(*nodes, **more)
+    assert len(pair.masters)
+    return pair
+
+
+# cover, degree, integration, points; on the island lie two of five points, in the pieces no node
+CASES = [
+    *((cover, 1, *rule) for cover, rule in product(["full", "one end", "both ends"], RULES)),
+    ("island", 1, "elements", 9),
+    ("two pieces", 1, "elements", 5),
+    *((cover, 2, "elements", count) for cover, count in product(["full", "one end"], [3, 6])),
+    ("both ends", 2, "elements", 7),
+    ("one end", 2, "nodes", None),
+    ("both ends", 2, "nodes", None),
+]
+
+
+def flat(places, height):
+    return np.stack([np.asarray(places, float), np.full(len(places), float(height))], axis=1)
+
+
+def by_sums(pair):
+    """D, M and g of each facet from its points, with the basis from the mass matrix on them."""
+    s, size = pair.segments, pair.slave.shape[1]
+    n, _ = pair.normals(pair.x)
+    y, N = np.empty(6 * size), np.empty((3, size))
+    D, M = np.zeros((len(pair.slave), size, size)), np.zeros((len(s.master), size, size))
+    g = np.zeros((len(pair.slave), size))
+    for e in range(len(pair.slave)):
+        points = []
+        for i in range(s.offsets[e], s.offsets[e + 1]):
+            c, h = s.ends[i].mean(), np.diff(s.ends[i])[0] / 2
+            for p in range(*s.spans[i]):
+                curved.gather(pair.x, n, pair.m, s.slave[i], s.master[i], y)
+                xi = c + h * s.points[p]
+                eta, alpha = curved.slave_to_master(y, xi, N)
+                assert abs(eta) < 1 + 1e-12
+                curved.tabulate_shapes(eta, N)
+                L = N[0].copy()
+                curved.tabulate_shapes(xi, N)
+                J = np.hypot(*curved.combine(y, 0, N, 1))
+                gap = alpha * np.hypot(*curved.combine(y, 1, N, 0))
+                points.append((i, s.weights[p] * h * J, N[0].copy(), L, gap))
+        if not points:
+            continue
+        mass = sum(w * np.outer(N_p, N_p) for _, w, N_p, _, _ in points)
+        d = sum(w * N_p for _, w, N_p, _, _ in points)
+        # where points are nodes the mass matrix is diagonal, singular beyond the cover
+        A = np.eye(size) if pair.integration == "nodes" else np.diag(d) @ np.linalg.inv(mass)
+        D[e] = A @ mass
+        for i, w, N_p, L, gap in points:
+            M[i] += w * np.outer(A @ N_p, L)
+            g[e] += w * gap * (A @ N_p)
+    return {"D": D, "M": M, "g": g}
+
+
+@pytest.mark.parametrize("cover, degree, integration, points", CASES)
+def test_values_are_sums_over_points_with_the_basis_that_is_biorthogonal_on_them(
+    cover, degree, integration, points
+):
+    pair = make(cover, degree, **options(integration, points))
+    values, exact = pair.evaluate(pair.positions), by_sums(pair)
+    for name, array in exact.items():
+        # the inverse of a mass matrix of few points close to each other costs digits
+        assert np.abs(values[name] - array).max() < 1e-12, name
+    off_diagonal = values["D"][:, ~np.eye(degree + 1, dtype=bool)]
+    # of three nodes it is rounding; a problem cuts it off
+    assert np.abs(off_diagonal).max() <= (1e-16 if degree == 2 else 0.0)
+
+
+@pytest.mark.parametrize("cover, degree, integration, points", CASES)
+@pytest.mark.parametrize("kind", [basis.DUAL, basis.STANDARD])
+def test_rows_of_D_and_M_sum_to_the_same(cover, degree, integration, points, kind):
+    pair = make(cover, degree, **options(integration, points, kind))
+    values = pair.evaluate(pair.positions)
+    of_M = np.zeros(values["g"].shape)
+    owner = np.repeat(np.arange(len(pair.slave)), np.diff(pair.offsets))
+    np.add.at(of_M, owner, values["M"].sum(axis=2))
+    assert np.abs(values["D"].sum(axis=2) - of_M).max() < 1e-15
+
+
+@pytest.mark.parametrize("cover, degree, integration, points", CASES)
+@pytest.mark.parametrize("kind", [basis.DUAL, basis.STANDARD])
+@pytest.mark.parametrize("left", [basis.BOTH, basis.ONLY_SECOND])
+def test_all_derivatives_equal_the_complex_step(cover, degree, integration, points, kind, left):
+    pair = make(cover, degree, **options(integration, points, kind))
+    if degree == 1:
+        pair.left[:] = left
+    elif left != basis.BOTH:
+        pair.weights[:, :, 0] = np.eye(3)[1]
+    found, exact = pair.assemble(pair.evaluate(pair.positions)), pair.exact_derivatives()
+    if degree == 1 and kind == basis.DUAL and left == basis.BOTH:
+        exact["D"][:, [0, 1], [1, 0]] = 0.0  # by construction
+    for name, array in exact.items():
+        error = np.abs(found[name] - array).max()
+        assert error < 1e-12 * np.abs(array).max(), name
+
+
+def test_points_at_the_nodes_are_node_to_segment_contact_by_hand():
+    pair = Curves(flat([0, 2, 4], 1), flat([5, 1, -1], 0), **options("nodes", None))
+    values = pair.evaluate(pair.positions)
+    assert np.array_equal(values["D"], [np.eye(2), np.eye(2)])
+    assert np.array_equal(values["g"], np.ones((2, 2)))
+    # node 0 lies in the middle of the facet from 1 to -1, node 2 at 1/4, node 4 at 3/4 of [1, 5]
+    assert np.allclose(values["M"][0], [[1 / 2, 1 / 2], [0, 0]], atol=1e-15)
+    assert np.allclose(values["M"][1], [[0, 0], [1 / 4, 3 / 4]], atol=1e-15)
+    assert np.allclose(values["M"][2], [[1 / 4, 3 / 4], [3 / 4, 1 / 4]], atol=1e-15)
+
+
+def test_node_that_is_covered_has_its_weight_and_the_other_has_none():
+    pair = Curves(flat([0, 2], 1), flat([5, 1], 0), **options("nodes", None))
+    values = pair.evaluate(pair.positions)
+    assert np.array_equal(values["D"][0], [[0, 0], [0, 1]])
+    assert np.array_equal(values["cover"][0], [0, 1])
+    assert np.array_equal(values["g"][0], [0, 1])
+
+
+@pytest.mark.parametrize("covered, counts", [(1, False), (2, True), (3, True)])
+def test_facet_with_fewer_points_than_nodes_counts_as_uncovered(covered, counts):
+    xi, w = np.polynomial.legendre.leggauss(3)
+    edge = (1.0, *(xi[:0:-1] + xi[1::-1]) / 2, -1.0)[covered]  # master from there to the end
+    pair = Curves(flat([-1, 1], 1), flat([2, edge], 0), **options("elements", 3))
+    values = pair.evaluate(pair.positions)
+    assert len(pair.masters) == counts
+    of_points = w[-covered:] @ np.stack([1 - xi[-covered:], 1 + xi[-covered:]], axis=1) / 2
+    assert np.allclose(values["cover"][0], of_points if counts else 0.0, atol=1e-15)
+    assert np.allclose(values["D"][0], np.diag(values["cover"][0]), atol=1e-15)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e-16, -1e-16, 1e-13, -1e-13])
+@pytest.mark.parametrize("angle", np.linspace(0.0, 6.0, 13))
+def test_nodes_upon_nodes_have_the_same_partners_whatever_rounding_says(shift, angle):
+    """Those at the ends as well; the master's facet that ends there is the partner."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    x, m = flat(np.arange(6), 0), flat(np.arange(5, -1, -1) + shift, -0.1)
+    pair = Curves(x @ turn, m @ turn, **options("nodes", None))
+    partners = [pair.masters[i:j].tolist() for i, j in zip(pair.offsets, pair.offsets[1:])]
+    # facet k from 5 - k to 4 - k; node 5 starts the curve
+    assert partners == [[4, 3], [3, 2], [2, 1], [1, 0], [0]]
+    values = pair.evaluate(pair.positions)
+    assert np.allclose(values["D"], np.eye(2) / 2, atol=1e-15)
+    assert np.allclose(values["g"], 0.05, atol=1e-14)
+
+
+def test_nearest_of_two_walls_is_taken_point_by_point():
+    """A bump in front of a wall: its run of points lies between two runs of the wall."""
+    x = flat([0, 3], 0)
+    m = np.concatenate([flat([4, -1], -0.5), [[-9, -9], [9, -9]], flat([2, 1], -0.2)])
+    pair = Curves(x, m, **options("elements", 9))
+    assert pair.masters.tolist() == [0, 4, 0]
+    xi = np.polynomial.legendre.leggauss(9)[0]
+    assert np.diff(pair.segments.spans, axis=1)[1, 0] == (np.abs(xi) < 1 / 3).sum()
+    values = pair.evaluate(pair.positions)
+    assert np.abs(values["D"][0].sum(axis=1) - values["M"].sum(axis=(0, 2))).max() < 1e-15
+
+
+def test_of_partners_at_equal_distance_the_first_is_taken():
+    wall = flat([4, -1], -0.5)
+    pair = Curves(flat([0, 3], 0), np.concatenate([wall, [[-9, -9], [9, -9]], wall]),
+                  **options("elements", 4))
+    assert pair.masters.tolist() == [0]
+
+
+@pytest.mark.parametrize("integration, points", RULES)
+def test_partners_beyond_the_radius_or_turned_away_are_none(integration, points):
+    more = options(integration, points)
+    x, facing = flat([0, 1], 0), flat([1.2, -0.2], -0.1)
+    assert len(Curves(x, facing, **more).masters) == 1
+    assert len(Curves(x, facing, radius=0.09, **more).masters) == 0
+    assert len(Curves(x, facing[::-1].copy(), **more).masters) == 0
+    steep = np.array([[2.0, 5.0], [-1.0, -40.0]])
+    assert len(Curves(x, steep, **more).masters) == 0
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_many_points_approach_the_segments(degree):
+    """Points see kinks of the master only on average: first order in their distance, at least."""
+    kind, build = (Curves, wavy) if degree == 1 else (CurvedCurves, wavy_curved)
+    exact = kind(*build(2))
+    exact = exact.evaluate(exact.positions)["g"]
+    errors = []
+    for count in (3, 100):
+        pair = kind(*build(2), **options("elements", count))
+        errors.append(np.abs(pair.evaluate(pair.positions)["g"] - exact).max())
+    assert errors[1] < errors[0] / 30 and errors[1] < 1e-3 * np.abs(exact).max()
