@@ -204,6 +204,7 @@ class Contact:
         self.slave: Surface = extract_surface(V, tags, pair.slave_tag, pair.slave_name)
         self.master: Surface = extract_surface(V, tags, pair.master_tag, pair.master_name)
         self._check_sides()
+        self._check_points()
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self._classify_nodes()
         self._may_carry = self.carries
@@ -235,6 +236,14 @@ class Contact:
                 f"slave '{self.pair.slave_name}' and master '{self.pair.master_name}' share "
                 f"{both.size} nodes, one at {place(where)}; the two sides must be different "
                 "surfaces that are not joined in the mesh"
+            )
+
+    def _check_points(self) -> None:
+        size = self.slave.degree + 1
+        if self.pair.integration == "elements" and self.pair.points < size:
+            raise ValueError(
+                f"points={self.pair.points}: with integration='elements' at least as many as a "
+                f"facet has nodes, {size}"
             )
 
     def _classify_nodes(self) -> None:
@@ -315,8 +324,11 @@ class Contact:
     def update_carriers(self) -> int:
         """Hand over and take back multipliers by the cover of the nodes; return how many changed.
 
-        The operators have to be evaluated anew then.
+        The operators have to be evaluated anew then. Points at the nodes cover a node or they do
+        not, there is nothing to hand over.
         """
+        if self.options.integration == "nodes":
+            return 0
         kappa = self.operators.cover / self.nodal_lengths
         strong = self._may_carry & (kappa > STRONG)
         safe, helped = np.ones(kappa.size, bool), np.zeros(kappa.size, bool)

@@ -654,7 +654,10 @@ def test_inverted_cells_at_the_start_are_named():
     [
         ({"basis": "quadratic"}, "basis='quadratic': allowed are dual, standard"),
         ({"normals": "none"}, "normals='none': allowed are opposite, unit, own"),
-        ({"points": 1}, "points=1: .*at least 2"),
+        ({"integration": "gauss"}, "integration='gauss': allowed are segments, elements, nodes"),
+        ({"points": 1}, "points=1: .*at least 2 per segment"),
+        ({"integration": "elements", "points": 1}, "points=1: .*at least 2 per facet"),
+        ({"integration": "nodes", "points": 3}, "points=3: .*the points are the nodes"),
         ({"points": 2.5}, "points=2.5: .*whole number"),
         ({"search_radius": 0.0}, "search_radius=0.0: a positive length"),
         ({"search_radius": np.nan}, "search_radius=nan: a positive length"),
@@ -667,6 +670,16 @@ def test_option_of_a_pair_that_is_refused_says_what_is_allowed(option, allowed):
     data = blocks_of_arrays()
     with refused(ValueError, allowed):
         fm.ContactPair(data, "slave", "master", **option)
+
+
+def test_fewer_points_than_nodes_of_a_facet_are_refused():
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 2))
+    pair = fm.ContactPair(data, "slave", "master", integration="elements", points=2)
+    with refused(ValueError, "points=2: .*elements.*, 3$"):
+        fm.ContactProblem(
+            internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], petsc_options_prefix="test_errors_"
+        )
 
 
 @pytest.mark.parametrize(
