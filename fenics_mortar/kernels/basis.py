@@ -176,7 +176,7 @@ def line_derivative(table, mean, c, h, dmean, dvariance):
 @kernel
 def facet_values(table, gap_weights, segments, size, mean, J, D, M, g):
     """Fill D (2, 2), M (n, 2, 2) and g (2,) of one facet from the moments of its segments."""
-    ends, _, _, Mp, _, gp, _ = segments
+    ends, _, Mp, _, gp, _ = segments
     slave_matrix(table, size, mean, J, D)
     g[:] = 0.0
     for i in range(ends.shape[0]):
@@ -193,7 +193,7 @@ def facet_values(table, gap_weights, segments, size, mean, J, D, M, g):
 @kernel
 def own_derivative(table, gap_weights, segments, i, mean, dM, dg):
     """Fill dM (2, 2, 12) and dg (2, 12) of segment ``i`` by its own nodes, xm and F fixed."""
-    ends, dends, _, Mp, dMp, gp, dgp = segments
+    ends, dends, Mp, dMp, gp, dgp = segments
     c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
     b0, b1 = line(table, mean, c, h)
     for q in range(12):
@@ -215,7 +215,7 @@ def add_cover_derivative(table, gap_weights, segments, i, mean, dmean, dvariance
 
     To dM (2, 2, 12) and dg (2, 12).
     """
-    ends, _, _, Mp, _, gp, _ = segments
+    ends, _, Mp, _, gp, _ = segments
     c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
     for q in range(12):
         db0, db1 = line_derivative(table, mean, c, h, dmean[q], dvariance[q])
@@ -232,8 +232,8 @@ def add_cover_derivative(table, gap_weights, segments, i, mean, dmean, dvariance
 @kernel
 def facet_derivatives(table, gap_weights, segments, shape, edge, partial, dD, dM, dg):
     """Fill dD (n, 2, 2, 12), dM (pairs, 2, 2, 12) and dg (n, 2, 12) of one facet."""
-    ends, dends, spread = segments[0], segments[1], segments[2]
-    size, mean, variance = shape
+    ends, dends = segments[0], segments[1]
+    spread, size, mean, variance = shape
     count = ends.shape[0]
     kind = ends.dtype
     dJ, dsize = np.zeros(12, kind), np.zeros(12, kind)
@@ -286,8 +286,9 @@ def tabulate_facets(facets, basis, gap_weights, offsets, pair_offsets, segments,
         i, j, p, q = offsets[e], offsets[e + 1], pair_offsets[e], pair_offsets[e + 1]
         if i == j:
             continue
-        own = (ends[i:j], dends[i:j], spread[i:j], Mp[i:j], dMp[i:j], gp[i:j], dgp[i:j])
-        size, mean, variance = cover_of(ends[i:j], spread[i:j])
+        own = (ends[i:j], dends[i:j], Mp[i:j], dMp[i:j], gp[i:j], dgp[i:j])
+        shape = (spread[i:j], *cover_of(own[0], spread[i:j]))
+        _, size, mean, variance = shape
         J = 0.5 * np.sqrt(edges[e, 0] * edges[e, 0] + edges[e, 1] * edges[e, 1])
         cover[e, 0] = 0.5 * J * size * (1.0 - mean)
         cover[e, 1] = 0.5 * J * size * (1.0 + mean)
@@ -304,7 +305,6 @@ def tabulate_facets(facets, basis, gap_weights, offsets, pair_offsets, segments,
         if basis == DUAL and left[e] == BOTH:
             D[e, 0, 1] = 0.0
             D[e, 1, 0] = 0.0
-        shape = (size, mean, variance)
         facet_derivatives(
             table, weights, own, shape, edges[e], partial[e], dD[i:j], dM[p:q], dg[i:j]
         )

@@ -63,8 +63,9 @@ def point_derivatives(y, xi, eta, alpha, deta, dgap):
 
 
 @kernel
-def integrate_segment(y, ends, dends, points, weights, M, dM, g, dg, deta, dgap):
+def integrate_segment(y, ends, dends, rule, span, M, dM, g, dg, deta, dgap):
     """Fill the moments ``M`` (2, 2), ``g`` (2,) and their derivatives by ``y`` (..., 12)."""
+    points, weights = rule
     c, h = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
     ex, ey = 0.5 * (y[2] - y[0]), 0.5 * (y[3] - y[1])
     J = np.sqrt(ex * ex + ey * ey)
@@ -72,7 +73,7 @@ def integrate_segment(y, ends, dends, points, weights, M, dM, g, dg, deta, dgap)
     dM[:] = 0.0
     g[:] = 0.0
     dg[:] = 0.0
-    for i in range(points.size):
+    for i in range(span[0], span[1]):
         s, w = points[i], weights[i]
         xi = c + h * s
         eta, alpha = slave_to_master(y, xi)
@@ -150,7 +151,7 @@ def tabulate_segments(
     """
     x, n, dn_dx, m = geometry
     slave, master = connectivity
-    points, weights, spans = rule
+    s, w, spans = rule
     kind = x.dtype
     y, deta, dgap = np.empty(12, kind), np.empty(12, kind), np.empty(12, kind)
     dM_dy, dg_dy = np.empty((2, 2, 12), kind), np.empty((2, 12), kind)
@@ -160,9 +161,8 @@ def tabulate_segments(
         segment_ends(y, end_is_fixed[i, 0], end_is_fixed[i, 1], ends[i], dends_dy)
         if not linearize_ends:
             dends_dy[:] = 0.0
-        own = slice(spans[i, 0], spans[i, 1])
         integrate_segment(
-            y, ends[i], dends_dy, points[own], weights[own], M[i], dM_dy, g[i], dg_dy, deta, dgap
+            y, ends[i], dends_dy, (s, w), spans[i], M[i], dM_dy, g[i], dg_dy, deta, dgap
         )
         dn1, dn2 = dn_dx[slave[i, 0]], dn_dx[slave[i, 1]]
         for p in range(2):

@@ -185,8 +185,9 @@ def test_nearest_of_two_walls_is_taken_point_by_point():
 
 def test_of_partners_at_equal_distance_the_first_is_taken():
     wall = flat([4, -1], -0.5)
-    pair = Curves(flat([0, 3], 0), np.concatenate([wall, [[-9, -9], [9, -9]], wall]),
-                  **options("elements", 4))
+    pair = Curves(
+        flat([0, 3], 0), np.concatenate([wall, [[-9, -9], [9, -9]], wall]), **options("elements", 4)
+    )
     assert pair.masters.tolist() == [0]
 
 
