@@ -79,8 +79,8 @@ class ContactPair:
             gap to the node, see overlap where the surfaces are apart and press from a distance, so
             there it is one that asks for the gap at the edge. "basis": always by the multiplier's
             function, as most codes do. "standard": by the standard functions (Petrov-Galerkin).
-        integration: Where the gap is looked at. "segments": exactly, on every intersection of a slave
-            with a master facet. "elements": at ``points`` Gauss points per slave facet, each with
+        integration: Where the gap is looked at. "segments": exactly, on every intersection of a
+            slave with a master facet. "elements": at ``points`` Gauss points per slave facet, each with
             the partner that it hits, as in many codes; forces balance, but a uniform pressure
             passes only as exactly as the points resolve the ends of master facets. "nodes": at the
             slave nodes, which is node-to-segment contact; ``basis``, ``gap_weights`` and ``points``

@@ -178,9 +178,10 @@ def _runs(
     which = runs[owner, 0] + np.arange(owner.size) - starts[owner]
     centres, halves = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2.0
     s, weights = (xi[which] - centres[owner]) / halves[owner], w[which] / halves[owner]
-    mean = np.bincount(owner, weights * s / 2.0, len(runs))
-    variance = np.bincount(owner, weights * (s - mean[owner]) ** 2 / 2.0, len(runs))
-    spans, spread = np.stack([starts, stops], axis=1), np.stack([mean, variance], axis=1)
+    spread = np.zeros(ends.shape)
+    np.add.at(spread[:, 0], owner, weights * s / 2.0)
+    np.add.at(spread[:, 1], owner, weights * (s - spread[owner, 0]) ** 2 / 2.0)
+    spans = np.stack([starts, stops], axis=1)
     return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans, spread)
 
 

@@ -82,7 +82,7 @@ def test_more_points_per_facet_pass_the_patch_test_better(degree):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("pair", FIXED)
 def test_matching_nodes_pass_a_uniform_pressure(pair, degree):
-    """Without Poisson's effect: else end nodes leave the edge of the master before they are held."""
+    """Without Poisson's effect: else end nodes slip off the edge of the master."""
     scene = pressed_blocks(
         n_upper=4, n_lower=4, width_upper=1.0, width_lower=1.0, nu=0.0, pair=pair, degree=degree
     )
