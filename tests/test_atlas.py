@@ -167,7 +167,7 @@ def test_cell_is_what_theory_says(records, cell):
     assert reason in record["reason"]
 
 
-# A wheel that rolls gets through by other steps on other machines; tests/test_floating.py has bodies
+# A rolling wheel gets through by other steps on other machines; tests/test_floating.py has bodies
 # that fall and do not roll.
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in REMEDIES if REMEDIES[n].scene != "falling_wheel"])
