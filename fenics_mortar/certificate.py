@@ -20,9 +20,9 @@ from fenics_mortar.contact import Contact
 from fenics_mortar.kernels.curved import sample_gaps
 from fenics_mortar.surfaces import Indices
 
-# Forces and pressures below this part of the stiffness are compared with it instead of each other:
-# they may be rounding.
-ROUNDING = 1e-6
+# Pressures below the first part of the stiffness, and forces below the second of stiffness and
+# displacement, are compared with these instead of each other: they may be rounding.
+ROUNDING, FORCE_ROUNDING = 1e-6, 1e-4
 SAMPLES = np.linspace(-1.0, 1.0, 5)
 
 
@@ -148,14 +148,13 @@ def _balance(bulk: Bulk, contacts: Sequence[Contact], labels: Indices) -> float:
         contact.slave.scatter_add(on_slave, total)
         contact.master.scatter_add(on_master, total)
     total[bulk.held] = 0.0
-    body, num_bodies = (
-        labels[: bulk.num_owned // 2],
-        bulk.comm.allreduce(labels.max(initial=0), MPI.MAX) + 1,
-    )
+    comm, body = bulk.comm, labels[: bulk.num_owned // 2]
+    num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
     sums = [np.bincount(body, component, num_bodies) for component in total.reshape(-1, 2).T]
-    defects, size = bulk.comm.allreduce(np.array(sums)), bulk.comm.allreduce(float(np.abs(r).sum()))
-    largest = bulk.comm.allreduce(float(np.abs(bulk.u.x.array).max(initial=0.0)), MPI.MAX)
-    rounding = ROUNDING * max((float(c.stiffness.max()) for c in contacts), default=0.0) * largest
+    defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r).sum()))
+    largest = comm.allreduce(float(np.abs(bulk.u.x.array).max(initial=0.0)), MPI.MAX)
+    stiffness = max((float(c.stiffness.max()) for c in contacts), default=0.0)
+    rounding = FORCE_ROUNDING * stiffness * largest
     return float(np.abs(defects).max()) / _positive(size + rounding)
 
 

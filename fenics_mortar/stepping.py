@@ -16,6 +16,11 @@ from fenics_mortar.surfaces import Array
 
 # What is left of the path below this part of a step is taken with the step.
 REMAINDER = 1e-6
+# What the end of a path may mean.
+HINT = (
+    "If smaller steps do not help, the path may turn or jump here, as where an arch snaps through "
+    "or a tip slips off an edge: prescribe another displacement, or start beyond"
+)
 # What of a contact is written to a file.
 KEPT = ("z", "active", "carries")
 
@@ -184,7 +189,8 @@ def follow_path(
             if step <= options.smallest:
                 set_loads(time)
                 raise NotConvergedError(
-                    f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}", path
+                    f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {HINT}",
+                    path,
                 ) from failure
             step = max(options.cut * step, options.smallest)
             continue

@@ -3,62 +3,18 @@
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 import pytest
 from scenes import internal, neo_hookean, read, rectangles
 from scipy.optimize import minimize
 from test_errors import pushed_block
 
-import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.floating import closest_below
 
 comm = MPI.COMM_WORLD
-
-
-def disk_on_block(*, gap):
-    """A disk of radius 0.5, its centre off the middle, above a block of 2 x 0.5."""
-    gmsh.model.add("disk")
-    occ = gmsh.model.occ
-    block = occ.addRectangle(-1.0, -0.5, 0.0, 2.0, 0.5)
-    disk = occ.addDisk(0.03, 0.5 + gap, 0.0, 0.5, 0.5)
-    occ.synchronize()
-    model = gmsh.model
-    for tag, (name, surface) in enumerate((("block", block), ("disk", disk)), start=1):
-        model.setPhysicalName(2, model.addPhysicalGroup(2, [surface], tag), name)
-        for _, curve in model.getBoundary([(2, surface)], oriented=False):
-            y = model.occ.getCenterOfMass(1, curve)[1]
-            side = {"disk": "edge"}.get(name) or {-0.5: "bottom", 0.0: "top"}.get(round(y, 6))
-            if side:
-                group = model.addPhysicalGroup(1, [curve], 10 * tag + len(side))
-                model.setPhysicalName(1, group, f"{name}/{side}")
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.08)
-    model.mesh.generate(2)
-    return model
-
-
-def test_disk_falls_on_a_block_under_its_own_weight():
-    """The disk has no Dirichlet condition: it stops where contact carries its weight."""
-    data = read(disk_on_block, gap=0.05)
-    V = fm.vector_space(data.mesh, 1)
-    u, v = fem.Function(V), ufl.TestFunction(V)
-    dx = ufl.Measure("dx", domain=data.mesh, subdomain_data=data.cell_tags)
-    weight = 0.5 * v[1] * dx(data.bodies["disk"], metadata={"quadrature_degree": 2})
-    bcs = [fm.dirichlet(V, data, "block/bottom", (0.0, 0.0))]
-    pair = fm.ContactPair(data, "disk/edge", "block/top")
-    residual = internal(u, neo_hookean(u, 100.0, 0.3)) + weight
-    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="disk_")
-    report = problem.solve()
-    area = comm.allreduce(
-        fem.assemble_scalar(fem.form(fem.Constant(data.mesh, 1.0) * dx(data.bodies["disk"])))
-    )
-    assert np.allclose(problem.contacts[0].total_force, (0.0, 0.5 * area), atol=1e-9 * area)
-    assert problem.certificate().pairs[0].violations() == []
-    assert report.num_iterations <= 15  # it rolls upon one of its facets
-    assert "body 'disk' was moved rigidly until contact stopped it" in report.notes
 
 
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])

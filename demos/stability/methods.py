@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: MIT
+"""The methods of the atlas: the default, and it with one thing changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+from unittest.mock import patch
+
+from whole_facet import whole_facet_basis
+
+from fenics_mortar import bulk, newton
+from fenics_mortar.contact import Contact
+from fenics_mortar.floating import FloatingBodies
+
+
+@dataclass(frozen=True)
+class Method:
+    """Options that differ from the defaults.
+
+    Attributes:
+        title: Name in the picture and the table.
+        problem: Arguments of ``ContactProblem``.
+        pair: Arguments of ``ContactPair``.
+        newton: Arguments of ``NewtonOptions``.
+        adaptive: ``follow_path``, or the scene's fixed steps by plain calls of ``solve``.
+        override: What is done to the package while the cell runs.
+    """
+
+    title: str
+    problem: dict[str, Any] = field(default_factory=dict)
+    pair: dict[str, Any] = field(default_factory=dict)
+    newton: dict[str, Any] = field(default_factory=dict)
+    adaptive: bool = True
+    override: Callable[[], AbstractContextManager] = nullcontext
+
+
+METHODS = {
+    "default": Method("default"),
+    "saddle": Method("Alg. 1, saddle", problem={"algorithm": "saddle"}),
+    "standard": Method("standard basis", pair={"basis": "standard"}),
+    "plain": Method("plain Newton", adaptive=False),
+    "no_normals": Method("without normals", problem={"linearization": "no_normals"}),
+    "no_segments": Method("without segment motion", problem={"linearization": "no_segments"}),
+    "frozen": Method("fixed point", problem={"linearization": "frozen"}),
+    "plain_frozen": Method(
+        "plain fixed point", problem={"linearization": "frozen"}, adaptive=False
+    ),
+    "whole_facet": Method(
+        "basis of whole facets", pair={"gap_weights": "basis"}, override=whole_facet_basis
+    ),
+    "elements": Method("element quadrature", pair={"integration": "elements"}),
+    "nodes": Method("node to segment", pair={"integration": "nodes"}),
+}
+
+
+def replaced(*changes: tuple[Any, str, Any]) -> AbstractContextManager:
+    """Functions of the package replaced for a while: (owner, name, function)."""
+    stack = ExitStack()
+    for owner, name, function in changes:
+        stack.enter_context(patch.object(owner, name, function))
+    return stack
+
+
+def without(*changes: tuple[Any, str, Any]) -> Callable[[], AbstractContextManager]:
+    """The same, to be entered later."""
+    return partial(replaced, *changes)
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """A part of the default, and a scene that needs it.
+
+    Attributes:
+        title: What the default does.
+        scene: Name of a family.
+        value: Which of its scenes, in words.
+        beside: Name of the method that has the remedy.
+        method: The same without the remedy.
+    """
+
+    title: str
+    scene: str
+    value: str
+    beside: str
+    method: Method
+
+
+REMEDIES = {
+    "no_step_cuts": Remedy(
+        "a step that fails is taken back and cut",
+        "loaded_arch",
+        "1.2",
+        "default",
+        Method("no cuts", adaptive=False),
+    ),
+    "no_cycles": Remedy(
+        "cycles of the active set are left",
+        "stiffness",
+        "1000000.0",
+        "plain",
+        Method(
+            "cycles not left",
+            adaptive=False,
+            override=without((newton, "period_of", lambda sets: 0), (newton, "UNSETTLED", 1000)),
+        ),
+    ),
+    "no_shortening": Remedy(
+        "Newton steps that would invert cells are shortened",
+        "turn_all",
+        "45",
+        "plain",
+        Method("cells invert", adaptive=False, override=without((bulk, "SMALLEST_STEP", 2.0))),
+    ),
+    "no_settling": Remedy(
+        "bodies that loads drive are moved until contact stops them",
+        "falling_wheel",
+        "10",
+        "default",
+        Method("not moved", override=without((FloatingBodies, "settle", lambda *given: []))),
+    ),
+    "no_springs": Remedy(
+        "a vanishing spring holds what contact leaves loose",
+        "thin_ring",
+        "0.1",
+        "default",
+        Method("no spring", override=without((FloatingBodies, "add_springs", lambda *given: None))),
+    ),
+    "meshed_gaps": Remedy(
+        "gaps can be set, whatever the facets leave",
+        "press_fit",
+        "12:16",
+        "default",
+        Method("gaps as meshed", pair={"initial_gap": None}),
+    ),
+    "no_hand_over": Remedy(
+        "hardly covered nodes hand their multiplier to a neighbour",
+        "corner_on_flat",
+        "3 flat",
+        "default",
+        Method("not handed over", override=without((Contact, "update_carriers", lambda self: 0))),
+    ),
+}
+
+ALL_METHODS = METHODS | {name: remedy.method for name, remedy in REMEDIES.items()}

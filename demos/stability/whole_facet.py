@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: MIT
+"""The dual basis of whole facets where a part has no partner: what consistent edges replace.
+
+The contrast of Cichosz & Bischoff (2011) and Popp, Seitz, Gee & Wall (2013): Phi and D are those of
+the whole facet, Phi = A N with the constant A below and D = l / 2, while M and the gap know its
+covered part only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from fenics_mortar import mortar
+from fenics_mortar.contact import Contact
+from fenics_mortar.kernels import basis
+
+A = np.array([[2.0, -1.0], [-1.0, 2.0]])
+
+
+@contextmanager
+def whole_facet_basis() -> Iterator[None]:
+    """Use it in all pairs evaluated meanwhile."""
+    function = partial(tabulate_facets, basis.tabulate_facets)
+    with (
+        patch.object(mortar.basis, "tabulate_facets", function),
+        patch.object(Contact, "update_carriers", lambda self: 0),  # hardly covered nodes stay
+    ):
+        yield
+
+
+def tabulate_facets(standard: Any, facets: Any, kind: int, *others: Any) -> None:
+    """As ``kernels.basis.tabulate_facets``, by way of the integrals of the standard basis."""
+    standard(facets, basis.STANDARD, *others)
+    edges, left, _ = facets
+    *_, offsets, pair_offsets, _, (D, dD, M, dM, g, dg, cover) = others
+    dual = (left == basis.BOTH) & (cover.sum(axis=1) > 0.0) & (kind == basis.DUAL)
+    of_segment = np.repeat(dual, np.diff(offsets))
+    of_pair = np.repeat(dual, np.diff(pair_offsets))
+    for array, chosen in ((M, of_segment), (dM, of_pair), (g, dual), (dg, of_segment)):
+        array[chosen] = np.einsum("ij,nj...->ni...", A, array[chosen])
+    length = np.linalg.norm(edges[dual], axis=1)[:, None]
+    D[dual] = 0.5 * length[:, :, None] * np.eye(2)
+    dD[of_segment] = 0.0
+    change = 0.5 * edges[dual] / length
+    for j in range(2):  # the facet's first segment tells all of it
+        dD[offsets[:-1][dual], j, j, 2:6] = np.hstack([-change, change])
