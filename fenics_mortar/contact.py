@@ -80,11 +80,13 @@ class ContactPair:
             there it is one that asks for the gap at the edge. "basis": always by the multiplier's
             function, as most codes do. "standard": by the standard functions (Petrov-Galerkin).
         integration: Where the gap is looked at. "segments": exactly, on every intersection of a
-            slave with a master facet. "elements": at ``points`` Gauss points per slave facet, each with
-            the partner that it hits, as in many codes; forces balance, but a uniform pressure
-            passes only as exactly as the points resolve the ends of master facets. "nodes": at the
-            slave nodes, which is node-to-segment contact; ``basis``, ``gap_weights`` and ``points``
-            mean nothing then. The last two are there for comparison.
+            slave with a master facet. "elements": at ``points`` Gauss points per slave facet, each
+            with the partner that it hits, as in many codes; forces balance, but a uniform pressure
+            passes only as well as the points resolve the ends of master facets. A facet with fewer
+            partners than nodes counts as uncovered. "nodes": at the slave nodes, which is
+            node-to-segment contact; each node that has a partner has its weight. ``basis`` and
+            ``gap_weights`` mean nothing then, and ``points`` is refused. The last two are there for
+            comparison: as points change their partners, the forces jump or have kinks.
         points: Gauss points per segment, with "elements" per slave facet; 5 by default.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default.

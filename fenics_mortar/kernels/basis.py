@@ -271,10 +271,10 @@ def tabulate_facets(facets, basis, gap_weights, offsets, pair_offsets, segments,
 
     ``facets`` = (edges (f, 2): vector from the first to the second node of each facet; left (f,):
     which nodes carry a multiplier; partial (f,): whether the covered part of the facet moves).
-    Facet e owns the segments offsets[e]:offsets[e+1] and the pairs pair_offsets[e]:pair_offsets[e+1] of
-    them: (i, k), k running fastest, where that moves, else only i = k. ``gap_weights`` says what
-    weighs the gap. ``segments`` = (ends, dends, spread (n, 2), M, dM, g, dg), all but the third of
-    ``tabulate_segments``. Fills ``values`` = (D (f, 2, 2),
+    Facet e owns the segments offsets[e]:offsets[e+1] and the pairs pair_offsets[e]:
+    pair_offsets[e+1] of them: (i, k), k running fastest, where that moves, else only i = k.
+    ``gap_weights`` says what weighs the gap. ``segments`` = (ends, dends, spread (n, 2), M, dM, g,
+    dg), all but the third of ``tabulate_segments``. Fills ``values`` = (D (f, 2, 2),
     dD (n, 2, 2, 12), M (n, 2, 2), dM (pairs, 2, 2, 12), g (f, 2), dg (n, 2, 12), cover (f, 2):
     the integrals of N_1 and N_2 over the covered part). dM must come zeroed; rows of facets without
     segments are left as they are.
