@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 from mpi4py import MPI
@@ -19,11 +19,12 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.contact import Contact, ContactPair
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.release import release_slowly
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
 from fenics_mortar.tangent import TangentCheck, check_tangent
@@ -137,10 +138,11 @@ class ContactProblem:
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
         """
         self.bulk.check_finite()
+        self._floating.let_go()
         self._clock.read()
         try:
             moved = self._floating.settle(self._evaluate_forces)
-            report = solve(self, self.newton)
+            report = self._solve()
             moved += self._floating.check()
         except MortarError:
             self._last_converged = False
@@ -152,10 +154,39 @@ class ContactProblem:
         self._overlaps = []
         return report
 
+    def _solve(self) -> NewtonReport:
+        """One Newton loop; where that fails and bodies float, several with springs that let go."""
+        start = self.state()
+        try:
+            return solve(self, self.newton)
+        except NotConvergedError as error:
+            if not self._floating.bodies:
+                raise
+            self.restore(start)
+            return release_slowly(self, self.newton, error)
+
+    def hold(self, travel: float | None) -> None:
+        """Tie floating bodies to where they are by springs, or let them go; see ``release``."""
+        if travel is None:
+            self._floating.let_go()
+        else:
+            bulk, contact = self.forces()
+            self._floating.hold(bulk + contact, np.abs(bulk) + np.abs(contact), travel)
+
+    def travel(self) -> float:
+        """How far bodies have moved since ``hold``, in shortest facets."""
+        return self._floating.travel()
+
+    def remaining(self) -> tuple[float, str]:
+        """Part of the forces that springs hold, and that in words."""
+        sizes = self._sizes()
+        return self._floating.part_held(sizes), self._floating.describe_springs(sizes)
+
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
         with self._clock("bulk"):
             self.bulk.assemble_residual()
+            self._floating.add_spring_forces()
         with self._clock("contact"):
             if start:
                 self._begin()
@@ -187,6 +218,11 @@ class ContactProblem:
         self._evaluate_contacts(start=True)
         bulk, contact = self.forces()
         return bulk + contact, np.abs(bulk) + np.abs(contact)
+
+    def _sizes(self) -> Array:
+        """Sum of the sizes of all forces at each owned dof, without springs."""
+        bulk, contact = self.forces()
+        return np.abs(bulk) + np.abs(contact)
 
     def _contact_force(self) -> Array:
         """B^T z on the owned dofs."""
@@ -336,7 +372,10 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
-        return certify(self.bulk, self.contacts, self._floating.labels)
+        certificate = certify(self.bulk, self.contacts, self._floating.labels)
+        if not self._floating.held:
+            return certificate
+        return replace(certificate, springs=self._floating.part_held(self._sizes()))
 
     def forces(self) -> tuple[Array, Array]:
         """Residual of the bulk and contact force at the present state, owned parts [stress length].
@@ -344,7 +383,9 @@ class ContactProblem:
         What they sum to at prescribed dofs are the reactions of the supports.
         """
         self.bulk.assemble_residual()
-        return self.bulk.r.array_r[: self.bulk.num_owned].copy(), self._contact_force()
+        bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
+        self._floating.add_spring_forces()
+        return bulk, self._contact_force()
 
     # For research
 
