@@ -19,6 +19,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import nnls
 
 from fenics_mortar import compat
@@ -32,7 +33,7 @@ from fenics_mortar.bodies import (
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError, place
-from fenics_mortar.surfaces import Array, Surface
+from fenics_mortar.surfaces import Array, Indices, Surface
 
 # Active contact holds a motion if it closes or opens gaps by more than this part of it.
 HELD = 1e-3
@@ -217,10 +218,9 @@ class FloatingBodies:
 
     def _spread(self, stiffness: dict[int, float]) -> Array:
         """Stiffness of the springs at the owned dofs from that of each body."""
-        labels = np.repeat(self.labels[: self._bulk.num_owned // 2], 2)
-        springs = np.zeros(labels.size)
+        springs = np.zeros(self._bulk.num_owned)
         for body in self.bodies:
-            springs[labels == body.label] = stiffness[body.label] / body.num_nodes
+            springs[self._dofs_of(body)] = stiffness[body.label] / body.num_nodes
         return springs
 
     def drop_undriven(
@@ -237,9 +237,9 @@ class FloatingBodies:
         for body in loose if self._springs is None else []:
             drive = float(np.linalg.norm(self._resultant(body, total)))
             if drive <= UNDRIVEN * force + NOISE * body.stiffest * body.size:
-                mine, motions = self._motions(body)
+                dofs, motions = self._motions(body)
                 excess = self._rigid_part(body, step.array_r) @ motions
-                step.array.reshape(-1, 2)[mine] -= excess.reshape(-1, 2)
+                step.array[dofs] -= excess.reshape(-1, 2)
 
     def check(self) -> list[str]:
         """What became of bodies that had no contact force before the solve and have none now.
@@ -295,7 +295,7 @@ class FloatingBodies:
                 found = self.labels[first[data.cell_tags.find(tag)]] == label
                 if bulk.comm.allreduce(bool(found.any()), MPI.LOR):
                     return f"body '{name}'"
-        X = bulk.V.tabulate_dof_coordinates()[: bulk.num_owned // 2, :2]
+        X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, :2]
         mine = self.labels[: len(X)] == label
         return f"the body around {place(centre_and_size(X[mine], bulk.comm)[0])}"
 
@@ -337,13 +337,12 @@ class FloatingBodies:
 
     def _resultant(self, body: FloatingBody, total: Array) -> Array:
         """Resultant of the forces along the body's motions, shape (motions,)."""
-        mine, motions = self._motions(body)
-        return self._bulk.comm.allreduce(-motions @ total.reshape(-1, 2)[mine].ravel())
+        dofs, motions = self._motions(body)
+        return self._bulk.comm.allreduce(-motions @ total[dofs].ravel())
 
     def _size_of_forces(self, body: FloatingBody, sizes: Array) -> float:
         """Sum of the sizes of all forces on a body."""
-        mine, _ = self._motions(body)
-        return self._bulk.comm.allreduce(float(sizes.reshape(-1, 2)[mine].sum()))
+        return self._bulk.comm.allreduce(float(sizes[self._dofs_of(body)].sum()))
 
     def _move(self, body: FloatingBody, coefficients: Array) -> None:
         """Add a rigid motion; its rotation is a true one, so nothing is strained."""
@@ -353,18 +352,25 @@ class FloatingBodies:
         arm = self._bulk.positions()[mine] - body.centre
         cosine, sine = np.cos(angle) - 1.0, np.sin(angle)
         turn = np.array([[cosine, -sine], [sine, cosine]])
-        self._bulk.u.x.array.reshape(-1, 2)[mine] += arm @ turn.T + np.array([x, y])
+        self._bulk.u.x.array[self._bulk.space.dofs[mine]] += arm @ turn.T + np.array([x, y])
 
-    def _motions(self, body: FloatingBody) -> tuple[Array, Array]:
-        """Owned nodes of a body as a mask, and its motions there, (motions, 2 * nodes)."""
-        mine = self.labels[: self._bulk.num_owned // 2] == body.label
-        x = self._bulk.positions()[: mine.size][mine]
-        return mine, body.displacement(x).reshape(len(body.motions), -1)
+    def _motions(self, body: FloatingBody) -> tuple[Indices, Array]:
+        """Dofs (nodes, 2) of a body's owned nodes, and its motions there, (motions, 2 * nodes)."""
+        x = self._bulk.positions()[: self._bulk.space.num_nodes][self._nodes_of(body)]
+        return self._dofs_of(body), body.displacement(x).reshape(len(body.motions), -1)
+
+    def _nodes_of(self, body: FloatingBody) -> npt.NDArray[np.bool_]:
+        """Which of the owned nodes are of a body."""
+        return self.labels[: self._bulk.space.num_nodes] == body.label
+
+    def _dofs_of(self, body: FloatingBody) -> Indices:
+        """Local dofs of the owned nodes of a body, shape (nodes, 2)."""
+        return self._bulk.space.owned_dofs[self._nodes_of(body)]
 
     def _rigid_part(self, body: FloatingBody, change: Array) -> Array:
         """Coefficients of the body's motions in a displacement (owned part), shape (motions,)."""
-        mine, motions = self._motions(body)
-        answer = motions @ change.reshape(-1, 2)[mine].ravel()
+        dofs, motions = self._motions(body)
+        answer = motions @ change[dofs].ravel()
         products = self._bulk.comm.allreduce(np.column_stack([motions @ motions.T, answer]))
         return np.linalg.solve(products[:, :-1], products[:, -1])
 
@@ -392,7 +398,7 @@ class FloatingBodies:
         return min(float(contact.slave.lengths.min()) for contact in self._contacts)
 
     def _labels_of(self, surface: Surface) -> Array:
-        return surface.gather(np.repeat(self.labels, 2).astype(float))[:, 0]
+        return surface.gather(self._bulk.spread(self.labels))[:, 0]
 
 
 def closest_below(wanted: Array, rows: Array, room: Array) -> Array:

@@ -25,6 +25,7 @@ from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.release import release_slowly
+from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
 from fenics_mortar.tangent import TangentCheck, check_tangent
@@ -51,7 +52,8 @@ class ContactProblem:
     Args:
         residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``. Give
             its measures a ``quadrature_degree``.
-        u: Displacement; its present value is the start of the next solve.
+        u: Displacement, alone or with other unknowns (as a pressure) in a mixed function; its
+            present value is the start of the next solve.
         pairs: Contact pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
@@ -61,6 +63,7 @@ class ContactProblem:
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
+        displacement: Number of the displacement's sub-space, if ``u`` is a mixed function.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
@@ -88,10 +91,12 @@ class ContactProblem:
         linearization: str = "full",
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
+        displacement: int = 0,
     ) -> None:
         if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
-        check_space(u.function_space, pairs)
+        space = DisplacementSpace(u.function_space, displacement)
+        check_space(space.V, pairs)
         if linearization not in LINEARIZATIONS:
             allowed = ", ".join(LINEARIZATIONS)
             raise ValueError(f"linearization={linearization!r}: allowed are {allowed}")
@@ -101,9 +106,9 @@ class ContactProblem:
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
         self._clock = _Clock()
-        self.bulk = Bulk(residual, u, list(bcs), jacobian)
+        self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
-        self.contacts = [Contact(pair, self.bulk.V, self.bulk.prescribed) for pair in pairs]
+        self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
         self.bulk.check_finite()
@@ -248,9 +253,9 @@ class ContactProblem:
             part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
-        increment = float(step.norm(PETSc.NormType.INFINITY))
+        increment = self.bulk.largest(step.array_r)
         step.destroy()
-        size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
+        size = max(self.bulk.largest(self.bulk.u.x.array), 1e-8 * self._facet_length(), 1e-300)
         return Step(increment / size, part, self._floating.remark(loose))
 
     def merge_sets(self, period: int) -> str:
@@ -299,22 +304,19 @@ class ContactProblem:
             rows += ((contact.stiffness * gap) ** 2).sum()
             rows += ((contact.operators.diagonal * tangential) ** 2).sum()
         self._total = total = self.bulk.r.array_r[:size] + contact_force
-        free = total.copy()
-        free[held] = self.stiffest * self.bulk.distance_to_prescribed()
-        mine = [free @ free, contact_force @ contact_force, total[held] @ total[held]]
+        free = self.bulk.units * total
+        reactions = free[held]
+        free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
+        mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
         free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
         return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
 
     def _noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
-        bulk = np.sqrt(num_dofs) * self._largest_displacement()
+        bulk = np.sqrt(num_dofs) * self.bulk.largest(self.bulk.u.x.array)
         contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
         return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
-
-    def _largest_displacement(self) -> float:
-        u = self.bulk.u.x.array
-        return self.comm.allreduce(float(np.abs(u).max(initial=0.0)), MPI.MAX)
 
     def _facet_length(self) -> float:
         return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
@@ -329,18 +331,21 @@ class ContactProblem:
             raise MortarError(
                 f"the bulk tangent is not finite at the initial displacement: {reason}"
             )
-        loose = (diagonal == 0.0) & ~self.bulk.prescribed[: self.bulk.num_owned]
+        dofs = self.bulk.space.owned_dofs
+        loose = np.zeros(diagonal.size, bool)
+        loose[dofs] = (diagonal[dofs] == 0.0) & ~self.bulk.prescribed[dofs]
         count, where = self.bulk.count_nodes(loose)
         if count:
-            mine = set(self._floating.labels[np.flatnonzero(loose) // 2].tolist())
+            mine = set(self._floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
             bodies = sorted(set().union(*self.comm.allgather(mine)))
             names = ", ".join(self._floating.name_of(label) for label in bodies)
             raise MortarError(
                 f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
                 "the residual form has to hold the stress of every body"
             )
-        largest = float(np.abs(diagonal).max(initial=0.0))
+        largest = float(np.abs(diagonal[dofs]).max(initial=0.0))
         self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
+        self.bulk.set_units(self.stiffest)
         for contact in self.contacts:
             contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
 
