@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 import ufl
 
 from fenics_mortar import compat
+from fenics_mortar.clock import clock
 from fenics_mortar.errors import MortarError, count_places, raise_together
 from fenics_mortar.surfaces import Array
 
@@ -85,10 +86,12 @@ class Bulk:
         """Local numbers of the owned dofs with prescribed values."""
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
 
+    @clock("residual")
     def assemble_residual(self) -> None:
         """Assemble ``r`` at the present displacement (collective)."""
         compat.assemble_vector(self.r, self._residual)
 
+    @clock("tangent")
     def assemble_tangent(self) -> None:
         """Assemble ``K`` at the present displacement (collective)."""
         if self._num_entries and self.num_entries() > MOST_FILL * self._num_entries:

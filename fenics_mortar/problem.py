@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, get_args
 
@@ -18,6 +16,7 @@ import numpy.typing as npt
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
+from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MortarError
 from fenics_mortar.floating import FloatingBodies
@@ -99,7 +98,6 @@ class ContactProblem:
             raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
-        self._clock = _Clock()
         self.bulk = Bulk(residual, u, list(bcs), jacobian)
         self.comm: MPI.Comm = self.bulk.comm
         self.contacts = [Contact(pair, self.bulk.V, self.bulk.prescribed) for pair in pairs]
@@ -136,8 +134,8 @@ class ContactProblem:
                 at the last iterate; to solve again, reset ``u`` and mend what was wrong.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
         """
+        clock.read()
         self.bulk.check_finite()
-        self._clock.read()
         try:
             moved = self._floating.settle(self._evaluate_forces)
             report = solve(self, self.newton)
@@ -154,22 +152,18 @@ class ContactProblem:
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
-        with self._clock("bulk"):
-            self.bulk.assemble_residual()
-        with self._clock("contact"):
-            if start:
-                self._begin()
-            changed = self._evaluate_contacts(start=start)
-            residual, force = self._residual_and_force()
-            self._force = force
-            gaps = [
-                np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts
-            ]
-            active = sum(int(c.active.sum()) for c in self.contacts)
-            self._recent_sets.append([c.active.copy() for c in self.contacts])
-            sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
-            gap = float(max(gaps, default=0.0))
-            return Status(residual, force, gap, active, changed, self._noise(), sets)
+        self.bulk.assemble_residual()
+        if start:
+            self._begin()
+        changed = self._evaluate_contacts(start=start)
+        residual, force = self._residual_and_force()
+        self._force = force
+        gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
+        active = sum(int(c.active.sum()) for c in self.contacts)
+        self._recent_sets.append([c.active.copy() for c in self.contacts])
+        sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
+        gap = float(max(gaps, default=0.0))
+        return Status(residual, force, gap, active, changed, self._noise(), sets)
 
     def _evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
@@ -188,6 +182,7 @@ class ContactProblem:
         bulk, contact = self.forces()
         return bulk + contact, np.abs(bulk) + np.abs(contact)
 
+    @clock("assembly")
     def _contact_force(self) -> Array:
         """B^T z on the owned dofs."""
         force = np.zeros(self.bulk.num_owned)
@@ -199,17 +194,15 @@ class ContactProblem:
 
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way where that would be too far."""
-        with self._clock("bulk"):
-            self.bulk.assemble_tangent()
-        with self._clock("contact"):
-            loose = self._floating.loose()
-            self._floating.add_springs(loose, self._total, self._force)
+        self.bulk.assemble_tangent()
+        loose = self._floating.loose()
+        self._floating.add_springs(loose, self._total, self._force)
+        with clock("assembly"):
             self.system.assemble()
-        with self._clock("solve"):
+        with clock("solve"):
             step, multipliers = self.system.solve()
-        with self._clock("bulk"):
-            self._floating.drop_undriven(loose, step, self._total, self._force)
-            part = self.bulk.move(step)
+        self._floating.drop_undriven(loose, step, self._total, self._force)
+        part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
         increment = float(step.norm(PETSc.NormType.INFINITY))
@@ -239,9 +232,11 @@ class ContactProblem:
             contact.begin()
 
     def seconds(self) -> dict[str, float]:
-        """Seconds since the last call by phase: bulk, contact, solve; of the slowest rank."""
-        mine = self._clock.read()
-        return {name: self.comm.allreduce(value, MPI.MAX) for name, value in mine.items()}
+        """Seconds since the last call by phase, see ``clock``; of the slowest rank in each."""
+        mine = clock.read()
+        slowest = np.array(list(mine.values()))
+        self.comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
+        return dict(zip(mine, slowest.tolist(), strict=True))
 
     def diagnose(self) -> str:
         """Name inverted cells and bodies that nothing holds."""
@@ -374,22 +369,3 @@ class ContactProblem:
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""
         return check_tangent(self, **options)
-
-
-class _Clock:
-    """Seconds by phase."""
-
-    def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, phase: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self._seconds[phase] = self._seconds.get(phase, 0.0) + time.perf_counter() - start
-
-    def read(self) -> dict[str, float]:
-        """Seconds since the last call."""
-        seconds = {name: self._seconds.get(name, 0.0) for name in ("bulk", "contact", "solve")}
-        self._seconds = {}
-        return seconds
