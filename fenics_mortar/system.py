@@ -16,13 +16,14 @@ Z_j = P_j / D_jj, where P_j leaves out prescribed components (eq. 14). Put in, t
 
     (Q K~ + C) dd = -Q r + rhs,       Q = 1 - B^T Z - A_z Z,
 
-whose slave rows then hold the contact law. Only rows of contact nodes differ from those of K: with
-the slave rows K_S of K~ and Q = 1 + R,
+whose slave rows then hold the contact law. Only rows of contact nodes differ from those of K~: with
+its slave rows K_S and Q = 1 + R,
 
-    Q K~ + C = K + (R K_S + K_c + C),
+    Q K~ + C = K~ + R K_S + C,
 
-and the bracket is added to K in place. K keeps the union of the patterns seen, so that an unchanged
-contact pattern costs neither memory nor a new symbolic factorization.
+and all of it is added to K in place. K keeps room for what contact can reach by sliding over a few
+facets, see ``reach``: until it goes further, neither the pattern nor the symbolic factorization is
+made anew.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, Rows
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block, dofs_of
+from fenics_mortar.reach import Reach
 from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
 
@@ -174,8 +176,10 @@ class CondensedSystem(LinearSystem):
             raise ValueError(f"algorithm='condensed': {obstacle}; use algorithm='saddle'")
         size, mine = bulk.num_owned, 2 * self.num_multipliers
         self._R = BlockMatrix(self.comm, size, mine)
-        self._direct = BlockMatrix(self.comm, size, size, 2)
-        self._slave_K_c = BlockMatrix(self.comm, mine, size)
+        self._K_c = BlockMatrix(self.comm, size, size, 2)
+        self._C = BlockMatrix(self.comm, size, size, 2)
+        self._reaches: list[Reach] = []
+        self._pattern = 0
         self._slave_K: Any = None
         dofs = np.empty((self.num_multipliers, 2), np.int64)
         for contact, place in self._numbered():
@@ -186,32 +190,39 @@ class CondensedSystem(LinearSystem):
         self._rhs = compat.create_vector(bulk.V).duplicate()
 
     def assemble(self) -> None:
-        """Add R K_S + K_c + C to K, and build -(1 + R) r + rhs."""
+        """Add K_c + R K_S + C to K, and build -(1 + R) r + rhs."""
         laws = [contact.rows() for contact in self.contacts]
-        direct, R = (
-            self._direct.assemble(self._direct_blocks(laws)),
-            self._R.assemble(self._R_blocks(laws)),
-        )
-        pattern = (self.bulk.num_entries(), self._direct.num_patterns, self._R.num_patterns)
-        K_S = self._slave_tangent()
-        bracket = R.matMult(K_S)
-        bracket.axpy(1.0, direct, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        if self.bulk.add_to_tangent(bracket, (*pattern, self._slave_K_c.num_patterns)):
-            # PETSc does not see that a sum has another pattern, and would keep the symbolic factors
+        new = self._update_pattern()
+        self.bulk.add_to_tangent(self._K_c.assemble(self._K_c_blocks(new)), new)
+        self._slave_K = self._slave_tangent()
+        R = self._R.assemble(self._R_blocks(laws, new))
+        product = R.matMult(self._slave_K)
+        self.bulk.add_to_tangent(product, new)
+        product.destroy()
+        self.bulk.add_to_tangent(self._C.assemble(self._C_blocks(laws)), False)
+        if new:  # PETSc does not see that a sum has another pattern, and would keep its factors
             self.ksp.reset()
-        bracket.destroy()
         self.matrix = self.bulk.K
         self._assemble_rhs(laws, R)
         self._hold(self.matrix, self._rhs, self.bulk.first)
+
+    def _update_pattern(self) -> bool:
+        """Whether the pattern of K has to grow; make the reaches anew then (collective)."""
+        now = [(contact.operators, contact.carries) for contact in self.contacts]
+        holds = self._pattern == self.bulk.num_patterns and all(
+            reach.holds(*state) for reach, state in zip(self._reaches, now, strict=True)
+        )
+        if self.comm.allreduce(holds, MPI.LAND):
+            return False
+        self._reaches = [Reach(*state) for state in now]
+        self._pattern = self.bulk.num_patterns
+        return True
 
     def _slave_tangent(self) -> PETSc.Mat:
         """K_S: the slave rows of K + K_c."""
         if self._slave_K is not None:
             self._slave_K.destroy()
-        self._slave_K = self.bulk.K.createSubMatrix(self._slave_rows, self._all_columns)
-        K_c = self._slave_K_c.assemble(self._slave_K_c_blocks())
-        self._slave_K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        return self._slave_K
+        return self.bulk.K.createSubMatrix(self._slave_rows, self._all_columns)
 
     @property
     def _all_columns(self) -> PETSc.IS:
@@ -219,24 +230,21 @@ class CondensedSystem(LinearSystem):
             self.bulk.num_owned, first=self.bulk.first, step=1, comm=self.comm
         )
 
-    def _slave_K_c_blocks(self) -> Iterable[Block]:
-        for contact, place in self._numbered():
-            o = contact.operators
-            if not o.linearization.frozen:
-                block = o.slave_force_derivative(contact.z)
-                rows = _components(place[o.segments.slave])
-                yield Block(rows, block.columns, block.values)
-
-    def _direct_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
-        """K_c, and C in the rows of the slave's displacement."""
+    def _K_c_blocks(self, new: bool) -> Iterable[Block]:
+        """K_c, with zeros for its reach where that is new."""
+        if new:
+            yield from (reach.derivative_pattern() for reach in self._reaches)
         yield from self._force_derivative()
+
+    def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+        """C in the rows of the slave's displacement."""
         for contact, law in zip(self.contacts, laws, strict=True):
             for block in law.blocks:
                 rows = 2 * contact.slave.nodes[block.rows // 2] + block.rows % 2
                 yield Block(rows, block.columns, block.values)
 
-    def _R_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
-        """R = -B^T Z - A_z Z; columns are multipliers."""
+    def _R_blocks(self, laws: Sequence[Rows], new: bool) -> Iterable[Block]:
+        """R = -B^T Z - A_z Z, with zeros for its reach where that is new; columns: multipliers."""
         for (contact, place), law in zip(self._numbered(), laws, strict=True):
             Z = self._inverse(contact)
             for block in contact.force_blocks():
@@ -248,6 +256,11 @@ class CondensedSystem(LinearSystem):
             yield Block(
                 dofs_of(contact.slave.nodes, mine[:, None]), _components(place[mine, None]), values
             )
+        if new:
+            for place, reach in zip(self.places, self._reaches, strict=True):
+                nodes, multipliers = reach.force_pattern()
+                rows, columns = _components(nodes[:, None]), _components(place[multipliers, None])
+                yield Block(rows, columns, np.zeros((len(nodes), 2, 2)))
 
     def _inverse(self, contact: Contact) -> Array:
         """Diagonal of Z_j, zero for inactive nodes, shape (slave nodes, 2) [1 / length]."""
