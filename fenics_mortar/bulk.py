@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 import ufl
+from ufl.algorithms import expand_derivatives
 
 from fenics_mortar import compat
 from fenics_mortar.clock import clock
@@ -48,6 +49,7 @@ class Bulk:
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         num_patterns: How many matrices ``K`` has been so far.
+        is_linear: Whether the residual is seen to be linear in the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
 
     Raises:
@@ -63,9 +65,13 @@ class Bulk:
                     f"Dirichlet condition {number} is of another space; right is the space of u or "
                     "a component of it"
                 )
+        self.is_linear = False
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(self.V))
+            expanded = expand_derivatives(jacobian)
+            self.is_linear = self.u not in expanded.coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
+        self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
         self._constants = {*residual.constants(), *jacobian.constants()}
         self._coefficients = {*residual.coefficients(), *jacobian.coefficients()}
         self.K: PETSc.Mat
@@ -87,6 +93,14 @@ class Bulk:
     def held(self) -> npt.NDArray[np.int32]:
         """Local numbers of the owned dofs with prescribed values."""
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
+
+    def tangent_data(self) -> list[Array]:
+        """Copies of the constants and functions in the form of the tangent, but for ``u``."""
+        return [
+            np.array(data.value if hasattr(data, "value") else data.x.array)
+            for data in self._tangent_data
+            if data is not self.u
+        ]
 
     @clock("residual")
     def assemble_residual(self) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, get_args
 
@@ -18,11 +19,12 @@ from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, ContactPair
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
 from fenics_mortar.tangent import TangentCheck, check_tangent
@@ -59,10 +61,13 @@ class ContactProblem:
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
+        linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
+            see ``reduced``. By default this is seen from ``residual``, and done once it pays.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
         bulk: Bulk residual and tangent.
+        floating: Bodies that Dirichlet conditions do not hold.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
 
     Raises:
@@ -86,6 +91,7 @@ class ContactProblem:
         linearization: str = "full",
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
+        linear_bulk: bool | None = None,
     ) -> None:
         if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
@@ -105,14 +111,15 @@ class ContactProblem:
         check_cells(self.bulk)
         self.bulk.check_finite()
         self.bulk.assemble_tangent()
-        self._floating = FloatingBodies(self.bulk, self.contacts)
+        self.floating = FloatingBodies(self.bulk, self.contacts)
         self._set_stiffness()
-        self._floating.find()
+        self.floating.find()
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(self.contacts) else "condensed"
         self.system = SYSTEMS[algorithm](
             self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
         )
+        self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._last_converged = False
         self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []
         for contact in self.contacts:
@@ -137,9 +144,9 @@ class ContactProblem:
         clock.read()
         self.bulk.check_finite()
         try:
-            moved = self._floating.settle(self._evaluate_forces)
-            report = solve(self, self.newton)
-            moved += self._floating.check()
+            moved = self.floating.settle(self._evaluate_forces)
+            report = self._solve()
+            moved += self.floating.check()
         except MortarError:
             self._last_converged = False
             raise
@@ -150,9 +157,36 @@ class ContactProblem:
         self._overlaps = []
         return report
 
+    def _solve(self) -> NewtonReport:
+        """Solve on the contact dofs where the bulk is linear, else on all."""
+        reduced, remarks = self._linear_bulk.choose()
+        if reduced is not None:
+            start = self.state()
+            with suppress(NotConvergedError):
+                report = solve(reduced, self.newton)
+                reduced.finish()
+                if self._is_sound(report):
+                    return report
+            self.restore(start)
+            remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
+        report = solve(self, self.newton)
+        self._linear_bulk.count(report.num_iterations)
+        report.notes[:0] = remarks
+        return report
+
+    def _is_sound(self, report: NewtonReport) -> bool:
+        """Whether the present state solves all equations and inverts no cell (collective)."""
+        status = self.evaluate(start=False)
+        allowed = self.newton.residual_tolerance * max(report.force, status.force) + status.noise
+        return status.residual <= allowed and not self.bulk.inverted_cells()[0]
+
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
         self.bulk.assemble_residual()
+        return self.look(start=start)
+
+    def look(self, *, start: bool) -> Status:
+        """Evaluate operators and active sets; the residual of the bulk is there."""
         if start:
             self._begin()
         changed = self._evaluate_contacts(start=start)
@@ -163,7 +197,7 @@ class ContactProblem:
         self._recent_sets.append([c.active.copy() for c in self.contacts])
         sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
         gap = float(max(gaps, default=0.0))
-        return Status(residual, force, gap, active, changed, self._noise(), sets)
+        return Status(residual, force, gap, active, changed, self.noise(), sets)
 
     def _evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
@@ -195,20 +229,24 @@ class ContactProblem:
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way where that would be too far."""
         self.bulk.assemble_tangent()
-        loose = self._floating.loose()
-        self._floating.add_springs(loose, self._total, self._force)
+        loose = self.floating.loose()
+        self.floating.add_springs(loose, self._total, self._force)
         with clock("assembly"):
             self.system.assemble()
         with clock("solve"):
             step, multipliers = self.system.solve()
-        self._floating.drop_undriven(loose, step, self._total, self._force)
+        self.floating.drop_undriven(loose, step, self._total, self._force)
         part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
         increment = float(step.norm(PETSc.NormType.INFINITY))
         step.destroy()
+        return self.step(increment, part, self.floating.remark(loose))
+
+    def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
+        """Record of a step taken, by its largest increment [length]."""
         size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
-        return Step(increment / size, part, self._floating.remark(loose))
+        return Step(increment / size, part, note)
 
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of the active set; say how.
@@ -243,7 +281,7 @@ class ContactProblem:
         count, where = self.bulk.inverted_cells()
         if count:
             return f"{count} cells are inverted, one at {where}: try smaller load steps"
-        return self._floating.describe(self._floating.loose())
+        return self.floating.describe(self.floating.loose())
 
     def _residual_and_force(self) -> tuple[float, float]:
         """Norm of all equations and of the forces they are made of [stress length].
@@ -264,7 +302,7 @@ class ContactProblem:
         free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
         return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
 
-    def _noise(self) -> float:
+    def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
         bulk = np.sqrt(num_dofs) * self._largest_displacement()
@@ -291,9 +329,9 @@ class ContactProblem:
         loose = (diagonal == 0.0) & ~self.bulk.prescribed[: self.bulk.num_owned]
         count, where = self.bulk.count_nodes(loose)
         if count:
-            mine = set(self._floating.labels[np.flatnonzero(loose) // 2].tolist())
+            mine = set(self.floating.labels[np.flatnonzero(loose) // 2].tolist())
             bodies = sorted(set().union(*self.comm.allgather(mine)))
-            names = ", ".join(self._floating.name_of(label) for label in bodies)
+            names = ", ".join(self.floating.name_of(label) for label in bodies)
             raise MortarError(
                 f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
                 "the residual form has to hold the stress of every body"
@@ -331,7 +369,7 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
-        return certify(self.bulk, self.contacts, self._floating.labels)
+        return certify(self.bulk, self.contacts, self.floating.labels)
 
     def forces(self) -> tuple[Array, Array]:
         """Residual of the bulk and contact force at the present state, owned parts [stress length].

@@ -109,15 +109,44 @@ class LinearSystem(ABC):
         """Local positions of the multipliers owned here."""
         return place[contact.slave.owned] - self._first_multiplier
 
-    def _numbered(self) -> Iterator[tuple[Contact, Indices]]:
+    def numbered(self) -> Iterator[tuple[Contact, Indices]]:
         """Contacts with the numbers of their multipliers."""
         return zip(self.contacts, self.places, strict=True)
 
-    def _force_derivative(self) -> Iterable[Block]:
+    def force_derivative(self) -> Iterable[Block]:
         """Blocks of K_c = d(B^T z)/dd at fixed z."""
         for contact in self.contacts:
             if not contact.operators.linearization.frozen:
                 yield from contact.operators.force_derivative(contact.z)
+
+    def scale(self, contact: Contact) -> Array:
+        """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
+        diagonal = np.where(contact.active, contact.operators.diagonal, contact.nodal_lengths)
+        return contact.stiffness / diagonal
+
+    def force_blocks(self) -> Iterable[Block]:
+        """Blocks of B^T for zeta; columns are numbers of multipliers."""
+        for contact, place in self.numbered():
+            scale = self.scale(contact)
+            for rows, columns, values in contact.force_blocks():
+                j = columns // 2
+                yield Block(rows, 2 * place[j] + columns % 2, values * scale[j][:, None, :])
+
+    def law_blocks(self) -> Iterable[Block]:
+        """Blocks of C; rows are numbers of multipliers."""
+        for contact, place in self.numbered():
+            for block in contact.rows().blocks:
+                rows = 2 * place[block.rows // 2] + block.rows % 2
+                yield Block(rows, block.columns, block.values)
+
+    def multiplier_blocks(self) -> Iterable[Block]:
+        """Blocks of A_z for zeta, of the multipliers owned here."""
+        for contact, place in self.numbered():
+            mine = contact.slave.owned
+            dofs = 2 * place[mine][:, None] + np.arange(2)
+            yield Block(
+                dofs, dofs, contact.rows().A_z[mine] * self.scale(contact)[mine, None, None]
+            )
 
     def _hold(self, matrix: PETSc.Mat, rhs: PETSc.Vec, first_row: int) -> None:
         """Replace the rows of prescribed dofs by k (dd) = k (prescribed - present)."""
@@ -182,7 +211,7 @@ class CondensedSystem(LinearSystem):
         self._pattern = 0
         self._slave_K: Any = None
         dofs = np.empty((self.num_multipliers, 2), np.int64)
-        for contact, place in self._numbered():
+        for contact, place in self.numbered():
             dofs[self.local(contact, place)] = dofs_of(
                 contact.slave.nodes, contact.slave.owned[:, None]
             )
@@ -234,7 +263,7 @@ class CondensedSystem(LinearSystem):
         """K_c, with zeros for its reach where that is new."""
         if new:
             yield from (reach.derivative_pattern() for reach in self._reaches)
-        yield from self._force_derivative()
+        yield from self.force_derivative()
 
     def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
         """C in the rows of the slave's displacement."""
@@ -245,7 +274,7 @@ class CondensedSystem(LinearSystem):
 
     def _R_blocks(self, laws: Sequence[Rows], new: bool) -> Iterable[Block]:
         """R = -B^T Z - A_z Z, with zeros for its reach where that is new; columns: multipliers."""
-        for (contact, place), law in zip(self._numbered(), laws, strict=True):
+        for (contact, place), law in zip(self.numbered(), laws, strict=True):
             Z = self._inverse(contact)
             for block in contact.force_blocks():
                 j, component = block.columns // 2, block.columns % 2
@@ -269,7 +298,7 @@ class CondensedSystem(LinearSystem):
 
     def _assemble_rhs(self, laws: Sequence[Rows], R: PETSc.Mat) -> None:
         slave_r = R.createVecRight()
-        for contact, place in self._numbered():
+        for contact, place in self.numbered():
             mine = contact.slave.local_nodes
             values = self.bulk.r.array_r.reshape(-1, 2)[mine]
             slave_r.array.reshape(-1, 2)[self.local(contact, place)] = values
@@ -285,7 +314,7 @@ class CondensedSystem(LinearSystem):
         force = self._slave_K.createVecLeft()
         self._slave_K.mult(dd, force)
         total = self.bulk.r.array_r[: self.bulk.num_owned].copy()
-        for contact, place in self._numbered():
+        for contact, place in self.numbered():
             change = force.array_r.reshape(-1, 2)[self.local(contact, place)]
             total.reshape(-1, 2)[contact.slave.local_nodes] += change
         return dd, [-self._inverse(c) * c.slave.gather(total) for c in self.contacts]
@@ -331,10 +360,10 @@ class SaddleSystem(LinearSystem):
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
         """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
         K = self.bulk.K.copy()
-        K_c = self._K_c.assemble(self._force_derivative())
+        K_c = self._K_c.assemble(self.force_derivative())
         K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        B_T = self._B_T.assemble(self._force_blocks())
-        C, A_z = self._C.assemble(self._law_blocks()), self._A_z.assemble(self._multiplier_blocks())
+        B_T = self._B_T.assemble(self.force_blocks())
+        C, A_z = self._C.assemble(self.law_blocks()), self._A_z.assemble(self.multiplier_blocks())
         return K, B_T, C, A_z
 
     def assemble(self) -> None:
@@ -350,37 +379,11 @@ class SaddleSystem(LinearSystem):
         self._rhs = self.matrix.createVecLeft()
         size = self.bulk.num_owned
         self._rhs.array[:size] = -self.bulk.r.array_r[:size]
-        for contact, place in self._numbered():
+        for contact, place in self.numbered():
             self._rhs.array[size:].reshape(-1, 2)[self.local(contact, place)] = contact.rows().rhs[
                 contact.slave.owned
             ]
         self._hold(self.matrix, self._rhs, self.matrix.getOwnershipRange()[0])
-
-    def scale(self, contact: Contact) -> Array:
-        """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
-        diagonal = np.where(contact.active, contact.operators.diagonal, contact.nodal_lengths)
-        return contact.stiffness / diagonal
-
-    def _force_blocks(self) -> Iterable[Block]:
-        for contact, place in self._numbered():
-            scale = self.scale(contact)
-            for rows, columns, values in contact.force_blocks():
-                j = columns // 2
-                yield Block(rows, 2 * place[j] + columns % 2, values * scale[j][:, None, :])
-
-    def _law_blocks(self) -> Iterable[Block]:
-        for contact, place in self._numbered():
-            for block in contact.rows().blocks:
-                rows = 2 * place[block.rows // 2] + block.rows % 2
-                yield Block(rows, block.columns, block.values)
-
-    def _multiplier_blocks(self) -> Iterable[Block]:
-        for contact, place in self._numbered():
-            mine = contact.slave.owned
-            dofs = 2 * place[mine][:, None] + np.arange(2)
-            yield Block(
-                dofs, dofs, contact.rows().A_z[mine] * self.scale(contact)[mine, None, None]
-            )
 
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve for dd and zeta; z is handed to all ranks."""
@@ -389,7 +392,7 @@ class SaddleSystem(LinearSystem):
         dd = PETSc.Vec().createMPI((size, None), comm=self.comm)
         dd.array[:] = solution.array_r[:size]
         multipliers = []
-        for contact, place in self._numbered():
+        for contact, place in self.numbered():
             zeta = np.zeros((contact.slave.num_nodes, 2))
             mine = contact.slave.owned
             zeta[mine] = solution.array_r[size:].reshape(-1, 2)[self.local(contact, place)]
