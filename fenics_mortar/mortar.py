@@ -30,6 +30,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.clock import clock
 from fenics_mortar.kernels import basis, curved, normals, segment
 from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.surfaces import Array, Indices, Surface
@@ -260,6 +261,7 @@ def share_of(items: Indices, comm: MPI.Comm) -> Indices:
     return items[bounds[0] : bounds[1]]
 
 
+@clock("integrals")
 def evaluate_mortar(
     slave: Surface,
     master: Surface,

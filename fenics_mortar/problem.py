@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, get_args
 
@@ -18,12 +17,14 @@ import numpy.typing as npt
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
+from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
@@ -64,10 +65,13 @@ class ContactProblem:
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
         displacement: Number of the displacement's sub-space, if ``u`` is a mixed function.
+        linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
+            see ``reduced``. By default this is seen from ``residual``, and done once it pays.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
         bulk: Bulk residual and tangent.
+        floating: Bodies that Dirichlet conditions do not hold.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
 
     Raises:
@@ -92,6 +96,7 @@ class ContactProblem:
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
         displacement: int = 0,
+        linear_bulk: bool | None = None,
     ) -> None:
         if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
@@ -105,7 +110,6 @@ class ContactProblem:
             raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
-        self._clock = _Clock()
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
         self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
@@ -113,14 +117,15 @@ class ContactProblem:
         check_cells(self.bulk)
         self.bulk.check_finite()
         self.bulk.assemble_tangent()
-        self._floating = FloatingBodies(self.bulk, self.contacts)
+        self.floating = FloatingBodies(self.bulk, self.contacts)
         self._set_stiffness()
-        self._floating.find()
+        self.floating.find()
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(self.contacts) else "condensed"
         self.system = SYSTEMS[algorithm](
             self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
         )
+        self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._last_converged = False
         self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []
         for contact in self.contacts:
@@ -142,13 +147,13 @@ class ContactProblem:
                 at the last iterate; to solve again, reset ``u`` and mend what was wrong.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
         """
+        clock.read()
         self.bulk.check_finite()
-        self._floating.let_go()
-        self._clock.read()
+        self.floating.let_go()
         try:
-            moved = self._floating.settle(self._evaluate_forces)
+            moved = self.floating.settle(self._evaluate_forces)
             report = self._solve()
-            moved += self._floating.check()
+            moved += self.floating.check()
         except MortarError:
             self._last_converged = False
             raise
@@ -160,12 +165,35 @@ class ContactProblem:
         return report
 
     def _solve(self) -> NewtonReport:
+        """Solve on the contact dofs where the bulk is linear, else on all."""
+        reduced, remarks = self._linear_bulk.choose()
+        if reduced is not None:
+            start = self.state()
+            with suppress(NotConvergedError):
+                report = solve(reduced, self.newton)
+                reduced.finish()
+                if self._is_sound(report):
+                    return report
+            self.restore(start)
+            remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
+        report = self._solve_on_all_dofs()
+        self._linear_bulk.count(report.num_iterations)
+        report.notes[:0] = remarks
+        return report
+
+    def _is_sound(self, report: NewtonReport) -> bool:
+        """Whether the present state solves all equations and inverts no cell (collective)."""
+        status = self.evaluate(start=False)
+        allowed = self.newton.residual_tolerance * max(report.force, status.force) + status.noise
+        return status.residual <= allowed and not self.bulk.inverted_cells()[0]
+
+    def _solve_on_all_dofs(self) -> NewtonReport:
         """One Newton loop; where that fails and bodies float, several with springs that let go."""
         start = self.state()
         try:
             return solve(self, self.newton)
         except NotConvergedError as error:
-            if not self._floating.bodies:
+            if not self.floating.bodies:
                 raise
             self.restore(start)
             return release_slowly(self, self.newton, error)
@@ -173,39 +201,39 @@ class ContactProblem:
     def hold(self, travel: float | None) -> None:
         """Tie floating bodies to where they are by springs, or let them go; see ``release``."""
         if travel is None:
-            self._floating.let_go()
+            self.floating.let_go()
         else:
             bulk, contact = self.forces()
-            self._floating.hold(bulk + contact, np.abs(bulk) + np.abs(contact), travel)
+            self.floating.hold(bulk + contact, np.abs(bulk) + np.abs(contact), travel)
 
     def travel(self) -> float:
         """How far bodies have moved since ``hold``, in shortest facets."""
-        return self._floating.travel()
+        return self.floating.travel()
 
     def remaining(self) -> tuple[float, str]:
         """Part of the forces that springs hold, and that in words."""
         sizes = self._sizes()
-        return self._floating.part_held(sizes), self._floating.describe_springs(sizes)
+        return self.floating.part_held(sizes), self.floating.describe_springs(sizes)
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
-        with self._clock("bulk"):
-            self.bulk.assemble_residual()
-            self._floating.add_spring_forces()
-        with self._clock("contact"):
-            if start:
-                self._begin()
-            changed = self._evaluate_contacts(start=start)
-            residual, force = self._residual_and_force()
-            self._force = force
-            gaps = [
-                np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts
-            ]
-            active = sum(int(c.active.sum()) for c in self.contacts)
-            self._recent_sets.append([c.active.copy() for c in self.contacts])
-            sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
-            gap = float(max(gaps, default=0.0))
-            return Status(residual, force, gap, active, changed, self._noise(), sets)
+        self.bulk.assemble_residual()
+        self.floating.add_spring_forces()
+        return self.look(start=start)
+
+    def look(self, *, start: bool) -> Status:
+        """Evaluate operators and active sets; the residual of the bulk is there."""
+        if start:
+            self._begin()
+        changed = self._evaluate_contacts(start=start)
+        residual, force = self._residual_and_force()
+        self._force = force
+        gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
+        active = sum(int(c.active.sum()) for c in self.contacts)
+        self._recent_sets.append([c.active.copy() for c in self.contacts])
+        sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
+        gap = float(max(gaps, default=0.0))
+        return Status(residual, force, gap, active, changed, self.noise(), sets)
 
     def _evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
@@ -229,6 +257,7 @@ class ContactProblem:
         bulk, contact = self.forces()
         return np.abs(bulk) + np.abs(contact)
 
+    @clock("assembly")
     def _contact_force(self) -> Array:
         """B^T z on the owned dofs."""
         force = np.zeros(self.bulk.num_owned)
@@ -240,23 +269,25 @@ class ContactProblem:
 
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way where that would be too far."""
-        with self._clock("bulk"):
-            self.bulk.assemble_tangent()
-        with self._clock("contact"):
-            loose = self._floating.loose()
-            self._floating.add_springs(loose, self._total, self._force)
+        self.bulk.assemble_tangent()
+        loose = self.floating.loose()
+        self.floating.add_springs(loose, self._total, self._force)
+        with clock("assembly"):
             self.system.assemble()
-        with self._clock("solve"):
+        with clock("solve"):
             step, multipliers = self.system.solve()
-        with self._clock("bulk"):
-            self._floating.drop_undriven(loose, step, self._total, self._force)
-            part = self.bulk.move(step)
+        self.floating.drop_undriven(loose, step, self._total, self._force)
+        part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
         increment = self.bulk.largest(step.array_r)
         step.destroy()
+        return self.step(increment, part, self.floating.remark(loose))
+
+    def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
+        """Record of a step taken, by its largest increment [length]."""
         size = max(self.bulk.largest(self.bulk.u.x.array), 1e-8 * self._facet_length(), 1e-300)
-        return Step(increment / size, part, self._floating.remark(loose))
+        return Step(increment / size, part, note)
 
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of the active set; say how.
@@ -280,16 +311,18 @@ class ContactProblem:
             contact.begin()
 
     def seconds(self) -> dict[str, float]:
-        """Seconds since the last call by phase: bulk, contact, solve; of the slowest rank."""
-        mine = self._clock.read()
-        return {name: self.comm.allreduce(value, MPI.MAX) for name, value in mine.items()}
+        """Seconds since the last call by phase, see ``clock``; of the slowest rank in each."""
+        mine = clock.read()
+        slowest = np.array(list(mine.values()))
+        self.comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
+        return dict(zip(mine, slowest.tolist(), strict=True))
 
     def diagnose(self) -> str:
         """Name inverted cells and bodies that nothing holds."""
         count, where = self.bulk.inverted_cells()
         if count:
             return f"{count} cells are inverted, one at {where}: try smaller load steps"
-        return self._floating.describe(self._floating.loose())
+        return self.floating.describe(self.floating.loose())
 
     def _residual_and_force(self) -> tuple[float, float]:
         """Norm of all equations and of the forces they are made of [stress length].
@@ -311,7 +344,7 @@ class ContactProblem:
         free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
         return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
 
-    def _noise(self) -> float:
+    def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
         bulk = np.sqrt(num_dofs) * self.bulk.largest(self.bulk.u.x.array)
@@ -336,9 +369,9 @@ class ContactProblem:
         loose[dofs] = (diagonal[dofs] == 0.0) & ~self.bulk.prescribed[dofs]
         count, where = self.bulk.count_nodes(loose)
         if count:
-            mine = set(self._floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
+            mine = set(self.floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
             bodies = sorted(set().union(*self.comm.allgather(mine)))
-            names = ", ".join(self._floating.name_of(label) for label in bodies)
+            names = ", ".join(self.floating.name_of(label) for label in bodies)
             raise MortarError(
                 f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
                 "the residual form has to hold the stress of every body"
@@ -377,10 +410,10 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
-        certificate = certify(self.bulk, self.contacts, self._floating.labels)
-        if not self._floating.held:
+        certificate = certify(self.bulk, self.contacts, self.floating.labels)
+        if not self.floating.held:
             return certificate
-        return replace(certificate, springs=self._floating.part_held(self._sizes()))
+        return replace(certificate, springs=self.floating.part_held(self._sizes()))
 
     def forces(self) -> tuple[Array, Array]:
         """Residual of the bulk and contact force at the present state, owned parts [stress length].
@@ -389,7 +422,7 @@ class ContactProblem:
         """
         self.bulk.assemble_residual()
         bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
-        self._floating.add_spring_forces()
+        self.floating.add_spring_forces()
         return bulk, self._contact_force()
 
     # For research
@@ -420,22 +453,3 @@ class ContactProblem:
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""
         return check_tangent(self, **options)
-
-
-class _Clock:
-    """Seconds by phase."""
-
-    def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, phase: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self._seconds[phase] = self._seconds.get(phase, 0.0) + time.perf_counter() - start
-
-    def read(self) -> dict[str, float]:
-        """Seconds since the last call."""
-        seconds = {name: self._seconds.get(name, 0.0) for name in ("bulk", "contact", "solve")}
-        self._seconds = {}
-        return seconds
