@@ -17,7 +17,6 @@ import numpy as np
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
-from fenics_mortar.kernels.curved import sample_gaps
 from fenics_mortar.surfaces import Indices
 
 # Pressures below the first part of the stiffness, and forces below the second of stiffness and
@@ -163,8 +162,8 @@ def _certify_pair(
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes that have a partner in any pair."""
     o, z = contact.operators, contact.z
-    on_slave, on_master = o.force(z)
-    forces, x = np.concatenate([on_slave, on_master]), np.concatenate([o.x, o.m])
+    where, reaction = o.reaction(z)
+    forces, x = np.concatenate([o.force(z)[0], reaction]), np.concatenate([o.x, where])
     lever = x - x.mean(axis=0)
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
     pressure = np.einsum("jc,jc->j", o.n, z)
@@ -195,9 +194,7 @@ def _positive(value: float) -> float:
 def _deepest(contact: Contact) -> float:
     """Largest penetration at sample points of all segments over the facet's length (collective)."""
     o, s = contact.operators, contact.intersections()
-    gaps = np.zeros((s.num_segments, SAMPLES.size))
-    x = o.x + contact.offset[:, None] * o.n
-    sample_gaps((x, o.n, o.m), (s.slave, s.master), s.ends, SAMPLES, gaps)
+    gaps = o.sample_gaps(o.x + contact.offset[:, None] * o.n, s, SAMPLES)
     lengths = np.linalg.norm(o.x[s.slave[:, -1]] - o.x[s.slave[:, 0]], axis=1)
     deepest = float((-gaps / lengths[:, None]).max(initial=0.0))
     return contact.slave.comm.allreduce(deepest, MPI.MAX)
