@@ -40,7 +40,12 @@ from fenics_mortar.mortar import (
     evaluate_mortar,
     evaluate_normals,
 )
-from fenics_mortar.obstacles import Obstacle, evaluate_obstacle, surface_without_nodes
+from fenics_mortar.obstacles import (
+    Obstacle,
+    ObstacleOperators,
+    evaluate_obstacle,
+    surface_without_nodes,
+)
 from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
@@ -200,7 +205,6 @@ class Contact:
             0 to 1 by ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
             ``np.nan_to_num(contact.gap).clip(max=0)`` at the start.
         obstacle: The rigid master, or ``None``.
-        motions: Numbers of its motions x, y, turn among the unknowns; -1 is prescribed, (3,).
         arm: What its angle is multiplied by to be a turn [length].
         c_n: Weight of the gap at present; less than the pair's after a cycle of the active set.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
@@ -225,7 +229,6 @@ class Contact:
         self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
         if not self.carries.any():
             raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
-        self.motions: Indices = np.full(3, -1)
         self.arm = float(np.hypot(*np.ptp(self.slave.X, axis=0)))
         self.options = MortarOptions(
             pair.basis,
@@ -329,13 +332,17 @@ class Contact:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""
         x = self.slave.X + self.slave.gather(u)
         m = self.master.X + self.master.gather(u)
-        how = self._plane_normals, self.options, linearization
+        planes = self._plane_normals
         operators: MortarOperators
         if self.obstacle is None:
-            operators = evaluate_mortar(self.slave, self.master, x, m, self.carries, *how)
+            operators = evaluate_mortar(
+                self.slave, self.master, x, m, self.carries, planes, self.options, linearization
+            )
         else:
-            tool = self.obstacle, self.motions, self.arm
-            operators = evaluate_obstacle(self.slave, self.master, *tool, x, self.carries, *how)
+            operators = evaluate_obstacle(
+                self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
+                self.options, linearization,
+            )  # fmt: skip
         self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
 
     def intersections(self) -> Segments:
@@ -391,20 +398,16 @@ class Contact:
             "initial_gap=0 would take it for an error of the mesh"
         )
 
-    def gap_change(self, on_slave: Array, on_master: Array, motion: Array | None = None) -> Array:
+    def gap_change(self, on_slave: Array, on_master: Array) -> Array:
         """Derivative of the mean gaps in a direction (collective); zero where not covered.
 
         Args:
             on_slave: Displacements of the slave nodes, shape (n, 2).
             on_master: Displacements of the master nodes, shape (n, 2).
-            motion: Of the obstacle, x, y and turn, shape (3,); prescribed ones do not count.
         """
         sides = (self.slave, self.master)
-        nodal = [dofs_of(side.nodes, np.arange(side.num_nodes)) for side in sides]
-        driven = self.motions >= 0
-        turned = np.zeros(3)[driven] if motion is None else motion[driven]
-        dofs = np.concatenate([*nodal, self.motions[driven]])
-        values = np.concatenate([on_slave.ravel(), on_master.ravel(), turned])
+        dofs = np.concatenate([dofs_of(side.nodes, np.arange(side.num_nodes)) for side in sides])
+        values = np.concatenate([on_slave.ravel(), on_master.ravel()])
         order = np.argsort(dofs)
         change = np.zeros(self.slave.num_nodes)
         for block in self.operators.gap_derivative():
@@ -458,6 +461,26 @@ class Contact:
             -diagonal[:, None, None] * project,
             -n * (weight * o.gap)[:, None],
         )
+
+    def motion_rows(self) -> Array:
+        """Derivative of the same rows by the motions of the obstacle, (slave nodes, 2, 3)."""
+        o, diagonal = self.on_obstacle, self.operators.diagonal
+        weight = np.where(self.active, self.stiffness / np.where(self.active, diagonal, 1.0), 0.0)
+        slip = self.z[:, 1:] * o.dn_dq[:, 0] - self.z[:, :1] * o.dn_dq[:, 1]
+        normal = np.einsum("ja,jm->jam", o.n * weight[:, None], o.dgap_dq)
+        tangential = np.einsum("ja,jm->jam", o.tau * (diagonal * self.active)[:, None], slip)
+        return normal - tangential
+
+    def gap_by_motions(self) -> Array:
+        """Derivative of the mean gaps by the motions, (slave nodes, 3); zero where not covered."""
+        o, on = self.on_obstacle, self.covered[:, None]
+        return np.where(on, o.dgap_dq / np.where(on, o.weight[:, None], 1.0), 0.0)
+
+    @property
+    def on_obstacle(self) -> ObstacleOperators:
+        """The operators of a pair with an obstacle."""
+        assert isinstance(self.operators, ObstacleOperators)
+        return self.operators
 
     def _tangential_rows(self, scaled_tau: Array) -> Block:
         """-tau_j D_jj (d(tau_j) . z_j) from the nodes that this rank owns."""

@@ -189,14 +189,6 @@ class MortarOperators:
         """Where the other side bears what forces, each (points, 2); signs as in ``force``."""
         return self.m, self.force(z)[1]
 
-    def motion_force(self, z: Array) -> Array:
-        """What adds to the forces on the motions of an obstacle; a meshed master has none."""
-        return np.zeros(3)
-
-    def motion_blocks(self) -> list[Block]:
-        """Derivative of ``motion_force`` by the multipliers."""
-        return []
-
     def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
         """Gaps at the points -1..1 of segments, with the slave nodes at ``x``: (n, points)."""
         gaps = np.zeros((s.num_segments, points.size))
@@ -231,12 +223,15 @@ class MortarOperators:
     def _frozen_gap_derivative(self) -> list[Block]:
         """-n_j . (D_jk dx_k - M_jl dx_l): D, M and n do not move."""
         s, nodes = self.segments, self.facet_nodes
-        shape = (-1, nodes.shape[1], 2 * nodes.shape[1])
-        on_slave = -np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes]).reshape(shape)
-        on_master = np.einsum("sjl,sjc->sjlc", self.M, self.n[s.slave]).reshape(shape)
+        on_slave = -np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes])
+        on_master = np.einsum("sjl,sjc->sjlc", self.M, self.n[s.slave])
+        sides = (
+            (nodes, dofs_of(self.slave.nodes, nodes), on_slave),
+            (s.slave, dofs_of(self.master.nodes, s.master), on_master),
+        )
         return [
-            Block(nodes, dofs_of(self.slave.nodes, nodes), on_slave),
-            Block(s.slave, dofs_of(self.master.nodes, s.master), on_master),
+            Block(rows, columns, values.reshape(*rows.shape, columns.shape[1]))
+            for rows, columns, values in sides
         ]
 
     def normal_columns(self) -> Indices:

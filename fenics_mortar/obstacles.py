@@ -29,6 +29,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
@@ -36,7 +38,6 @@ from scipy.interpolate import CubicSpline
 from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
 from fenics_mortar.kernels.curved import tabulate_shapes
 from fenics_mortar.mortar import (
-    Block,
     Linearization,
     MortarOperators,
     MortarOptions,
@@ -57,13 +58,16 @@ EPSILON = float(np.finfo(float).eps)
 
 
 class Obstacle:
-    """A rigid solid; the user says where it is.
+    """A rigid solid; the user says where it is, or what drives it.
 
     Attributes:
         name: Name used in messages and tables.
         pivot: Point that rotations turn about, moves with the obstacle, shape (2,) [length].
         place: Present translation from where it was made, and rotation about the pivot,
             counter-clockwise: (x, y, angle) [length, length, radian].
+        load: Force (x, y) and moment about the pivot that drive it, nan where its motion is
+            prescribed, shape (3,) [stress length, stress length^2].
+        reaction: Force and moment of the contact on it after the last solve, shape (3,).
     """
 
     def __init__(self, name: str, pivot: npt.ArrayLike = (0.0, 0.0)) -> None:
@@ -71,6 +75,8 @@ class Obstacle:
         self.name = name
         self.pivot = _vector("pivot", pivot)
         self.place: Array = np.zeros(3)
+        self.load: Array = np.full(3, np.nan)
+        self.reaction: Array = np.zeros(3)
 
     def __str__(self) -> str:
         """The name."""
@@ -79,7 +85,7 @@ class Obstacle:
     def move(
         self, *, x: float | None = None, y: float | None = None, angle: float | None = None
     ) -> None:
-        """Move to a place, counted from where it was made: the same call has the same effect.
+        """Prescribe the place, counted from where it was made: the same call has the same effect.
 
         Args:
             x: Translation; what is not given stays as it is [length].
@@ -88,7 +94,21 @@ class Obstacle:
         """
         for i, (name, value) in enumerate(zip(MOTIONS, (x, y, angle), strict=True)):
             if value is not None:
-                self.place[i] = _number(name, value)
+                self.place[i], self.load[i] = _number(name, value), np.nan
+
+    def push(
+        self, *, x: float | None = None, y: float | None = None, moment: float | None = None
+    ) -> None:
+        """Let forces drive motions: they are unknown then, and a solve finds the place.
+
+        Args:
+            x: Force; what is not given stays as it is, prescribed or driven [stress length].
+            y: Force [stress length].
+            moment: Moment about the pivot; frees the rotation [stress length^2].
+        """
+        for i, (name, value) in enumerate(zip(("x", "y", "moment"), (x, y, moment), strict=True)):
+            if value is not None:
+                self.load[i] = _number(name, value)
 
     def evaluate(self, x: Array) -> Fields:
         """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at the points ``x`` (n, 2)."""
@@ -267,61 +287,48 @@ class SignedDistance(Obstacle):
 
 @dataclass(frozen=True)
 class ObstacleOperators(MortarOperators):
-    """Operators of a slave surface and an obstacle.
-
-    A segment is a facet. The place of master nodes is taken by the three motions of the obstacle:
-    the columns of a segment are those of the slave nodes and the motions, 6 K - 1 in all, and those
-    of a normal 4 K + 1.
+    """Operators of a slave surface and an obstacle: a segment is a facet, its master has no nodes.
 
     Attributes:
         obstacle: The obstacle, where it was at the evaluation.
-        dofs: Numbers of its motions x, y, turn among the unknowns, shape (3,); -1 is prescribed.
         arm: What an angle is multiplied by to be a turn [length].
         phi: Signed distance of the slave nodes, shape (slave nodes,) [length].
+        V: Motions at the slave nodes, shape (slave nodes, 3, 2).
+        dn_dq: Derivative of the normals by the motions, shape (slave nodes, 2, 3) [1 / length].
+        dgap_dq: The same of the weighted gap, shape (slave nodes, 3) [length].
     """
 
     obstacle: Obstacle
-    dofs: Indices
     arm: float
     phi: Array
-
-    @property
-    def columns(self) -> Indices:
-        """Dofs of the columns of each segment, shape (n, 6 K - 1); -1 is missing."""
-        columns = super().columns
-        return np.concatenate([columns, np.tile(self.dofs, (len(columns), 1))], axis=1)
-
-    def normal_columns(self) -> Indices:
-        """Dofs of the columns of ``dn``, shape (slave nodes, 4 K + 1)."""
-        columns = super().normal_columns()
-        return np.concatenate([columns, np.tile(self.dofs, (len(columns), 1))], axis=1)
+    V: Array
+    dn_dq: Array
+    dgap_dq: Array
 
     def motion_force(self, z: Array) -> Array:
-        """f_q for multipliers ``z``, shape (3,) [stress length] (collective).
+        """f_q for multipliers ``z``, shape (3,) [stress length] (collective)."""
+        return -np.einsum("kc,kmc->m", self.force(z)[0], self.V)
 
-        It adds to minus the push, as the forces on nodes do to the internal ones.
+    def motion_force_derivative(self, z: Array) -> tuple[Array, Array]:
+        """df_q at fixed ``z`` by the slave nodes, (3, slave nodes, 2), and by q, (3, 3) [stress].
+
+        Collective. D and V change with the nodes, V with the motion.
         """
-        return -np.einsum("kc,kmc->m", self.force(z)[0], self.obstacle.motions(self.x, self.arm))
-
-    def motion_blocks(self) -> list[Block]:
-        """Blocks of df_q/dz: columns are 2 j + component of the multipliers."""
+        if self.linearization.frozen:
+            return np.zeros((3, *self.x.shape)), np.zeros((3, 3))
         nodes = self.facet_nodes
-        V = self.obstacle.motions(self.x, self.arm)[nodes]
-        values = -np.einsum("ejk,ekmc->emjc", self.D, V)
-        columns = (2 * nodes[:, :, None] + np.arange(2)).reshape(len(nodes), -1)
-        rows = np.tile(self.dofs, (len(nodes), 1))
-        return [Block(rows, columns, values.reshape(*rows.shape, columns.shape[1]))]
-
-    def force_derivative(self, z: Array) -> list[Block]:
-        """Blocks of d(D^T z)/dd and df_q/dd at fixed ``z`` (slave nodes, 2) [stress]."""
-        nodes, size = self.facet_nodes, self.slave.degree
-        V = self.obstacle.motions(self.x, self.arm)[nodes]
-        values = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], V)
-        turned = np.einsum("ejk,ejc->ekc", self.D, z[nodes])[:, :, ::-1] * [1.0, -1.0] / self.arm
-        values[:, 2, 2 * size : 4 * size + 2] -= turned.reshape(len(nodes), -1)
-        values[:, 2, -3:-1] += turned.sum(axis=1)
-        rows = np.tile(self.dofs, (len(nodes), 1))
-        return [self.slave_force_derivative(z), Block(rows, self.columns, values)]
+        change = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], self.V[nodes])
+        near = self.slave.along(nodes[:, 0], range(-self.slave.degree, 2 * self.slave.degree + 1))
+        there = near >= 0
+        by_nodes = np.zeros((self.slave.num_nodes, 3, 2))
+        change = np.swapaxes(change.reshape(len(nodes), 3, -1, 2), 1, 2)
+        np.add.at(by_nodes, near[there], change[there])
+        self.slave.comm.Allreduce(MPI.IN_PLACE, by_nodes)
+        turned = self.force(z)[0][:, ::-1] * [1.0, -1.0] / self.arm
+        by_nodes[:, 2] -= turned
+        by_motions = np.zeros((3, 3))
+        by_motions[2, :2] = turned.sum(axis=0)
+        return np.swapaxes(by_nodes, 0, 1), by_motions
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
         """Feet of the slave nodes on the obstacle, and the forces there."""
@@ -331,16 +338,6 @@ class ObstacleOperators(MortarOperators):
         """Phi at the points -1..1 of each facet of this share, shape (f, points)."""
         at = np.einsum("kp,ekc->epc", _shapes(points, s.slave.shape[1])[0], x[s.slave])
         return self.obstacle.evaluate(at.reshape(-1, 2))[0].reshape(at.shape[:2])
-
-    def _frozen_gap_derivative(self) -> list[Block]:
-        """-n_j . D_jk (dx_k - V dq): D and n do not move."""
-        nodes, size = self.facet_nodes, self.slave.degree
-        V = self.obstacle.motions(self.x, self.arm)[nodes]
-        normal = np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes])
-        values = np.zeros((*nodes.shape, 6 * size + 5))
-        values[:, :, 2 * size : 4 * size + 2] = -normal.reshape(*nodes.shape, -1)
-        values[:, :, -3:] = np.einsum("ejkc,ekmc->ejm", normal, V)
-        return [Block(nodes, self.columns, values)]
 
 
 def surface_without_nodes(slave: Surface, name: str) -> Surface:
@@ -354,7 +351,6 @@ def evaluate_obstacle(
     slave: Surface,
     master: Surface,
     obstacle: Obstacle,
-    dofs: Indices,
     arm: float,
     x: Array,
     carries: npt.NDArray[np.bool_],
@@ -368,7 +364,6 @@ def evaluate_obstacle(
         slave: The side that carries the multiplier.
         master: Surface without nodes.
         obstacle: The other side.
-        dofs: Numbers of its motions among the unknowns, shape (3,).
         arm: What an angle is multiplied by to be a turn [length].
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
@@ -380,39 +375,47 @@ def evaluate_obstacle(
     Returns:
         The operators.
     """
-    phi, n, dn = _normals(obstacle, arm, x, slave.degree)
+    phi, n, dn, dn_dq = _normals(obstacle, arm, x, slave.degree)
     given = np.isfinite(prescribed_normals[:, 0])
-    n[given], dn[given] = prescribed_normals[given], 0.0
+    n[given], dn[given], dn_dq[given] = prescribed_normals[given], 0.0, 0.0
     if not linearization.normals:
-        dn = np.zeros_like(dn)
+        dn, dn_dq = np.zeros_like(dn), np.zeros_like(dn_dq)
     facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
     rule = facet_rule(options.integration, slave.degree + 1, options.points)
     facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
-    nodes = slave.facets[facets]
+    nodes, V = slave.facets[facets], obstacle.motions(x, arm)
     weights = hand_over(carries[nodes])
-    D, dD, gap, dgap, cover = integrate_facets(obstacle, arm, x[nodes], weights, rule, options)
+    D, dD, gap, dgap, by_motions, cover = integrate_facets(
+        obstacle, arm, x[nodes], weights, rule, options
+    )
+    if linearization.frozen:
+        by_motions = np.einsum("ejk,ejc,ekmc->ejm", D, n[nodes], V[nodes])
     nodal = sum_over_facets(slave, nodes, D, gap, cover)
+    dgap_dq = np.zeros((len(x), 3))
+    np.add.at(dgap_dq, nodes, by_motions)
+    slave.comm.Allreduce(MPI.IN_PLACE, dgap_dq)
     count, size, columns = dgap.shape
     return ObstacleOperators(
         slave, master, x, master.X, n, dn, _as_segments(facets, nodes, rule), D,
         np.zeros((count, size, 0)), dD, np.zeros((0, size, 0, columns)), dgap, *nodal,
-        slave.comm.allreduce(count), linearization, obstacle, dofs, arm, phi,
+        slave.comm.allreduce(count), linearization, obstacle, arm, phi, V, dn_dq, dgap_dq,
     )  # fmt: skip
 
 
-def _normals(obstacle: Obstacle, arm: float, x: Array, degree: int) -> tuple[Array, Array, Array]:
-    """Phi, normals (n, 2) of the slave nodes and their derivatives (n, 2, 4 K + 1)."""
+def _normals(
+    obstacle: Obstacle, arm: float, x: Array, degree: int
+) -> tuple[Array, Array, Array, Array]:
+    """Phi, normals (n, 2) of the slave nodes, derivatives by nodes and motions; see ``dn``."""
     phi, gradient, hessian = obstacle.evaluate(x)
     size = np.sqrt((gradient**2).sum(axis=1))[:, None]
     n = -gradient / size
-    across = np.eye(2) - np.einsum("ja,jb->jab", n, n)
-    change = hessian @ np.swapaxes(-obstacle.motions(x, arm), 1, 2)
+    across = (np.eye(2) - np.einsum("ja,jb->jab", n, n)) / size[:, :, None]
+    change = -hessian @ np.swapaxes(obstacle.motions(x, arm), 1, 2)
     change[:, 0, 2] -= gradient[:, 1] / arm
     change[:, 1, 2] += gradient[:, 0] / arm
-    dn = np.zeros((len(x), 2, 4 * degree + 5), n.dtype)
-    dn[:, :, 2 * degree : 2 * degree + 2] = -across @ hessian / size[:, :, None]
-    dn[:, :, -3:] = -across @ change / size[:, :, None]
-    return phi, n, dn
+    dn = np.zeros((len(x), 2, 4 * degree + 2), n.dtype)
+    dn[:, :, 2 * degree : 2 * degree + 2] = -across @ hessian
+    return phi, n, dn, -across @ change
 
 
 def _faces(
@@ -435,8 +438,8 @@ def integrate_facets(
     weights: Array,
     rule: tuple[Array, Array],
     options: MortarOptions,
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Integrals of whole facets; f facets of K nodes, C = 6 K - 1 columns (see ``columns``).
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Integrals of whole facets; f facets of K nodes, C = 6 K - 4 columns (see ``columns``).
 
     Args:
         obstacle: The other side.
@@ -447,7 +450,7 @@ def integrate_facets(
         options: Basis and what weighs the gap.
 
     Returns:
-        D (f, K, K), dD (f, K, K, C), g (f, K), dg (f, K, C) and d (f, K).
+        D (f, K, K), dD (f, K, K, C), g (f, K), dg (f, K, C), dg by the motions (f, K, 3), d (f, K).
     """
     (N, dN), (count, size, _) = _shapes(rule[0], x.shape[1]), x.shape
     tangent, at = np.einsum("kp,ekc->epc", dN, x), np.einsum("kp,ekc->epc", N, x)
@@ -476,16 +479,15 @@ def integrate_facets(
     dPsi = np.einsum("ejl,elkq,kp->ejpq", weights, dA, N)
     g = np.einsum("ejp,ep,ep->ej", Psi, W, phi)
     own = slice(2 * (size - 1), 2 * (2 * size - 1))
-    dD = np.zeros((count, size, size, 6 * size - 1), g.dtype)
-    dg = np.zeros((count, size, 6 * size - 1), g.dtype)
+    dD = np.zeros((count, size, size, 6 * size - 4), g.dtype)
+    dg = np.zeros((count, size, 6 * size - 4), g.dtype)
     dD[..., own] = dD_own
     dg[..., own] = np.einsum("ejpq,ep,ep->ejq", dPsi, W, phi)
     dg[..., own] += np.einsum("ejp,epq,ep->ejq", Psi, dW, phi)
     along = np.einsum("ejp,ep,epc,kp->ejkc", Psi, W, gradient, N)
     dg[..., own] += along.reshape(count, size, 2 * size)
     V = obstacle.motions(at.reshape(-1, 2), arm).reshape(*J.shape, 3, 2)
-    dg[..., -3:] = -np.einsum("ejp,ep,epc,epmc->ejm", Psi, W, gradient, V)
-    return D, dD, g, dg, d
+    return D, dD, g, dg, -np.einsum("ejp,ep,epc,epmc->ejm", Psi, W, gradient, V), d
 
 
 def _shapes(points: Array, size: int) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, get_args
 
 from mpi4py import MPI
@@ -19,6 +20,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.mortar import LINEARIZATIONS
@@ -35,12 +37,16 @@ EPSILON = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class State:
-    """Displacement, multipliers and active sets of a problem, as copies; parts of this rank."""
+    """Displacement, multipliers, active sets and places of obstacles, as copies.
+
+    The displacement is the part of this rank.
+    """
 
     u: Array
     z: list[Array]
     active: list[npt.NDArray[np.bool_]]
     carries: list[npt.NDArray[np.bool_]]
+    places: Array
     converged: bool
 
 
@@ -63,6 +69,7 @@ class ContactProblem:
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
+        tools: Their obstacles.
         bulk: Bulk residual and tangent.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
 
@@ -103,6 +110,7 @@ class ContactProblem:
         self.bulk = Bulk(residual, u, list(bcs), jacobian)
         self.comm: MPI.Comm = self.bulk.comm
         self.contacts = [Contact(pair, self.bulk.V, self.bulk.prescribed) for pair in pairs]
+        self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
         self.bulk.check_finite()
@@ -139,7 +147,8 @@ class ContactProblem:
         self.bulk.check_finite()
         self._clock.read()
         try:
-            moved = self._floating.settle(self._evaluate_forces)
+            moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
+            moved += self._floating.settle(self._evaluate_forces)
             report = solve(self, self.newton)
             moved += self._floating.check()
         except MortarError:
@@ -148,7 +157,8 @@ class ContactProblem:
         self._last_converged = True
         report.certificate = self.certificate()
         violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
-        report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations]
+        reactions = self.tools.record()
+        report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations, *reactions]
         self._overlaps = []
         return report
 
@@ -206,13 +216,14 @@ class ContactProblem:
             self._floating.add_springs(loose, self._total, self._force)
             self.system.assemble()
         with self._clock("solve"):
-            step, multipliers = self.system.solve()
+            step, multipliers, motion = self.tools.solve(self.system, self.stiffest, self._force)
         with self._clock("bulk"):
             self._floating.drop_undriven(loose, step, self._total, self._force)
             part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
-        increment = float(step.norm(PETSc.NormType.INFINITY))
+        self.tools.move(part * motion)
+        increment = max(float(step.norm(PETSc.NormType.INFINITY)), np.abs(motion).max(initial=0.0))
         step.destroy()
         size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
         return Step(increment / size, part, self._floating.remark(loose))
@@ -248,7 +259,8 @@ class ContactProblem:
         count, where = self.bulk.inverted_cells()
         if count:
             return f"{count} cells are inverted, one at {where}: try smaller load steps"
-        return self._floating.describe(self._floating.loose())
+        free = self._floating.describe(self._floating.loose()), self.tools.describe(self._force)
+        return ", ".join(filter(None, free))
 
     def _residual_and_force(self) -> tuple[float, float]:
         """Norm of all equations and of the forces they are made of [stress length].
@@ -256,7 +268,7 @@ class ContactProblem:
         Gaps and distances to prescribed values count as forces by the stiffness of the bulk.
         """
         size, held = self.bulk.num_owned, self.bulk.held
-        contact_force, rows = self._contact_force(), 0.0
+        contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
         for contact in self.contacts:
             tangential = np.einsum("ja,ja->j", contact.operators.tau, contact.z)
             gap = np.where(contact.active, np.nan_to_num(contact.gap), 0.0)
@@ -277,8 +289,9 @@ class ContactProblem:
         return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
 
     def _largest_displacement(self) -> float:
-        u = self.bulk.u.x.array
-        return self.comm.allreduce(float(np.abs(u).max(initial=0.0)), MPI.MAX)
+        u, motions = self.bulk.u.x.array, self.tools.motions
+        largest = max(np.abs(u).max(initial=0.0), np.abs(motions).max(initial=0.0))
+        return self.comm.allreduce(float(largest), MPI.MAX)
 
     def _facet_length(self) -> float:
         return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
@@ -315,12 +328,14 @@ class ContactProblem:
             [contact.z.copy() for contact in self.contacts],
             [contact.active.copy() for contact in self.contacts],
             [contact.carries.copy() for contact in self.contacts],
+            self.tools.places,
             self._last_converged,
         )
 
     def restore(self, state: State) -> None:
         """Go back to a state, exactly."""
         self.bulk.u.x.array[:] = state.u
+        self.tools.places = state.places
         kept = zip(self.contacts, state.z, state.active, state.carries, strict=True)
         for contact, z, active, carries in kept:
             contact.z, contact.active, contact.carries = z.copy(), active.copy(), carries.copy()

@@ -237,12 +237,12 @@ def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
 
 
 def save_state(problem: ContactProblem, path: str) -> None:
-    """Write displacement, multipliers and active sets to an ``.npz`` file (collective).
+    """Write displacement, multipliers, active sets and obstacles' places as .npz (collective).
 
     It can be read on any number of ranks: nodes are known by their number in the mesh's input.
     """
     nodes, values = problem.bulk.by_input_node()
-    data = {"nodes": nodes, "u": values}
+    data = {"nodes": nodes, "u": values, "places": problem.tools.places}
     for i, contact in enumerate(problem.contacts):
         data |= {f"{name}{i}": getattr(contact, name) for name in KEPT}
     if problem.comm.rank == 0:
@@ -258,4 +258,5 @@ def load_state(problem: ContactProblem, path: str) -> None:
     z, active, carries = (
         [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
     )
-    problem.restore(State(problem.bulk.u.x.array.copy(), z, active, carries, True))
+    state = State(problem.bulk.u.x.array.copy(), z, active, carries, data["places"], True)
+    problem.restore(state)
