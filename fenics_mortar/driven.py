@@ -78,10 +78,9 @@ class DrivenObstacles:
         for obstacle, where in zip(self.obstacles, places, strict=True):
             obstacle.place = where.copy()
 
-    @property
-    def motions(self) -> Array:
-        """Motions from where they were made, shape (obstacles, 3) [length]."""
-        return self.places * self._scales
+    def motions_of(self, places: Array) -> Array:
+        """Motions x, y, turn of (x, y, angle), shape (obstacles, 3) [length]."""
+        return places * self._scales
 
     @property
     def driven(self) -> npt.NDArray[np.bool_]:
@@ -146,6 +145,7 @@ class DrivenObstacles:
             motion[driven] = np.linalg.solve(matrix, rhs)
         except np.linalg.LinAlgError as error:
             raise MortarError(f"the balance of the obstacles is singular: {error}") from error
+        system.comm.Bcast(motion)
         for step, (change, z_change) in zip(motion[driven], answers, strict=True):
             dd.axpy(step, change)
             change.destroy()

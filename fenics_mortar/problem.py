@@ -195,7 +195,7 @@ class ContactProblem:
     def _evaluate_forces(self) -> tuple[Array, Array]:
         """Evaluate everything; return the sum of all forces and of their sizes, owned parts."""
         self._evaluate_contacts(start=True)
-        bulk, contact = self.forces()
+        bulk, contact, _ = self.forces()
         return bulk + contact, np.abs(bulk) + np.abs(contact)
 
     def _contact_force(self) -> Array:
@@ -256,11 +256,15 @@ class ContactProblem:
 
     def diagnose(self) -> str:
         """Name inverted cells and bodies that nothing holds."""
-        count, where = self.bulk.inverted_cells()
-        if count:
-            return f"{count} cells are inverted, one at {where}: try smaller load steps"
+        inverted = self._describe_inverted()
+        if inverted:
+            return inverted
         free = self._floating.describe(self._floating.loose()), self.tools.describe(self._force)
         return ", ".join(filter(None, free))
+
+    def _describe_inverted(self) -> str:
+        count, where = self.bulk.inverted_cells()
+        return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
 
     def _residual_and_force(self) -> tuple[float, float]:
         """Norm of all equations and of the forces they are made of [stress length].
@@ -289,7 +293,7 @@ class ContactProblem:
         return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
 
     def _largest_displacement(self) -> float:
-        u, motions = self.bulk.u.x.array, self.tools.motions
+        u, motions = self.bulk.u.x.array, self.tools.motions_of(self.tools.places)
         largest = max(np.abs(u).max(initial=0.0), np.abs(motions).max(initial=0.0))
         return self.comm.allreduce(float(largest), MPI.MAX)
 
@@ -302,7 +306,7 @@ class ContactProblem:
         """Give each contact the mean diagonal of K at its slave nodes."""
         diagonal = self.bulk.K.getDiagonal().array_r
         if self.comm.allreduce(not np.isfinite(diagonal).all(), MPI.LOR):
-            reason = self.diagnose() or "check the residual form"
+            reason = self._describe_inverted() or "check the residual form"
             raise MortarError(
                 f"the bulk tangent is not finite at the initial displacement: {reason}"
             )
@@ -351,15 +355,17 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
-        return certify(self.bulk, self.contacts, self._floating.labels)
+        return certify(self.bulk, self.contacts, self._floating.labels, self.tools.residual())
 
-    def forces(self) -> tuple[Array, Array]:
-        """Residual of the bulk and contact force at the present state, owned parts [stress length].
+    def forces(self) -> tuple[Array, Array, Array]:
+        """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).
 
-        What they sum to at prescribed dofs are the reactions of the supports.
+        At the present state, the first two as parts of this rank [stress length]. What these sum to
+        at prescribed dofs are the reactions of the supports; the third is what holds the obstacles.
         """
         self.bulk.assemble_residual()
-        return self.bulk.r.array_r[: self.bulk.num_owned].copy(), self._contact_force()
+        bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
+        return bulk, self._contact_force(), self.tools.forces()
 
     # For research
 

@@ -196,7 +196,7 @@ def follow_path(
             continue
         before, accepted = (accepted, step), problem.state()
         before_forces, forces = forces, problem.forces()
-        work = _work(problem, accepted.u - before[0].u, before_forces, forces)
+        work = _work(problem, before[0], accepted, before_forces, forces)
         time = stop if step == stop - time else time + step
         path.steps.append(PathStep(time, step, report, path.failures, work))
         path.failures = []
@@ -220,13 +220,19 @@ def _solve_soundly(problem: ContactProblem) -> NewtonReport:
 
 
 def _work(
-    problem: ContactProblem, du: Array, before: tuple[Array, Array], after: tuple[Array, Array]
+    problem: ContactProblem,
+    start: State,
+    end: State,
+    before: tuple[Array, Array, Array],
+    after: tuple[Array, Array, Array],
 ) -> Work:
-    """Work of the mean forces over a displacement (collective)."""
-    r, contact = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
-    du, held = du[: r.size], problem.bulk.held
+    """Work of the mean forces in a step (collective). What holds obstacles counts as a support."""
+    r, contact, on_tools = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
+    du, held = (end.u - start.u)[: r.size], problem.bulk.held
     supports = (r + contact)[held] @ du[held]
     work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du]))
+    moved = problem.tools.motions_of(end.places - start.places)
+    work[1:] += (on_tools * moved).sum()
     return Work(*map(float, work))
 
 
