@@ -52,6 +52,8 @@ Fields = tuple[Array, Array, Array]
 # Samples of a spline per piece, from the nearest of which Newton's method starts.
 SAMPLES = 16
 NEWTON_STEPS = 30
+# What is left after a step below this part of the curve is its square, rounding.
+LAST_STEP = 1e-9
 # The motions of an obstacle, as users name them.
 MOTIONS = ("x", "y", "angle")
 EPSILON = float(np.finfo(float).eps)
@@ -233,7 +235,10 @@ class Spline(Obstacle):
             slope = np.einsum("ia,ia->i", c - x, d)
             square = np.einsum("ia,ia->i", d, d)
             bend = square + np.einsum("ia,ia->i", c - x, dd)
-            t = t - np.clip(slope / np.where(bend > 0.0, bend, square), -longest, longest)
+            step = np.clip(slope / np.where(bend > 0.0, bend, square), -longest, longest)
+            t = t - step
+            if np.abs(step).max(initial=0.0) < LAST_STEP * self._end:
+                break
         c, d, dd = self._jet(t)
         speed = np.linalg.norm(d, axis=1)
         tangent = d / speed[:, None]
@@ -377,7 +382,7 @@ def evaluate_obstacle(
     Returns:
         The operators.
     """
-    phi, n, dn, dn_dq = _normals(obstacle, arm, x, slave.degree)
+    phi, n, dn, dn_dq = obstacle_normals(obstacle, arm, x, slave.degree)
     given = np.isfinite(prescribed_normals[:, 0])
     n[given], dn[given], dn_dq[given] = prescribed_normals[given], 0.0, 0.0
     if not linearization.normals:
@@ -404,7 +409,7 @@ def evaluate_obstacle(
     )  # fmt: skip
 
 
-def _normals(
+def obstacle_normals(
     obstacle: Obstacle, arm: float, x: Array, degree: int
 ) -> tuple[Array, Array, Array, Array]:
     """Phi, normals (n, 2) of the slave nodes, derivatives by nodes and motions; see ``dn``."""

@@ -9,6 +9,9 @@ from scenes import TIGHT, internal, neo_hookean, read
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.mortar import MortarOptions, hand_over
+from fenics_mortar.obstacles import integrate_facets, obstacle_normals
+from fenics_mortar.segments import facet_rule
 
 E, NU = 100.0, 0.3
 
@@ -61,6 +64,40 @@ def test_fields_are_derivatives(kind):
         after, before = obstacle.evaluate(x + step), obstacle.evaluate(x - step)
         assert np.allclose((after[0] - before[0]) / 2e-5, gradient[:, i], atol=1e-7)
         assert np.allclose((after[1] - before[1]) / 2e-5, hessian[:, i], atol=1e-6)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("kind", ["plane", "circle", "hole"])
+@pytest.mark.parametrize("pair", ["dual", "standard", "petrov", "nodes"])
+def test_facets_and_normals_by_complex_step(kind, pair):
+    """Curved facets at random; their nodes and the motion of the obstacle take the steps."""
+    random = np.random.default_rng(3)
+    x = np.array([[0.0, 0.9], [0.2, 0.93], [0.4, 0.9]])[None] + random.uniform(0.0, 0.02, (4, 3, 2))
+    arm, h = 0.7, 1e-30
+    choice = {"basis": "dual", "gap_weights": "cover", "integration": "segments", **PAIRS[pair]}
+    options = MortarOptions(weighting="opposite", points=5, radius=1.0, least_cosine=0.0, **choice)
+    weights = hand_over(random.uniform(size=(4, 3)) > 0.3)
+    rule = facet_rule(options.integration, 3, options.points)
+
+    def evaluate(du, dq):
+        obstacle = KINDS[kind]()
+        obstacle.place = np.array([0.02, -0.03, 0.1]) + dq / [1.0, 1.0, arm]
+        D, dD, g, dg, dg_dq, _ = integrate_facets(obstacle, arm, x + du, weights, rule, options)
+        _, n, dn, dn_dq = obstacle_normals(obstacle, arm, (x + du)[:, 1], 2)
+        return (D, g, n), (dD, dg, dn), (dg_dq, dn_dq)
+
+    _, by_nodes, by_motions = evaluate(0.0, np.zeros(3))
+    for q in range(6):
+        du = h * 1j * np.eye(6)[q].reshape(3, 2)
+        D, g, n = (value.imag / h for value in evaluate(du, np.zeros(3))[0])
+        for found, exact in zip((D, g), by_nodes[:2], strict=True):
+            assert np.abs(exact[..., 4 + q] - found).max() < 1e-13
+        if q in (2, 3):  # the components of the node in the middle, whose normal it is
+            assert np.abs(by_nodes[2][:, :, 2 + q] - n).max() < 1e-12
+    for q in range(3):
+        _, g, n = (value.imag / h for value in evaluate(0.0, h * 1j * np.eye(3)[q])[0])
+        for found, exact in zip((g, n), by_motions, strict=True):
+            assert np.abs(exact[..., q] - found).max() < 1e-13
 
 
 PAIRS = {
