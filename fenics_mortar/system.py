@@ -174,6 +174,7 @@ class LinearSystem(ABC):
             defect, relative = self._defect(matrix, rhs, solution)
         reason = self.ksp.getConvergedReason()
         if reason < 0 or not relative <= LINEAR_TOLERANCE:
+            self.ksp.reset()  # MUMPS does not use a failed factorization again
             raise MortarError(
                 f"the linear system was not solved, it may be singular: PETSc's reason {reason}, "
                 f"remaining part of the right-hand side {relative:.1e}"
