@@ -41,7 +41,7 @@ from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
 # Columns of the compliance solved for at a time.
 COLUMNS = 32
 # An iteration of the general path costs as much as about so many of these columns.
-COLUMNS_PER_ITERATION = 64
+COLUMNS_PER_ITERATION = 100
 # A tangent is symmetric up to this part of its size.
 SYMMETRIC = 1e-12
 
@@ -51,14 +51,19 @@ class ContactDofs:
 
     Attributes:
         size: Their number.
+        free: Whether they are not prescribed, shape (size,), bool.
+        free_globals: Their global numbers, -1 for prescribed ones, shape (size,).
     """
 
-    def __init__(self, contacts: Sequence[Contact], num_owned: int) -> None:
+    def __init__(self, contacts: Sequence[Contact], bulk: Bulk) -> None:
         self._surfaces = [side for contact in contacts for side in (contact.slave, contact.master)]
         none = np.empty(0, np.int64)
         self._nodes = np.unique(np.concatenate([none, *(s.nodes for s in self._surfaces)]))
-        self._num_owned = num_owned
+        self._num_owned = bulk.num_owned
         self.size = 2 * self._nodes.size
+        self.free = self.gather(bulk.prescribed.astype(float)) == 0.0
+        numbers = (2 * self._nodes[:, None] + np.arange(2)).ravel()
+        self.free_globals: Indices = np.where(self.free, numbers, -1)
 
     def number(self, dofs: Indices) -> Indices:
         """Numbers of global displacement dofs, all of them of surfaces; -1 stays -1."""
@@ -124,26 +129,32 @@ class Compliance:
         """A and W, the latter for the dofs held on this rank."""
         bulk, factor = self._bulk, self._pc.getFactorMatrix()
         numbers, local = dofs.owned()
-        free = ~bulk.prescribed[local]
+        numbers, local = (part[~bulk.prescribed[local]] for part in (numbers, local))
         A, W = np.zeros((dofs.size, dofs.size)), np.zeros((bulk.held.size, dofs.size))
-        for first in range(0, dofs.size, COLUMNS):
-            count = min(COLUMNS, dofs.size - first)
-            loads = PETSc.Mat().createDense(((bulk.num_owned, None), (None, count)), comm=bulk.comm)
-            loads.setUp()
-            here = free & (numbers >= first) & (numbers < first + count)
-            loads.getDenseArray()[local[here], numbers[here] - first] = 1.0
-            loads.assemble()
-            answers = loads.duplicate()
+        for columns in np.array_split(np.arange(dofs.size), np.arange(0, dofs.size, COLUMNS)[1:]):
+            answers = PETSc.Mat().createDense(
+                ((bulk.num_owned, None), (None, columns.size)), comm=bulk.comm
+            )
+            answers.setUp()
             answers.assemble()
-            factor.matSolve(loads, answers)
-            columns = slice(first, first + count)
-            A[numbers[free], columns] = answers.getDenseArray()[local[free]]
+            loads = self._unit_loads(dofs.free_globals[columns])
+            factor.matSolve(PETSc.Mat().createTranspose(loads), answers)
+            A[np.ix_(numbers, columns)] = answers.getDenseArray()[local]
             reactions = K_H.matMult(answers)
             W[:, columns] = reactions.getDenseArray()
             for matrix in (loads, answers, reactions):
                 matrix.destroy()
         bulk.comm.Allreduce(MPI.IN_PLACE, A)
         return A, W
+
+    def _unit_loads(self, dofs: Indices) -> PETSc.Mat:
+        """Unit loads as rows, all on rank 0 as MUMPS wants them; -1 is none."""
+        rows, columns = (dofs.size, self._bulk.r.getSize()) if self._bulk.comm.rank == 0 else (0, 0)
+        loaded = dofs[dofs >= 0] if rows else np.empty(0)
+        starts = np.concatenate([[0], np.cumsum(dofs >= 0)])[: rows + 1]
+        csr = starts.astype(PETSc.IntType), loaded.astype(PETSc.IntType), np.ones(loaded.size)
+        size = (rows, None), (columns, None)
+        return PETSc.Mat().createAIJ(size, csr=csr, comm=self._bulk.comm)
 
     def solve(self, force: PETSc.Vec) -> PETSc.Vec:
         """The displacement by forces on the free dofs; prescribed ones stay."""
@@ -170,11 +181,9 @@ class ReducedEquations:
     def __init__(self, problem: Any, prefix: str) -> None:
         self._problem, self._bulk, self._system = problem, problem.bulk, problem.system
         self._comm: MPI.Comm = self._bulk.comm
-        self._dofs = ContactDofs(problem.contacts, self._bulk.num_owned)
+        self._dofs = ContactDofs(problem.contacts, self._bulk)
         self._compliance = Compliance(self._bulk, self._dofs, prefix)
-        free = ~self._bulk.prescribed[: self._bulk.num_owned]
-        self._free: Array = self._dofs.gather(free.astype(float))
-        self._inside: npt.NDArray[np.bool_] = free
+        self._inside: npt.NDArray[np.bool_] = ~self._bulk.prescribed[: self._bulk.num_owned]
         self._inside[self._dofs.owned()[1]] = False
         self._force: Array | None = None
 
@@ -218,7 +227,7 @@ class ReducedEquations:
             step += self._dofs.gather(self._compliance.solve(rest).array_r)
         moved = np.zeros(self._bulk.num_owned)
         moved[self._bulk.held] = change
-        return self._free * step + self._dofs.gather(moved)
+        return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
 
     def _assemble(self) -> list[csr_array]:
         """K_c, B^T, C and A_z on the contact dofs, complete on rank 0."""
