@@ -19,6 +19,7 @@ from fenics_mortar import compat
 from fenics_mortar.clock import clock
 from fenics_mortar.errors import MortarError, count_places, raise_together
 from fenics_mortar.kernels.cells import tabulate_areas
+from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 
 # A Newton step may leave each cell, at each node, no less than this part of the area it has. It
@@ -41,11 +42,15 @@ class Bulk:
 
     Args:
         residual: UFL form, linear in a test function of the space of ``u``.
-        u: Displacement.
+        u: Displacement, alone or in a mixed function.
         bcs: Dirichlet conditions of dolfinx.
         jacobian: UFL form of the tangent; the derivative of ``residual`` by default.
+        space: The displacement's nodes and dofs.
 
     Attributes:
+        V: Space of the displacement alone.
+        units: Amount of each unknown owned here that counts like a displacement of one; see
+            ``set_units``, shape (num_owned,).
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         num_patterns: How many matrices ``K`` has been so far.
@@ -56,20 +61,26 @@ class Bulk:
         MortarError: If a condition is of another space.
     """
 
-    def __init__(self, residual: Any, u: Any, bcs: list[Any], jacobian: Any | None = None) -> None:
-        self.u, self.V, self.bcs = u, u.function_space, list(bcs)
+    def __init__(
+        self,
+        residual: Any,
+        u: Any,
+        bcs: list[Any],
+        jacobian: Any | None,
+        space: DisplacementSpace,
+    ) -> None:
+        self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
         self.comm: MPI.Comm = self.V.mesh.comm
         for number, bc in enumerate(self.bcs):
-            if not compat.is_part_of(self.V, bc.function_space):
+            if not compat.is_part_of(space.whole, bc.function_space):
                 raise MortarError(
                     f"Dirichlet condition {number} is of another space; right is the space of u or "
                     "a component of it"
                 )
         self.is_linear = False
         if jacobian is None:
-            jacobian = ufl.derivative(residual, u, ufl.TrialFunction(self.V))
-            expanded = expand_derivatives(jacobian)
-            self.is_linear = self.u not in expanded.coefficients()
+            jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
+            self.is_linear = self.u not in expand_derivatives(jacobian).coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
         self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
         self._constants = {*residual.constants(), *jacobian.constants()}
@@ -78,13 +89,13 @@ class Bulk:
         self.num_patterns = 0
         self._num_growths: int
         self._create_tangent()
-        self.r: PETSc.Vec = compat.create_vector(self.V)
+        self.r: PETSc.Vec = compat.create_vector(space.whole)
         dofs = compat.dofmap(self.V)[: self.V.mesh.topology.index_map(2).size_local]
         self._cells, self._X = dofs, self.V.tabulate_dof_coordinates()[:, :2].copy()
         self._gradients = compat.nodal_gradients(self.V)
         self._undeformed_areas = _proper_areas(self._X, dofs, self._gradients)
-        self.num_owned = 2 * self.V.dofmap.index_map.size_local
-        self.first = 2 * self.V.dofmap.index_map.local_range[0]
+        self.num_owned, self.first = space.num_owned, space.first
+        self.units: Array = np.ones(self.num_owned)
         self.prescribed: npt.NDArray[np.bool_] = np.zeros(u.x.array.size, bool)
         for bc in self.bcs:
             self.prescribed[bc.dof_indices()[0]] = True
@@ -167,7 +178,50 @@ class Bulk:
 
     def positions(self) -> Array:
         """Current positions of the local nodes, ghosts included, shape (n, 2) [length]."""
-        return self._X + self.u.x.array.reshape(-1, 2)
+        return self._X + self.u.x.array[self.space.dofs]
+
+    def spread(self, nodal: npt.NDArray[Any]) -> Array:
+        """A local array of all dofs with values of the local nodes; zero for other unknowns."""
+        values = np.zeros(self.u.x.array.size)
+        values[self.space.dofs] = nodal[:, None]
+        return values
+
+    def set_units(self, stiffness: float) -> None:
+        """Set ``units`` from ``K`` as assembled (collective).
+
+        One unit of an unknown beside the displacement makes forces of the size of ``stiffness``, or
+        residuals of the others like one unit of them. A residual times its unit is a force, and
+        neither depends on the units of measurement.
+
+        Args:
+            stiffness: Force of a displacement of one [stress].
+        """
+        if not self.space.is_mixed:
+            return
+        known = np.zeros(self.num_owned)
+        known[self.space.owned_dofs] = 1.0
+        for _ in range(self.space.whole.num_sub_spaces - 1):
+            sizes = self._row_sizes(known)
+            reached = (known == 0.0) & (sizes > 0.0)
+            known[reached] = stiffness / sizes[reached]
+        self.units = np.where(known > 0.0, known, 1.0)
+
+    def _row_sizes(self, columns: Array) -> Array:
+        """Largest size of an entry in each row of K diag(columns), shape (num_owned,)."""
+        scale = self.K.createVecRight()
+        scale.array[:] = columns
+        scaled = self.K.copy()
+        scaled.diagonalScale(None, scale)
+        starts, _, values = scaled.getValuesCSR()
+        scaled.destroy()
+        sizes = np.zeros(self.num_owned)
+        np.maximum.at(sizes, np.repeat(np.arange(self.num_owned), np.diff(starts)), np.abs(values))
+        return sizes
+
+    def largest(self, values: Array) -> float:
+        """Largest size of owned ``values`` of the unknowns in their ``units`` (collective)."""
+        mine = np.abs(values[: self.num_owned]) / self.units
+        return self.comm.allreduce(float(mine.max(initial=0.0)), MPI.MAX)
 
     def _areas(self) -> Array:
         """Deformed over undeformed area at the nodes of the owned cells, (cells, nodes)."""
@@ -206,9 +260,21 @@ class Bulk:
             raise MortarError("; ".join(everywhere))
 
     def count_nodes(self, dofs: npt.NDArray[np.bool_]) -> tuple[int, str]:
-        """Number of nodes with any of the marked local dofs, and a place (collective)."""
-        marked = dofs[: self.num_owned].reshape(-1, 2).any(axis=1)
-        return count_places(self.comm, self._X[np.flatnonzero(marked)])
+        """Number of nodes with any of the marked local dofs, and a place (collective).
+
+        Other unknowns than the displacement count as nodes in the middle of a cell.
+        """
+        space = self.space
+        others = dofs[: self.num_owned].copy()
+        others[space.owned_dofs] = False
+        marked = dofs[space.owned_dofs].any(axis=1)
+        places = [self._X[: space.num_nodes][marked]]
+        if space.is_mixed:
+            cells = compat.dofmap(space.whole)
+            middle = np.empty((self.u.x.array.size, 2))
+            middle[cells] = self._X[compat.dofmap(self.V)].mean(axis=1)[:, None]
+            places.append(middle[np.flatnonzero(others)])
+        return count_places(self.comm, np.concatenate(places))
 
     def flat_cells(self) -> tuple[int, str]:
         """Number of cells without area in the reference state, and a place (collective)."""
@@ -216,13 +282,14 @@ class Bulk:
         return count_places(self.comm, self._X[self._cells[flat]].mean(axis=1))
 
     def by_input_node(self) -> tuple[npt.NDArray[np.int64], Array]:
-        """Names (n, k), see ``compat``, and displacements (n, 2) of all nodes, on all ranks.
+        """Names (n, k), see ``compat``, and values of all nodes, on all ranks (collective).
 
-        Collective.
+        Values are displacements (n, 2); in a mixed space each dof counts as a node, (n, 1).
         """
-        owned = self.num_owned // 2
-        nodes = np.concatenate(self.comm.allgather(compat.input_nodes(self.V)[:owned]))
-        u = np.concatenate(self.comm.allgather(self.u.x.array.reshape(-1, 2)[:owned]))
+        size = self.space.block_size
+        owned = self.num_owned // size
+        nodes = np.concatenate(self.comm.allgather(compat.input_nodes(self.space.whole)[:owned]))
+        u = np.concatenate(self.comm.allgather(self.u.x.array.reshape(-1, size)[:owned]))
         order = np.lexsort(nodes.T[::-1])
         return nodes[order], u[order]
 
@@ -232,7 +299,7 @@ class Bulk:
         Raises:
             MortarError: On all ranks, if the nodes are those of another mesh or degree.
         """
-        mine = compat.input_nodes(self.V)
+        mine = compat.input_nodes(self.space.whole)
         wrong = nodes.ndim != 2 or nodes.shape[1] != mine.shape[1]
         if not wrong:
             both, place = np.unique(np.concatenate([nodes, mine]), axis=0, return_inverse=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 from mpi4py import MPI
@@ -25,6 +25,8 @@ from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.reduced import LinearBulk
+from fenics_mortar.release import release_slowly
+from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
 from fenics_mortar.tangent import TangentCheck, check_tangent
@@ -51,7 +53,8 @@ class ContactProblem:
     Args:
         residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``. Give
             its measures a ``quadrature_degree``.
-        u: Displacement; its present value is the start of the next solve.
+        u: Displacement, alone or with other unknowns (as a pressure) in a mixed function; its
+            present value is the start of the next solve.
         pairs: Contact pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
@@ -61,6 +64,7 @@ class ContactProblem:
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
+        displacement: Number of the displacement's sub-space, if ``u`` is a mixed function.
         linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
             see ``reduced``. By default this is seen from ``residual``, and done once it pays.
 
@@ -91,11 +95,13 @@ class ContactProblem:
         linearization: str = "full",
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
+        displacement: int = 0,
         linear_bulk: bool | None = None,
     ) -> None:
         if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
-        check_space(u.function_space, pairs)
+        space = DisplacementSpace(u.function_space, displacement)
+        check_space(space.V, pairs)
         if linearization not in LINEARIZATIONS:
             allowed = ", ".join(LINEARIZATIONS)
             raise ValueError(f"linearization={linearization!r}: allowed are {allowed}")
@@ -104,9 +110,9 @@ class ContactProblem:
             raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
-        self.bulk = Bulk(residual, u, list(bcs), jacobian)
+        self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
-        self.contacts = [Contact(pair, self.bulk.V, self.bulk.prescribed) for pair in pairs]
+        self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
         self.bulk.check_finite()
@@ -143,6 +149,7 @@ class ContactProblem:
         """
         clock.read()
         self.bulk.check_finite()
+        self.floating.let_go()
         try:
             moved = self.floating.settle(self._evaluate_forces)
             report = self._solve()
@@ -169,7 +176,7 @@ class ContactProblem:
                     return report
             self.restore(start)
             remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
-        report = solve(self, self.newton)
+        report = self._solve_on_all_dofs()
         self._linear_bulk.count(report.num_iterations)
         report.notes[:0] = remarks
         return report
@@ -180,9 +187,38 @@ class ContactProblem:
         allowed = self.newton.residual_tolerance * max(report.force, status.force) + status.noise
         return status.residual <= allowed and not self.bulk.inverted_cells()[0]
 
+    def _solve_on_all_dofs(self) -> NewtonReport:
+        """One Newton loop; where that fails and bodies float, several with springs that let go."""
+        start = self.state()
+        try:
+            return solve(self, self.newton)
+        except NotConvergedError as error:
+            if not self.floating.bodies:
+                raise
+            self.restore(start)
+            return release_slowly(self, self.newton, error)
+
+    def hold(self, travel: float | None) -> None:
+        """Tie floating bodies to where they are by springs, or let them go; see ``release``."""
+        if travel is None:
+            self.floating.let_go()
+        else:
+            bulk, contact = self.forces()
+            self.floating.hold(bulk + contact, np.abs(bulk) + np.abs(contact), travel)
+
+    def travel(self) -> float:
+        """How far bodies have moved since ``hold``, in shortest facets."""
+        return self.floating.travel()
+
+    def remaining(self) -> tuple[float, str]:
+        """Part of the forces that springs hold, and that in words."""
+        sizes = self._sizes()
+        return self.floating.part_held(sizes), self.floating.describe_springs(sizes)
+
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
         self.bulk.assemble_residual()
+        self.floating.add_spring_forces()
         return self.look(start=start)
 
     def look(self, *, start: bool) -> Status:
@@ -216,6 +252,11 @@ class ContactProblem:
         bulk, contact = self.forces()
         return bulk + contact, np.abs(bulk) + np.abs(contact)
 
+    def _sizes(self) -> Array:
+        """Sum of the sizes of all forces at each owned dof, without springs."""
+        bulk, contact = self.forces()
+        return np.abs(bulk) + np.abs(contact)
+
     @clock("assembly")
     def _contact_force(self) -> Array:
         """B^T z on the owned dofs."""
@@ -239,13 +280,13 @@ class ContactProblem:
         part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
-        increment = float(step.norm(PETSc.NormType.INFINITY))
+        increment = self.bulk.largest(step.array_r)
         step.destroy()
         return self.step(increment, part, self.floating.remark(loose))
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step taken, by its largest increment [length]."""
-        size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
+        size = max(self.bulk.largest(self.bulk.u.x.array), 1e-8 * self._facet_length(), 1e-300)
         return Step(increment / size, part, note)
 
     def merge_sets(self, period: int) -> str:
@@ -296,22 +337,19 @@ class ContactProblem:
             rows += ((contact.stiffness * gap) ** 2).sum()
             rows += ((contact.operators.diagonal * tangential) ** 2).sum()
         self._total = total = self.bulk.r.array_r[:size] + contact_force
-        free = total.copy()
-        free[held] = self.stiffest * self.bulk.distance_to_prescribed()
-        mine = [free @ free, contact_force @ contact_force, total[held] @ total[held]]
+        free = self.bulk.units * total
+        reactions = free[held]
+        free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
+        mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
         free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
         return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
 
     def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
-        bulk = np.sqrt(num_dofs) * self._largest_displacement()
+        bulk = np.sqrt(num_dofs) * self.bulk.largest(self.bulk.u.x.array)
         contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
         return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
-
-    def _largest_displacement(self) -> float:
-        u = self.bulk.u.x.array
-        return self.comm.allreduce(float(np.abs(u).max(initial=0.0)), MPI.MAX)
 
     def _facet_length(self) -> float:
         return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
@@ -326,18 +364,21 @@ class ContactProblem:
             raise MortarError(
                 f"the bulk tangent is not finite at the initial displacement: {reason}"
             )
-        loose = (diagonal == 0.0) & ~self.bulk.prescribed[: self.bulk.num_owned]
+        dofs = self.bulk.space.owned_dofs
+        loose = np.zeros(diagonal.size, bool)
+        loose[dofs] = (diagonal[dofs] == 0.0) & ~self.bulk.prescribed[dofs]
         count, where = self.bulk.count_nodes(loose)
         if count:
-            mine = set(self.floating.labels[np.flatnonzero(loose) // 2].tolist())
+            mine = set(self.floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
             bodies = sorted(set().union(*self.comm.allgather(mine)))
             names = ", ".join(self.floating.name_of(label) for label in bodies)
             raise MortarError(
                 f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
                 "the residual form has to hold the stress of every body"
             )
-        largest = float(np.abs(diagonal).max(initial=0.0))
+        largest = float(np.abs(diagonal[dofs]).max(initial=0.0))
         self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
+        self.bulk.set_units(self.stiffest)
         for contact in self.contacts:
             contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
 
@@ -369,7 +410,10 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
-        return certify(self.bulk, self.contacts, self.floating.labels)
+        certificate = certify(self.bulk, self.contacts, self.floating.labels)
+        if not self.floating.held:
+            return certificate
+        return replace(certificate, springs=self.floating.part_held(self._sizes()))
 
     def forces(self) -> tuple[Array, Array]:
         """Residual of the bulk and contact force at the present state, owned parts [stress length].
@@ -377,7 +421,9 @@ class ContactProblem:
         What they sum to at prescribed dofs are the reactions of the supports.
         """
         self.bulk.assemble_residual()
-        return self.bulk.r.array_r[: self.bulk.num_owned].copy(), self._contact_force()
+        bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
+        self.floating.add_spring_forces()
+        return bulk, self._contact_force()
 
     # For research
 

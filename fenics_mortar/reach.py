@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.mortar import Block, MortarOperators, dofs_of
+from fenics_mortar.mortar import Block, MortarOperators
 from fenics_mortar.surfaces import Indices
 
 # Master facets on either side of those that a slave facet meets.
@@ -42,30 +42,26 @@ class Reach:
         near = self._slave.along(first, range(-degree, 2 * degree + 1))
         place, which = np.nonzero(near >= 0)
         facet = np.concatenate([first[place], self._facet])
-        node = np.concatenate(
-            [self._slave.nodes[near[place, which]], self._master.nodes[self._partner]]
-        )
+        on_slave = self._slave.dofs[near[place, which]]
         order = np.argsort(facet, kind="stable")
+        dofs = np.concatenate([on_slave, self._master.dofs[self._partner]])[order]
         i, k = _pairs_within(facet[order])
-        everything = np.arange(node.size)
-        dofs = dofs_of(node[order], everything[:, None])
-        return _zeros(dofs[i], dofs[k])
+        return Block(dofs[i], dofs[k], np.zeros((i.size, 2, 2)))
 
     def force_pattern(self) -> tuple[Indices, Indices]:
-        """Nodes (p,) where the multipliers of slave nodes (p,) may act, but for their own nodes.
+        """Dofs (p, 2) where the multipliers of slave nodes (p,) may act, but for their own.
 
-        These are master nodes, and slave nodes that carry no multiplier themselves.
+        These are of master nodes, and of slave nodes that carry no multiplier themselves.
         """
-        degree = self._slave.degree
-        carriers = self._slave.along(self._facet, range(degree + 1))
-        on_master = np.broadcast_to(self._master.nodes[self._partner][:, None], carriers.shape)
-        own = self._slave.along(np.unique(self._facet), range(degree + 1))
-        idle, sharer = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
-        node = np.concatenate([on_master.ravel(), self._slave.nodes[idle]])
-        multiplier = np.concatenate([carriers.ravel(), sharer])
-        acts = self._carries[multiplier]
-        acts[on_master.size :] &= ~self._carries[idle]
-        return node[acts], multiplier[acts]
+        steps = range(self._slave.degree + 1)
+        carriers = self._slave.along(self._facet, steps)
+        partner = np.broadcast_to(self._partner[:, None], carriers.shape)
+        on_master = self._carries[carriers]
+        own = self._slave.along(np.unique(self._facet), steps)
+        idle, sharer = np.broadcast_arrays(own[:, :, None], own[:, None])
+        on_slave = self._carries[sharer] & ~self._carries[idle]
+        dofs = self._master.dofs[partner[on_master]], self._slave.dofs[idle[on_slave]]
+        return np.concatenate(dofs), np.concatenate([carriers[on_master], sharer[on_slave]])
 
 
 def _met(o: MortarOperators, margin: int) -> Indices:
@@ -85,7 +81,3 @@ def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
     i = np.repeat(np.arange(group.size), repeats)
     running = np.arange(i.size) - np.repeat(np.cumsum(repeats) - repeats, repeats)
     return i, start[group_of][i] + running
-
-
-def _zeros(rows: Indices, columns: Indices) -> Block:
-    return Block(rows, columns, np.zeros((*rows.shape, columns.shape[1])))

@@ -35,7 +35,7 @@ from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
 from fenics_mortar.sparse import flatten
-from fenics_mortar.surfaces import Array, Indices, Surface
+from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
 
 # Columns of the compliance solved for at a time.
@@ -57,31 +57,27 @@ class ContactDofs:
 
     def __init__(self, contacts: Sequence[Contact], bulk: Bulk) -> None:
         self._surfaces = [side for contact in contacts for side in (contact.slave, contact.master)]
-        none = np.empty(0, np.int64)
-        self._nodes = np.unique(np.concatenate([none, *(s.nodes for s in self._surfaces)]))
+        self._dofs = np.unique(np.concatenate([surface.dofs for surface in self._surfaces]))
         self._num_owned = bulk.num_owned
-        self.size = 2 * self._nodes.size
+        self.size = self._dofs.size
         self.free = self.gather(bulk.prescribed.astype(float)) == 0.0
-        numbers = (2 * self._nodes[:, None] + np.arange(2)).ravel()
-        self.free_globals: Indices = np.where(self.free, numbers, -1)
+        self.free_globals: Indices = np.where(self.free, self._dofs, -1)
 
     def number(self, dofs: Indices) -> Indices:
-        """Numbers of global displacement dofs, all of them of surfaces; -1 stays -1."""
-        numbers = 2 * np.searchsorted(self._nodes, dofs // 2) + dofs % 2
-        return np.where(dofs >= 0, numbers, -1)
+        """Numbers of global dofs, all of them of surfaces; -1 stays -1."""
+        return np.where(dofs >= 0, np.searchsorted(self._dofs, dofs), -1)
 
     def gather(self, values: Array) -> Array:
         """Values at these dofs of a local array of all dofs, shape (size,) (collective)."""
-        result = np.zeros((self._nodes.size, 2))
+        result = np.zeros(self.size)
         for surface in self._surfaces:
-            result[self._places(surface)] = surface.gather(values)
-        return result.ravel()
+            result[self.number(surface.dofs)] = surface.gather(values)
+        return result
 
     def put(self, values: Array, target: Array) -> None:
         """Write ``values`` (size,) into a local array of all dofs (local)."""
         for surface in self._surfaces:
-            mine = values.reshape(-1, 2)[self._places(surface)[surface.owned]]
-            target.reshape(-1, 2)[surface.local_nodes] = mine
+            target[surface.local_dofs] = values[self.number(surface.dofs[surface.owned])]
 
     def owned(self) -> tuple[Indices, Indices]:
         """Numbers of those this rank owns, and their local numbers in the space."""
@@ -89,9 +85,6 @@ class ContactDofs:
         self.put(np.arange(self.size, dtype=float), local)
         dofs = np.flatnonzero(local >= 0.0)
         return local[dofs].astype(np.int64), dofs
-
-    def _places(self, surface: Surface) -> Indices:
-        return np.searchsorted(self._nodes, surface.nodes)
 
 
 class Compliance:
@@ -204,8 +197,10 @@ class ReducedEquations:
             parts = self._assemble()
         with clock("solve"):
             step, zeta, self._force = self._solve(without_contact, *parts)
-        self._dofs.put(self._dofs.gather(u) + step, u)
-        u[held] += change
+        moved = np.zeros_like(u)
+        self._dofs.put(step, moved)
+        moved[held] = change
+        u += moved
         r = self._bulk.r.array
         r[self._inside] = 0.0
         kept = r[held]
@@ -213,8 +208,7 @@ class ReducedEquations:
         r[held] = kept
         for contact, place in self._system.numbered():
             contact.z = zeta[place] * self._system.scale(contact)[:, None]
-        largest = np.abs(np.concatenate([step, change])).max(initial=0.0)
-        return self._problem.step(self._comm.allreduce(float(largest), MPI.MAX))
+        return self._problem.step(self._bulk.largest(moved))
 
     def _step_without_contact(self, change: Array) -> Array:
         """d_S, for a ``change`` of the prescribed values."""
@@ -346,7 +340,8 @@ class LinearBulk:
 
     def __init__(self, problem: Any, wanted: bool | None, prefix: str) -> None:
         self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}compliance_"
-        self._possible = wanted is not False and (wanted or problem.bulk.is_linear)
+        linear = problem.bulk.is_linear if wanted is None else wanted
+        self._possible = linear and bool(problem.contacts)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0

@@ -42,7 +42,7 @@ from fenics_mortar import compat, errors
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, Rows
 from fenics_mortar.errors import MortarError
-from fenics_mortar.mortar import Block, dofs_of
+from fenics_mortar.mortar import Block
 from fenics_mortar.reach import Reach
 from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
@@ -206,18 +206,16 @@ class CondensedSystem(LinearSystem):
             raise ValueError(f"algorithm='condensed': {obstacle}; use algorithm='saddle'")
         size, mine = bulk.num_owned, 2 * self.num_multipliers
         self._R = BlockMatrix(self.comm, size, mine)
-        self._K_c = BlockMatrix(self.comm, size, size, 2)
-        self._C = BlockMatrix(self.comm, size, size, 2)
+        self._K_c = BlockMatrix(self.comm, size, size, bulk.space.block_size)
+        self._C = BlockMatrix(self.comm, size, size, bulk.space.block_size)
         self._reaches: list[Reach] = []
         self._pattern = 0
         self._slave_K: Any = None
         dofs = np.empty((self.num_multipliers, 2), np.int64)
         for contact, place in self.numbered():
-            dofs[self.local(contact, place)] = dofs_of(
-                contact.slave.nodes, contact.slave.owned[:, None]
-            )
+            dofs[self.local(contact, place)] = contact.slave.dofs[contact.slave.owned]
         self._slave_rows = PETSc.IS().createGeneral(dofs.ravel().astype(PETSc.IntType), self.comm)
-        self._rhs = compat.create_vector(bulk.V).duplicate()
+        self._rhs = compat.create_vector(bulk.space.whole).duplicate()
 
     def assemble(self) -> None:
         """Add K_c + R K_S + C to K, and build -(1 + R) r + rhs."""
@@ -270,7 +268,7 @@ class CondensedSystem(LinearSystem):
         """C in the rows of the slave's displacement."""
         for contact, law in zip(self.contacts, laws, strict=True):
             for block in law.blocks:
-                rows = 2 * contact.slave.nodes[block.rows // 2] + block.rows % 2
+                rows = contact.slave.dofs.ravel()[block.rows]
                 yield Block(rows, block.columns, block.values)
 
     def _R_blocks(self, laws: Sequence[Rows], new: bool) -> Iterable[Block]:
@@ -283,14 +281,12 @@ class CondensedSystem(LinearSystem):
                 yield Block(block.rows, 2 * place[j] + component, values)
             mine = contact.slave.owned
             values = -law.A_z[mine] * Z[mine][:, None, :]
-            yield Block(
-                dofs_of(contact.slave.nodes, mine[:, None]), _components(place[mine, None]), values
-            )
+            yield Block(contact.slave.dofs[mine], _components(place[mine, None]), values)
         if new:
             for place, reach in zip(self.places, self._reaches, strict=True):
-                nodes, multipliers = reach.force_pattern()
-                rows, columns = _components(nodes[:, None]), _components(place[multipliers, None])
-                yield Block(rows, columns, np.zeros((len(nodes), 2, 2)))
+                rows, multipliers = reach.force_pattern()
+                columns = _components(place[multipliers, None])
+                yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 
     def _inverse(self, contact: Contact) -> Array:
         """Diagonal of Z_j, zero for inactive nodes, shape (slave nodes, 2) [1 / length]."""
@@ -300,8 +296,7 @@ class CondensedSystem(LinearSystem):
     def _assemble_rhs(self, laws: Sequence[Rows], R: PETSc.Mat) -> None:
         slave_r = R.createVecRight()
         for contact, place in self.numbered():
-            mine = contact.slave.local_nodes
-            values = self.bulk.r.array_r.reshape(-1, 2)[mine]
+            values = self.bulk.r.array_r[contact.slave.local_dofs]
             slave_r.array.reshape(-1, 2)[self.local(contact, place)] = values
         R.mult(slave_r, self._rhs)
         self._rhs.array[:] += self.bulk.r.array_r[: self.bulk.num_owned]
@@ -317,7 +312,7 @@ class CondensedSystem(LinearSystem):
         total = self.bulk.r.array_r[: self.bulk.num_owned].copy()
         for contact, place in self.numbered():
             change = force.array_r.reshape(-1, 2)[self.local(contact, place)]
-            total.reshape(-1, 2)[contact.slave.local_nodes] += change
+            total[contact.slave.local_dofs] += change
         return dd, [-self._inverse(c) * c.slave.gather(total) for c in self.contacts]
 
 
@@ -352,7 +347,7 @@ class SaddleSystem(LinearSystem):
     ) -> None:
         super().__init__(bulk, contacts, prefix, options)
         size, mine = bulk.num_owned, 2 * self.num_multipliers
-        self._K_c = BlockMatrix(self.comm, size, size, 2)
+        self._K_c = BlockMatrix(self.comm, size, size, bulk.space.block_size)
         self._C = BlockMatrix(self.comm, mine, size)
         self._B_T = BlockMatrix(self.comm, size, mine)
         self._A_z = BlockMatrix(self.comm, mine, mine)

@@ -12,7 +12,7 @@ from unittest.mock import patch
 
 from whole_facet import whole_facet_basis
 
-from fenics_mortar import bulk, newton
+from fenics_mortar import bulk, newton, problem
 from fenics_mortar.contact import Contact
 from fenics_mortar.floating import FloatingBodies
 
@@ -68,6 +68,11 @@ def replaced(*changes: tuple[Any, str, Any]) -> AbstractContextManager:
 def without(*changes: tuple[Any, str, Any]) -> Callable[[], AbstractContextManager]:
     """The same, to be entered later."""
     return partial(replaced, *changes)
+
+
+def give_up(equations: Any, options: Any, failed: Exception) -> None:
+    """In place of ``release_slowly``."""
+    raise failed
 
 
 @dataclass(frozen=True)
@@ -128,6 +133,13 @@ REMEDIES = {
         "0.1",
         "default",
         Method("no spring", override=without((FloatingBodies, "add_springs", lambda *given: None))),
+    ),
+    "no_release": Remedy(
+        "springs hold bodies that roll, and let go",
+        "falling_wheel",
+        "10",
+        "plain",
+        Method("not held", adaptive=False, override=without((problem, "release_slowly", give_up))),
     ),
     "meshed_gaps": Remedy(
         "gaps can be set, whatever the facets leave",
