@@ -7,8 +7,9 @@ a step that was taken whole the residual vanishes but for these, r_S = -q, and t
 
     dd_S = d_S - A (K_c dd + B^T z)_S,        C dd + A_z z = rhs,
 
-where d_S is the step without contact force and A = (K^-1)_SS the compliance. This is a small dense
-system with the solutions of the large one. What a step without contact force does is known too:
+where d_S is the step without contact force and A = (K^-1)_SS the compliance. This is a small system
+with the solutions of the large one; A is dense, and on each rank. What a step without contact force
+does is known too:
 
     d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
 
@@ -42,6 +43,8 @@ from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
 COLUMNS = 32
 # An iteration of the general path costs as much as about so many of these columns.
 COLUMNS_PER_ITERATION = 100
+# More contact dofs are reduced to on demand only: their compliance is a dense matrix.
+MOST_DOFS = 8000
 # A tangent is symmetric up to this part of its size.
 SYMMETRIC = 1e-12
 
@@ -103,10 +106,13 @@ class Compliance:
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
         self._bulk, comm = bulk, bulk.comm
         bulk.assemble_tangent()
-        held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), comm)
-        K_H = bulk.K.createSubMatrix(
-            held, PETSc.IS().createStride(bulk.num_owned, first=bulk.first, step=1, comm=comm)
+        self._edge = self._find_edge()
+        edge, held = (
+            PETSc.IS().createGeneral((local + bulk.first).astype(PETSc.IntType), comm)
+            for local in (bulk.held[self._edge], bulk.held)
         )
+        everything = PETSc.IS().createStride(bulk.num_owned, first=bulk.first, step=1, comm=comm)
+        K_H = bulk.K.createSubMatrix(edge, everything)
         K = bulk.K.copy()
         K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
         self._pc = PETSc.PC().create(comm)
@@ -118,12 +124,20 @@ class Compliance:
         self._pc.setUp()
         self.A, self._W = self._unit_answers(dofs, K_H)
 
+    def _find_edge(self) -> Indices:
+        """Places among the ``held`` dofs of those that free ones feel."""
+        x, y = self._bulk.K.createVecs()
+        x.array[:] = np.sin(1.0 + np.arange(self._bulk.num_owned, dtype=float) ** 2)
+        x.array[self._bulk.held] = 0.0
+        self._bulk.K.mult(x, y)
+        return np.flatnonzero(y.array_r[self._bulk.held])
+
     def _unit_answers(self, dofs: ContactDofs, K_H: PETSc.Mat) -> tuple[Array, Array]:
-        """A and W, the latter for the dofs held on this rank."""
+        """A and W, the latter for the edge of what is held on this rank."""
         bulk, factor = self._bulk, self._pc.getFactorMatrix()
         numbers, local = dofs.owned()
         numbers, local = (part[~bulk.prescribed[local]] for part in (numbers, local))
-        A, W = np.zeros((dofs.size, dofs.size)), np.zeros((bulk.held.size, dofs.size))
+        A, W = np.zeros((dofs.size, dofs.size)), np.zeros((self._edge.size, dofs.size))
         for columns in np.array_split(np.arange(dofs.size), np.arange(0, dofs.size, COLUMNS)[1:]):
             answers = PETSc.Mat().createDense(
                 ((bulk.num_owned, None), (None, columns.size)), comm=bulk.comm
@@ -158,7 +172,7 @@ class Compliance:
 
     def by_prescribed(self, change: Array) -> Array:
         """Change of the contact dofs that are free, by that of the held ones (local part)."""
-        mine = -(change @ self._W)
+        mine = -(change[self._edge] @ self._W)
         self._bulk.comm.Allreduce(MPI.IN_PLACE, mine)
         return mine
 
@@ -366,7 +380,8 @@ class LinearBulk:
 
     def _pays(self) -> bool:
         columns = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._problem.contacts)
-        return bool(self._wanted) or self._num_iterations > columns / COLUMNS_PER_ITERATION
+        paid = self._num_iterations > columns / COLUMNS_PER_ITERATION
+        return bool(self._wanted) or (paid and columns <= MOST_DOFS)
 
     def _obstacle(self) -> str:
         floating = self._problem.floating
