@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D."""
 
-from fenics_mortar.compat import vector_space
+from fenics_mortar.compat import mixed_space, vector_space
 from fenics_mortar.contact import ContactPair
 from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
@@ -32,6 +32,7 @@ __all__ = [
     "dirichlet",
     "follow_path",
     "load_state",
+    "mixed_space",
     "plot",
     "read_gmsh",
     "save_state",

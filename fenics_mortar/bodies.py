@@ -92,19 +92,20 @@ def label_bodies(V: Any) -> tuple[Indices, int]:
 
 def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[FloatingBody]:
     """Find bodies with free rigid motions, with ``bulk.K`` as assembled (collective)."""
-    X = bulk.V.tabulate_dof_coordinates()[: bulk.num_owned // 2, :2]
-    labels = labels[: len(X)]
+    dofs = bulk.space.owned_dofs
+    X = bulk.V.tabulate_dof_coordinates()[: len(dofs), :2]
+    labels = labels[: len(dofs)]
     diagonal = np.abs(bulk.K.getDiagonal().array_r)
     found = []
     for label in range(num_bodies):
         mine = labels == label
         body = centre_and_size(X[mine], bulk.comm)
-        motions = np.where(mine[None, :, None], _rigid_motions(X, *body), 0.0)
-        motions = motions.reshape(3, -1)
+        motions = np.zeros((3, bulk.num_owned))
+        motions[:, dofs[mine]] = _rigid_motions(X[mine], *body)
         held = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
-        stiffest = diagonal[np.repeat(mine, 2)].max(initial=0.0)
+        stiffest = diagonal[dofs[mine]].max(initial=0.0)
         stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), 1e-300)
-        stiff = _apply(bulk.K, motions) / stiffest
+        stiff = bulk.units * _apply(bulk.K, motions) / stiffest
         size, directions = resistance(np.hstack([held, stiff]), bulk.comm)
         num_nodes = bulk.comm.allreduce(int(mine.sum()))
         free = directions[size < RESISTED * np.sqrt(num_nodes)]

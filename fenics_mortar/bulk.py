@@ -13,9 +13,13 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 import ufl
+from ufl.algorithms import expand_derivatives
 
 from fenics_mortar import compat
+from fenics_mortar.clock import clock
 from fenics_mortar.errors import MortarError, count_places, raise_together
+from fenics_mortar.kernels.cells import tabulate_areas
+from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 
 # A Newton step may leave each cell, at each node, no less than this part of the area it has. It
@@ -25,9 +29,9 @@ LEAST_AREA = 0.2
 SMALLEST_STEP = 1e-3
 # A cell is flat at a node if its area there is below this part of the cell's extent squared.
 FLAT = 1e-13
-# Entries that K may have, over those of the bulk alone, before its pattern is made anew: contact
-# that slides along leaves zeros behind.
-MOST_FILL = 1.1
+# Times that the pattern of K may grow before it is made anew: sliding contact leaves zeros
+# behind.
+MOST_GROWTHS = 8
 # The nodes of a cell along its outline, by their number: dolfinx' order is corners, edges, inside,
 # that of quadrilaterals the one of a tensor product
 AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6, 3, 7, 2, 5]}
@@ -38,44 +42,61 @@ class Bulk:
 
     Args:
         residual: UFL form, linear in a test function of the space of ``u``.
-        u: Displacement.
+        u: Displacement, alone or in a mixed function.
         bcs: Dirichlet conditions of dolfinx.
         jacobian: UFL form of the tangent; the derivative of ``residual`` by default.
+        space: The displacement's nodes and dofs.
 
     Attributes:
+        V: Space of the displacement alone.
+        units: Amount of each unknown owned here that counts like a displacement of one; see
+            ``set_units``, shape (num_owned,).
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
+        num_patterns: How many matrices ``K`` has been so far.
+        is_linear: Whether the residual is seen to be linear in the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
 
     Raises:
         MortarError: If a condition is of another space.
     """
 
-    def __init__(self, residual: Any, u: Any, bcs: list[Any], jacobian: Any | None = None) -> None:
-        self.u, self.V, self.bcs = u, u.function_space, list(bcs)
+    def __init__(
+        self,
+        residual: Any,
+        u: Any,
+        bcs: list[Any],
+        jacobian: Any | None,
+        space: DisplacementSpace,
+    ) -> None:
+        self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
         self.comm: MPI.Comm = self.V.mesh.comm
         for number, bc in enumerate(self.bcs):
-            if not compat.is_part_of(self.V, bc.function_space):
+            if not compat.is_part_of(space.whole, bc.function_space):
                 raise MortarError(
                     f"Dirichlet condition {number} is of another space; right is the space of u or "
                     "a component of it"
                 )
+        self.is_linear = False
         if jacobian is None:
-            jacobian = ufl.derivative(residual, u, ufl.TrialFunction(self.V))
+            jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
+            expanded = expand_derivatives(jacobian)
+            self.is_linear = self.u not in expanded.coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
+        self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
         self._constants = {*residual.constants(), *jacobian.constants()}
         self._coefficients = {*residual.coefficients(), *jacobian.coefficients()}
         self.K: PETSc.Mat
-        self._num_entries: float
-        self._added_pattern: object
+        self.num_patterns = 0
+        self._num_growths: int
         self._create_tangent()
-        self.r: PETSc.Vec = compat.create_vector(self.V)
+        self.r: PETSc.Vec = compat.create_vector(space.whole)
         dofs = compat.dofmap(self.V)[: self.V.mesh.topology.index_map(2).size_local]
         self._cells, self._X = dofs, self.V.tabulate_dof_coordinates()[:, :2].copy()
         self._gradients = compat.nodal_gradients(self.V)
-        self._undeformed_areas = _proper_areas(self._X[dofs], self._gradients)
-        self.num_owned = 2 * self.V.dofmap.index_map.size_local
-        self.first = 2 * self.V.dofmap.index_map.local_range[0]
+        self._undeformed_areas = _proper_areas(self._X, dofs, self._gradients)
+        self.num_owned, self.first = space.num_owned, space.first
+        self.units: Array = np.ones(self.num_owned)
         self.prescribed: npt.NDArray[np.bool_] = np.zeros(u.x.array.size, bool)
         for bc in self.bcs:
             self.prescribed[bc.dof_indices()[0]] = True
@@ -85,49 +106,45 @@ class Bulk:
         """Local numbers of the owned dofs with prescribed values."""
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
 
+    def tangent_data(self) -> list[Array]:
+        """Copies of the constants and functions in the form of the tangent, but for ``u``."""
+        return [
+            np.array(data.value if hasattr(data, "value") else data.x.array)
+            for data in self._tangent_data
+            if data is not self.u
+        ]
+
+    @clock("residual")
     def assemble_residual(self) -> None:
         """Assemble ``r`` at the present displacement (collective)."""
         compat.assemble_vector(self.r, self._residual)
 
+    @clock("tangent")
     def assemble_tangent(self) -> None:
         """Assemble ``K`` at the present displacement (collective)."""
-        if self._num_entries and self.num_entries() > MOST_FILL * self._num_entries:
+        if self._num_growths > MOST_GROWTHS:
             self.K.destroy()
             self._create_tangent()
         compat.assemble_matrix(self.K, self._tangent)
-        self._num_entries = self._num_entries or self.num_entries()
-
-    def num_entries(self) -> float:
-        """Entries in the pattern of ``K``."""
-        return self.K.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
 
     def _create_tangent(self) -> None:
         """Create ``K`` with the pattern of the form."""
         self.K = compat.create_matrix(self._tangent)
-        self._num_entries = 0.0
-        self._added_pattern = None
+        self.num_patterns += 1
+        self._num_growths = 0
 
-    def add_to_tangent(self, other: PETSc.Mat, pattern: object) -> bool:
+    def add_to_tangent(self, other: PETSc.Mat, grow: bool) -> None:
         """Add a sparse matrix to ``K`` in place (collective).
-
-        The pattern of ``K`` grows to the union; it is kept until it has become wasteful.
 
         Args:
             other: What to add, with the layout of ``K``.
-            pattern: Equal to that of the last call if the pattern of ``other`` is the same.
-
-        Returns:
-            Whether the pattern of ``K`` may have changed.
+            grow: Whether the pattern of ``K`` grows to the union, or has the entries already. It is
+                kept until it has become wasteful.
         """
         structure = PETSc.Mat.Structure
-        changed = pattern != self._added_pattern
-        self._added_pattern = pattern
-        self.K.axpy(
-            1.0,
-            other,
-            structure.DIFFERENT_NONZERO_PATTERN if changed else structure.SUBSET_NONZERO_PATTERN,
-        )
-        return changed
+        self._num_growths += grow
+        pattern = structure.DIFFERENT_NONZERO_PATTERN if grow else structure.SUBSET_NONZERO_PATTERN
+        self.K.axpy(1.0, other, pattern)
 
     def distance_to_prescribed(self) -> Array:
         """Prescribed value minus present displacement of the ``held`` dofs (local)."""
@@ -162,11 +179,54 @@ class Bulk:
 
     def positions(self) -> Array:
         """Current positions of the local nodes, ghosts included, shape (n, 2) [length]."""
-        return self._X + self.u.x.array.reshape(-1, 2)
+        return self._X + self.u.x.array[self.space.dofs]
+
+    def spread(self, nodal: npt.NDArray[Any]) -> Array:
+        """A local array of all dofs with values of the local nodes; zero for other unknowns."""
+        values = np.zeros(self.u.x.array.size)
+        values[self.space.dofs] = nodal[:, None]
+        return values
+
+    def set_units(self, stiffness: float) -> None:
+        """Set ``units`` from ``K`` as assembled (collective).
+
+        One unit of an unknown beside the displacement makes forces of the size of ``stiffness``, or
+        residuals of the others like one unit of them. A residual times its unit is a force, and
+        neither depends on the units of measurement.
+
+        Args:
+            stiffness: Force of a displacement of one [stress].
+        """
+        if not self.space.is_mixed:
+            return
+        known = np.zeros(self.num_owned)
+        known[self.space.owned_dofs] = 1.0
+        for _ in range(self.space.whole.num_sub_spaces - 1):
+            sizes = self._row_sizes(known)
+            reached = (known == 0.0) & (sizes > 0.0)
+            known[reached] = stiffness / sizes[reached]
+        self.units = np.where(known > 0.0, known, 1.0)
+
+    def _row_sizes(self, columns: Array) -> Array:
+        """Largest size of an entry in each row of K diag(columns), shape (num_owned,)."""
+        scale = self.K.createVecRight()
+        scale.array[:] = columns
+        scaled = self.K.copy()
+        scaled.diagonalScale(None, scale)
+        starts, _, values = scaled.getValuesCSR()
+        scaled.destroy()
+        sizes = np.zeros(self.num_owned)
+        np.maximum.at(sizes, np.repeat(np.arange(self.num_owned), np.diff(starts)), np.abs(values))
+        return sizes
+
+    def largest(self, values: Array) -> float:
+        """Largest size of owned ``values`` of the unknowns in their ``units`` (collective)."""
+        mine = np.abs(values[: self.num_owned]) / self.units
+        return self.comm.allreduce(float(mine.max(initial=0.0)), MPI.MAX)
 
     def _areas(self) -> Array:
         """Deformed over undeformed area at the nodes of the owned cells, (cells, nodes)."""
-        return _areas(self.positions()[self._cells], self._gradients) / self._undeformed_areas
+        return _areas(self.positions(), self._cells, self._gradients) / self._undeformed_areas
 
     def check_finite(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
@@ -201,9 +261,21 @@ class Bulk:
             raise MortarError("; ".join(everywhere))
 
     def count_nodes(self, dofs: npt.NDArray[np.bool_]) -> tuple[int, str]:
-        """Number of nodes with any of the marked local dofs, and a place (collective)."""
-        marked = dofs[: self.num_owned].reshape(-1, 2).any(axis=1)
-        return count_places(self.comm, self._X[np.flatnonzero(marked)])
+        """Number of nodes with any of the marked local dofs, and a place (collective).
+
+        Other unknowns than the displacement count as nodes in the middle of a cell.
+        """
+        space = self.space
+        others = dofs[: self.num_owned].copy()
+        others[space.owned_dofs] = False
+        marked = dofs[space.owned_dofs].any(axis=1)
+        places = [self._X[: space.num_nodes][marked]]
+        if space.is_mixed:
+            cells = compat.dofmap(space.whole)
+            middle = np.empty((self.u.x.array.size, 2))
+            middle[cells] = self._X[compat.dofmap(self.V)].mean(axis=1)[:, None]
+            places.append(middle[np.flatnonzero(others)])
+        return count_places(self.comm, np.concatenate(places))
 
     def flat_cells(self) -> tuple[int, str]:
         """Number of cells without area in the reference state, and a place (collective)."""
@@ -211,13 +283,14 @@ class Bulk:
         return count_places(self.comm, self._X[self._cells[flat]].mean(axis=1))
 
     def by_input_node(self) -> tuple[npt.NDArray[np.int64], Array]:
-        """Names (n, k), see ``compat``, and displacements (n, 2) of all nodes, on all ranks.
+        """Names (n, k), see ``compat``, and values of all nodes, on all ranks (collective).
 
-        Collective.
+        Values are displacements (n, 2); in a mixed space each dof counts as a node, (n, 1).
         """
-        owned = self.num_owned // 2
-        nodes = np.concatenate(self.comm.allgather(compat.input_nodes(self.V)[:owned]))
-        u = np.concatenate(self.comm.allgather(self.u.x.array.reshape(-1, 2)[:owned]))
+        size = self.space.block_size
+        owned = self.num_owned // size
+        nodes = np.concatenate(self.comm.allgather(compat.input_nodes(self.space.whole)[:owned]))
+        u = np.concatenate(self.comm.allgather(self.u.x.array.reshape(-1, size)[:owned]))
         order = np.lexsort(nodes.T[::-1])
         return nodes[order], u[order]
 
@@ -227,7 +300,7 @@ class Bulk:
         Raises:
             MortarError: On all ranks, if the nodes are those of another mesh or degree.
         """
-        mine = compat.input_nodes(self.V)
+        mine = compat.input_nodes(self.space.whole)
         wrong = nodes.ndim != 2 or nodes.shape[1] != mine.shape[1]
         if not wrong:
             both, place = np.unique(np.concatenate([nodes, mine]), axis=0, return_inverse=True)
@@ -269,15 +342,11 @@ class Bulk:
         return count_places(self.comm, self._X[self._cells[inverted]].mean(axis=1))
 
 
-def _areas(x: Array, gradients: Array) -> Array:
-    """Determinant of dx/dX at the nodes of cells ``x`` (cells, n, 2): shape (cells, n) [area].
-
-    ``gradients`` (n, n, 2) are those of the shape functions in the reference cell. At a corner of a
-    straight cell this is twice the area of the triangle spanned there.
-    """
-    x = np.moveaxis(x - x[:, :1], 2, 0)
-    along, across = x @ gradients[:, :, 0].T, x @ gradients[:, :, 1].T
-    return along[0] * across[1] - along[1] * across[0]
+def _areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
+    """Determinant of dx/dX at the nodes of ``cells`` (m, k): shape (m, k) [area]."""
+    areas = np.empty(cells.shape)
+    tabulate_areas(x, cells, gradients, areas)
+    return areas
 
 
 def _contains(corners: Array, point: Array) -> npt.NDArray[np.bool_]:
@@ -294,7 +363,7 @@ def _contains(corners: Array, point: Array) -> npt.NDArray[np.bool_]:
     return (meets & ahead).sum(axis=1) % 2 == 1
 
 
-def _proper_areas(x: Array, gradients: Array) -> Array:
+def _proper_areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
     """As ``_areas``, with nan where a cell is flat, as where two nodes are one."""
-    areas, extent = _areas(x, gradients), np.ptp(x, axis=1).max(axis=1, initial=0.0)
+    areas, extent = _areas(x, cells, gradients), np.ptp(x[cells], axis=1).max(axis=1, initial=0.0)
     return np.where(np.abs(areas) > FLAT * extent[:, None] ** 2, areas, np.nan)

@@ -88,22 +88,30 @@ class Certificate:
         balance: Largest sum of reactions, loads and contact forces of a body or obstacle, over the
             sum of the sizes of all forces.
         inverted: Cells that are inverted.
+        springs: Largest sum of the forces of springs on a body, over the sum of the sizes of all
+            other forces on it; zero but where the record of the solve tells of them.
     """
 
     pairs: list[PairCertificate]
     balance: float
     inverted: int
+    springs: float = 0.0
 
-    def violations(self, tolerance: float = 1e-6, penetration: float = 0.5) -> list[str]:
+    def violations(
+        self, tolerance: float = 1e-6, penetration: float = 0.5, springs: float = 0.02
+    ) -> list[str]:
         """What does not hold, in words; empty for a sound state.
 
         Args:
             tolerance: For what the equations make zero.
             penetration: For what the mesh makes small [facet lengths].
+            springs: For what springs may hold, see ``release``.
         """
         found = [v for pair in self.pairs for v in pair.violations(tolerance, penetration)]
         if not self.balance <= tolerance:
             found.append(f"balance of a body {self.balance:.1e} (allowed {tolerance:.1e})")
+        if not self.springs <= springs:
+            found.append(f"springs hold {self.springs:.1e} of the forces (allowed {springs:.1e})")
         if self.inverted:
             found.append(f"{self.inverted} cells are inverted")
         return found
@@ -152,11 +160,12 @@ def _balance(bulk: Bulk, contacts: Sequence[Contact], labels: Indices, unbalance
         contact.slave.scatter_add(on_slave, total)
         contact.master.scatter_add(on_master, total)
     total[bulk.held] = 0.0
-    comm, body = bulk.comm, labels[: bulk.num_owned // 2]
+    comm, dofs = bulk.comm, bulk.space.owned_dofs
+    body = labels[: len(dofs)]
     num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
-    sums = [np.bincount(body, component, num_bodies) for component in total.reshape(-1, 2).T]
-    defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r).sum()))
-    largest = comm.allreduce(float(np.abs(bulk.u.x.array).max(initial=0.0)), MPI.MAX)
+    sums = [np.bincount(body, component, num_bodies) for component in total[dofs].T]
+    defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r[dofs]).sum()))
+    largest = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=0.0)
     rounding = FORCE_ROUNDING * stiffness * largest
     largest = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
@@ -218,7 +227,7 @@ def _paired_nodes(contact: Contact) -> Indices:
 def _count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indices) -> int:
     """Nodes of both surfaces inside another body or obstacle that have no partner in any pair."""
     o = contact.operators
-    mine = np.repeat(labels, 2).astype(float)
+    mine = bulk.spread(labels)
     found = 0
     for surface, x in ((contact.slave, o.x), (contact.master, o.m)):
         alone = ~np.isin(surface.nodes, paired)

@@ -65,6 +65,28 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
 
 
+def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
+    """Create a space of several unknowns, each with family, degree and, of vectors, the shape.
+
+    As Taylor and Hood, ``mixed_space(mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))`` is for a
+    displacement and a pressure (collective). ``ufl.MixedElement`` was replaced by
+    ``basix.ufl.mixed_element`` in 0.7.
+    """
+    if hasattr(ufl, "MixedElement"):
+        cell = mesh.ufl_cell()
+        elements = [
+            (ufl.VectorElement if len(part) == 3 else ufl.FiniteElement)(part[0], cell, part[1])
+            for part in parts
+        ]
+        return fem.FunctionSpace(mesh, ufl.MixedElement(*elements))
+    basix_ufl = importlib.import_module("basix.ufl")
+    elements = [
+        basix_ufl.element(family, cell_name(mesh), degree, shape=shape[0] if shape else None)
+        for family, degree, *shape in parts
+    ]
+    return fem.functionspace(mesh, basix_ufl.mixed_element(elements))
+
+
 def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
     """Tell whether the space ``part`` is ``V`` or a component of it.
 
@@ -72,6 +94,11 @@ def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
     """
     outer, inner = (getattr(space, "_cpp_object", space) for space in (V, part))
     return outer.contains(inner)
+
+
+def is_sub_space(V: fem.FunctionSpace) -> bool:
+    """Tell whether ``V`` is a view of a part of another space, as ``W.sub(0)`` is."""
+    return len(getattr(V, "_cpp_object", V).component()) > 0
 
 
 def petsc_vec(function: fem.Function) -> PETSc.Vec:
@@ -119,23 +146,27 @@ def input_nodes(V: fem.FunctionSpace) -> npt.NDArray[np.int64]:
 
     A node at a vertex has the vertex' number in the mesh's input; one on an edge or inside a cell
     the numbers of its vertices in ascending order. Shape (local nodes, most vertices of a node); -1
-    fills up.
+    fills up. In a mixed space every dof counts as a node, and a last column numbers those of the
+    same place.
     """
     mesh, layout, dofs = V.mesh, V.dofmap.dof_layout, dofmap(V)
     corners = {"triangle": 3, "quadrilateral": 4}[cell_name(mesh)]
+    topology = basix.topology(getattr(basix.CellType, cell_name(mesh)))
     numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
     vertices = numbers[geometry_dofmap(mesh)[:, :corners]]
-    counts = (corners, corners, 1)  # vertices, edges, the cell
-    entities = [(dim, i) for dim, count in enumerate(counts) for i in range(count)]
-    found = []
-    for entity in entities:
-        around = [dof for dof in layout.entity_closure_dofs(*entity) if dof < corners]
-        found += [(dof, around) for dof in layout.entity_dofs(*entity)]
-    width = max(len(around) for _, around in found)
-    names = np.full((len(V.tabulate_dof_coordinates()), width), -1, np.int64)
-    for dof, around in found:
+    found = [
+        (dof, number, around)
+        for dim, entities in enumerate(topology)
+        for i, around in enumerate(entities)
+        for number, dof in enumerate(layout.entity_dofs(dim, i))
+    ]
+    width = max(len(around) for _, _, around in found)
+    index_map = V.dofmap.index_map
+    names = np.full((index_map.size_local + index_map.num_ghosts, width + 1), -1, np.int64)
+    for dof, number, around in found:
         names[dofs[:, dof], : len(around)] = np.sort(vertices[:, around], axis=1)
-    return names
+        names[dofs[:, dof], width] = number
+    return names if any(number for _, number, _ in found) else names[:, :width]
 
 
 def nodal_gradients(V: fem.FunctionSpace) -> Array:

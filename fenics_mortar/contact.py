@@ -19,7 +19,7 @@ modulus), l_j its length and c a plain number: nothing depends on units.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import get_args
 
 from mpi4py import MPI
 
@@ -36,7 +36,6 @@ from fenics_mortar.mortar import (
     MortarOperators,
     MortarOptions,
     Weighting,
-    dofs_of,
     evaluate_mortar,
     evaluate_normals,
 )
@@ -47,6 +46,7 @@ from fenics_mortar.obstacles import (
     surface_without_nodes,
 )
 from fenics_mortar.segments import Integration, Segments, find_segments
+from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
 # A node counts as covered if the diagonal of D is above this part of its length.
@@ -214,13 +214,15 @@ class Contact:
             its normal, shape (slave nodes,), bool.
     """
 
-    def __init__(self, pair: ContactPair, V: Any, prescribed: npt.NDArray[np.bool_]) -> None:
+    def __init__(
+        self, pair: ContactPair, space: DisplacementSpace, prescribed: npt.NDArray[np.bool_]
+    ) -> None:
         """Extract the surfaces (collective); ``prescribed``: local dofs with Dirichlet values."""
         self.pair = pair
         tags = pair.data.facet_tags
-        self.slave: Surface = extract_surface(V, tags, pair.slave_tag, pair.slave_name)
+        self.slave: Surface = extract_surface(space, tags, pair.slave_tag, pair.slave_name)
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
-        self.master: Surface = self._master_surface(V)
+        self.master: Surface = self._master_surface(space)
         self._check_sides()
         self._check_points()
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
@@ -246,12 +248,12 @@ class Contact:
         self.c_n = pair.c_n
         self.operators: MortarOperators
 
-    def _master_surface(self, V: Any) -> Surface:
+    def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
         name, data = self.pair.master_name, self.pair.data
         if isinstance(self.pair.master, Obstacle):
             return surface_without_nodes(self.slave, name)
-        return extract_surface(V, data.facet_tags, data.boundary_tag(self.pair.master), name)
+        return extract_surface(space, data.facet_tags, data.boundary_tag(self.pair.master), name)
 
     def _reach(self) -> float:
         """Distance at which partners are looked for by default."""
@@ -406,7 +408,7 @@ class Contact:
             on_master: Displacements of the master nodes, shape (n, 2).
         """
         sides = (self.slave, self.master)
-        dofs = np.concatenate([dofs_of(side.nodes, np.arange(side.num_nodes)) for side in sides])
+        dofs = np.concatenate([side.dofs_of(np.arange(side.num_nodes)) for side in sides])
         values = np.concatenate([on_slave.ravel(), on_master.ravel()])
         order = np.argsort(dofs)
         change = np.zeros(self.slave.num_nodes)
@@ -507,7 +509,7 @@ class Contact:
         j = np.broadcast_to(j[:, :, None], values.shape)[used]
         k = np.broadcast_to(k[:, None, :], values.shape)[used]
         columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
-        rows = dofs_of(surface.nodes, k[:, None]).reshape(-1, 1)
+        rows = surface.dofs_of(k[:, None]).reshape(-1, 1)
         return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))
 
 

@@ -19,6 +19,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import nnls
 
 from fenics_mortar import compat
@@ -32,7 +33,7 @@ from fenics_mortar.bodies import (
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError, place
-from fenics_mortar.surfaces import Array, Surface
+from fenics_mortar.surfaces import Array, Indices, Surface
 
 # Active contact holds a motion if it closes or opens gaps by more than this part of it.
 HELD = 1e-3
@@ -48,6 +49,8 @@ LARGEST_MOVE = 0.2
 MOST_MOVES = 200
 # A body is driven if the loads' resultant is above this part of the sum of their sizes.
 DRIVEN = 1e-6
+# Averaged normals of facets err by about this part of the forces.
+FACETS_ERR = 0.02
 # A node is loaded if its pressure is above this part of the stiffness there.
 LOADED = 1e-12
 # A rigid motion below this part of the body's size is rounding.
@@ -72,6 +75,8 @@ class FloatingBodies:
         self.bodies: list[FloatingBody] = []
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bulk.u.x.array
+        self._springs: Array | None = None
+        self._anchor: Array = bulk.u.x.array
 
     def find(self) -> None:
         """Look for floating bodies, with ``K`` as assembled."""
@@ -134,16 +139,89 @@ class FloatingBodies:
         """
         if not self.bodies:
             return
-        stiffness = {body.label: LEAST_SPRING for body in self.bodies}
-        for body in loose:
-            drive = float(np.linalg.norm(self._resultant(body, total))) / max(force, 1e-300)
-            stiffness[body.label] = float(np.clip(drive, LEAST_SPRING, 1.0))
+        springs = self._springs
+        if springs is None:
+            stiffness = {body.label: LEAST_SPRING * body.stiffest for body in self.bodies}
+            for body in loose:
+                drive = float(np.linalg.norm(self._resultant(body, total))) / max(force, 1e-300)
+                stiffness[body.label] = float(np.clip(drive, LEAST_SPRING, 1.0)) * body.stiffest
+            springs = self._spread(stiffness)
         diagonal = self._bulk.K.getDiagonal()
-        labels = np.repeat(self.labels[: self._bulk.num_owned // 2], 2)
-        for body in self.bodies:
-            spring = stiffness[body.label] * body.stiffest / body.num_nodes
-            diagonal.array[labels == body.label] += spring
+        diagonal.array[:] += springs
         self._bulk.K.setDiagonal(diagonal)
+
+    def hold(self, total: Array, sizes: Array, travel: float) -> None:
+        """Tie the bodies to where they are by springs of their own; see ``release``.
+
+        Args:
+            total: Sum of all forces (owned part).
+            sizes: Sum of their sizes.
+            travel: How far the forces that drive a body, or what facets may err of all on it, would
+                strain its springs, in shortest facets.
+        """
+        length = travel * self._shortest_facet()
+        stiffness = {}
+        for body in self.bodies:
+            drive = float(np.linalg.norm(self._resultant(body, total)))
+            drive = max(drive, FACETS_ERR * self._size_of_forces(body, sizes))
+            stiffness[body.label] = max(drive / length, LEAST_SPRING * body.stiffest)
+        self._springs, self._anchor = self._spread(stiffness), self._bulk.u.x.array.copy()
+
+    def let_go(self) -> None:
+        """Take the springs of ``hold`` away."""
+        self._springs = None
+
+    @property
+    def held(self) -> bool:
+        """Whether springs of ``hold`` are there."""
+        return self._springs is not None
+
+    def add_spring_forces(self) -> None:
+        """Add what the springs of ``hold`` pull with to the residual."""
+        if self._springs is not None:
+            self._bulk.r.array[: self._bulk.num_owned] += self._spring_forces()
+
+    def _spring_forces(self) -> Array:
+        none = np.zeros(self._bulk.num_owned)
+        return none if self._springs is None else self._springs * self._strain()
+
+    def _strain(self) -> Array:
+        """Displacement since ``hold`` (owned part)."""
+        return (self._bulk.u.x.array - self._anchor)[: self._bulk.num_owned]
+
+    def part_held(self, sizes: Array) -> float:
+        """Largest force of springs on a body, over the sum of the sizes of all others on it."""
+        return max((self._part_held(body, sizes) for body in self.bodies), default=0.0)
+
+    def _part_held(self, body: FloatingBody, sizes: Array) -> float:
+        size = self._size_of_forces(body, sizes)
+        force = np.linalg.norm(self._resultant(body, self._spring_forces()))
+        return float(force) / max(size, 1e-300)
+
+    def describe_springs(self, sizes: Array) -> str:
+        """What the springs of ``hold`` hold, in words."""
+        energy = 0.5 * self._bulk.comm.allreduce(float(self._strain() @ self._spring_forces()))
+        parts = [
+            f"{self.name_of(body.label)} with {self._part_held(body, sizes):.1e} of its forces"
+            for body in self.bodies
+        ]
+        return (
+            f"springs hold {', '.join(parts)}, with an energy of {energy:.3e}: contact does not "
+            "resist its motion more than the facets' corners drive it; prescribe it, or refine"
+        )
+
+    def travel(self) -> float:
+        """How far a body has moved as a rigid one since ``hold``, in shortest facets."""
+        change = self._strain()
+        moves = [np.linalg.norm(self._rigid_part(body, change)) for body in self.bodies]
+        return float(max(moves)) / self._shortest_facet()
+
+    def _spread(self, stiffness: dict[int, float]) -> Array:
+        """Stiffness of the springs at the owned dofs from that of each body."""
+        springs = np.zeros(self._bulk.num_owned)
+        for body in self.bodies:
+            springs[self._dofs_of(body)] = stiffness[body.label] / body.num_nodes
+        return springs
 
     def drop_undriven(
         self, loose: Sequence[FloatingBody], step: PETSc.Vec, total: Array, force: float
@@ -156,12 +234,12 @@ class FloatingBodies:
             total: Sum of all forces (owned part).
             force: Size of the forces.
         """
-        for body in loose:
+        for body in loose if self._springs is None else []:
             drive = float(np.linalg.norm(self._resultant(body, total)))
             if drive <= UNDRIVEN * force + NOISE * body.stiffest * body.size:
-                mine, motions = self._motions(body)
+                dofs, motions = self._motions(body)
                 excess = self._rigid_part(body, step.array_r) @ motions
-                step.array.reshape(-1, 2)[mine] -= excess.reshape(-1, 2)
+                step.array[dofs] -= excess.reshape(-1, 2)
 
     def check(self) -> list[str]:
         """What became of bodies that had no contact force before the solve and have none now.
@@ -217,7 +295,7 @@ class FloatingBodies:
                 found = self.labels[first[data.cell_tags.find(tag)]] == label
                 if bulk.comm.allreduce(bool(found.any()), MPI.LOR):
                     return f"body '{name}'"
-        X = bulk.V.tabulate_dof_coordinates()[: bulk.num_owned // 2, :2]
+        X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, :2]
         mine = self.labels[: len(X)] == label
         return f"the body around {place(centre_and_size(X[mine], bulk.comm)[0])}"
 
@@ -253,16 +331,18 @@ class FloatingBodies:
 
     def _drive(self, body: FloatingBody, total: Array, sizes: Array) -> Array:
         """Direction in which the forces drive the body, of size one; zero if they do not."""
-        drive = self._resultant(body, total)
-        mine, _ = self._motions(body)
-        size = self._bulk.comm.allreduce(float(sizes.reshape(-1, 2)[mine].sum()))
+        drive, size = self._resultant(body, total), self._size_of_forces(body, sizes)
         norm = float(np.linalg.norm(drive))
         return drive / norm if norm > DRIVEN * size else np.zeros(len(drive))
 
     def _resultant(self, body: FloatingBody, total: Array) -> Array:
         """Resultant of the forces along the body's motions, shape (motions,)."""
-        mine, motions = self._motions(body)
-        return self._bulk.comm.allreduce(-motions @ total.reshape(-1, 2)[mine].ravel())
+        dofs, motions = self._motions(body)
+        return self._bulk.comm.allreduce(-motions @ total[dofs].ravel())
+
+    def _size_of_forces(self, body: FloatingBody, sizes: Array) -> float:
+        """Sum of the sizes of all forces on a body."""
+        return self._bulk.comm.allreduce(float(sizes[self._dofs_of(body)].sum()))
 
     def _move(self, body: FloatingBody, coefficients: Array) -> None:
         """Add a rigid motion; its rotation is a true one, so nothing is strained."""
@@ -272,18 +352,25 @@ class FloatingBodies:
         arm = self._bulk.positions()[mine] - body.centre
         cosine, sine = np.cos(angle) - 1.0, np.sin(angle)
         turn = np.array([[cosine, -sine], [sine, cosine]])
-        self._bulk.u.x.array.reshape(-1, 2)[mine] += arm @ turn.T + np.array([x, y])
+        self._bulk.u.x.array[self._bulk.space.dofs[mine]] += arm @ turn.T + np.array([x, y])
 
-    def _motions(self, body: FloatingBody) -> tuple[Array, Array]:
-        """Owned nodes of a body as a mask, and its motions there, (motions, 2 * nodes)."""
-        mine = self.labels[: self._bulk.num_owned // 2] == body.label
-        x = self._bulk.positions()[: mine.size][mine]
-        return mine, body.displacement(x).reshape(len(body.motions), -1)
+    def _motions(self, body: FloatingBody) -> tuple[Indices, Array]:
+        """Dofs (nodes, 2) of a body's owned nodes, and its motions there, (motions, 2 * nodes)."""
+        x = self._bulk.positions()[: self._bulk.space.num_nodes][self._nodes_of(body)]
+        return self._dofs_of(body), body.displacement(x).reshape(len(body.motions), -1)
+
+    def _nodes_of(self, body: FloatingBody) -> npt.NDArray[np.bool_]:
+        """Which of the owned nodes are of a body."""
+        return self.labels[: self._bulk.space.num_nodes] == body.label
+
+    def _dofs_of(self, body: FloatingBody) -> Indices:
+        """Local dofs of the owned nodes of a body, shape (nodes, 2)."""
+        return self._bulk.space.owned_dofs[self._nodes_of(body)]
 
     def _rigid_part(self, body: FloatingBody, change: Array) -> Array:
         """Coefficients of the body's motions in a displacement (owned part), shape (motions,)."""
-        mine, motions = self._motions(body)
-        answer = motions @ change.reshape(-1, 2)[mine].ravel()
+        dofs, motions = self._motions(body)
+        answer = motions @ change[dofs].ravel()
         products = self._bulk.comm.allreduce(np.column_stack([motions @ motions.T, answer]))
         return np.linalg.solve(products[:, :-1], products[:, -1])
 
@@ -311,7 +398,7 @@ class FloatingBodies:
         return min(float(contact.slave.lengths.min()) for contact in self._contacts)
 
     def _labels_of(self, surface: Surface) -> Array:
-        return surface.gather(np.repeat(self.labels, 2).astype(float))[:, 0]
+        return surface.gather(self._bulk.spread(self.labels))[:, 0]
 
 
 def closest_below(wanted: Array, rows: Array, room: Array) -> Array:

@@ -290,12 +290,14 @@ def dirichlet(
     """Prescribe the displacement, or one component of it, on named boundaries (collective).
 
     Args:
-        V: Space of the displacement, see :func:`vector_space`.
+        V: Space of the displacement, see :func:`vector_space`, or the displacement's sub-space
+            ``W.sub(0)`` of a mixed space.
         data: Mesh on which ``V`` is defined.
         boundary: Name or tag of a boundary, or a sequence of them.
         value: What is prescribed [length]: numbers of shape (2,), a constant of this shape or a
             function of ``V``; with ``component`` a number or a scalar constant. Later changes of
-            constants and functions act.
+            constants and functions act. In a mixed space a function is one of the collapsed
+            sub-space, and constants prescribe one component at a time.
         component: 0 for x only, 1 for y only, ``None`` for both.
 
     Returns:
@@ -308,12 +310,37 @@ def dirichlet(
         raise MeshError(f"component is {component!r}; right is 0, 1 or None for both")
     facets = data.boundary_facets(boundary)
     data.mesh.topology.create_connectivity(1, 2)
+    if component is None and compat.is_sub_space(V):
+        return _dirichlet_of_part(V, facets, value)
     space = V if component is None else V.sub(int(component))
     dofs = fem.locate_dofs_topological(space, 1, facets)
     value = _boundary_value(V, value, component)
     if isinstance(value, fem.Function):
         return fem.dirichletbc(value, dofs)
     return fem.dirichletbc(value, dofs, space)
+
+
+def _dirichlet_of_part(
+    part: fem.FunctionSpace,
+    facets: npt.NDArray[np.int32],
+    value: fem.Constant | fem.Function | npt.ArrayLike,
+) -> fem.DirichletBC:
+    """Prescribe both components in a sub-space; dolfinx takes functions only (collective)."""
+    if isinstance(value, fem.Constant):
+        raise MeshError(
+            "a constant cannot prescribe both components in a sub-space; prescribe one component "
+            "at a time, or use a function of the collapsed sub-space"
+        )
+    if not isinstance(value, fem.Function):
+        space, _ = part.collapse()
+        numbers, value = _boundary_value(space, value, None), fem.Function(space)
+        value.x.array.reshape(-1, 2)[:] = numbers
+    given = value.function_space
+    fits = given.mesh is part.mesh and not compat.is_sub_space(given)
+    if not fits or given.ufl_element() != part.ufl_element():
+        raise MeshError("a function has to be of the collapsed sub-space, W.sub(0).collapse()[0]")
+    dofs = fem.locate_dofs_topological((part, given), 1, facets)
+    return fem.dirichletbc(value, dofs, part)
 
 
 def _boundary_value(

@@ -30,6 +30,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.clock import clock
 from fenics_mortar.kernels import basis, curved, normals, segment
 from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.surfaces import Array, Indices, Surface
@@ -167,8 +168,8 @@ class MortarOperators:
         """Displacement dofs of the columns of each segment, shape (n, C); -1 is missing."""
         degree = self.slave.degree
         near = self.slave.along(self.segments.slave[:, 0], range(-degree, 2 * degree + 1))
-        on_slave = dofs_of(self.slave.nodes, near)
-        return np.concatenate([on_slave, dofs_of(self.master.nodes, self.segments.master)], axis=1)
+        on_slave = self.slave.dofs_of(near)
+        return np.concatenate([on_slave, self.master.dofs_of(self.segments.master)], axis=1)
 
     def force(self, z: Array) -> tuple[Array, Array]:
         """D^T z on slave and -M^T z on master nodes for multipliers ``z`` (slave nodes, 2).
@@ -203,7 +204,7 @@ class MortarOperators:
         """Blocks of d(D^T z)/dd in displacement dofs."""
         s = self.segments
         values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave])
-        rows = dofs_of(self.slave.nodes, s.slave)
+        rows = self.slave.dofs_of(s.slave)
         return Block(rows, self.columns, values.reshape(*rows.shape, self.dD.shape[3]))
 
     def master_force_derivative(self, z: Array) -> Block:
@@ -211,7 +212,7 @@ class MortarOperators:
         s = self.segments
         i, k = s.pairs[:, 0], s.pairs[:, 1]
         values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]])
-        rows = dofs_of(self.master.nodes, s.master[i])
+        rows = self.master.dofs_of(s.master[i])
         return Block(rows, self.columns[k], values.reshape(*rows.shape, self.dM.shape[3]))
 
     def gap_derivative(self) -> list[Block]:
@@ -226,8 +227,8 @@ class MortarOperators:
         on_slave = -np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes])
         on_master = np.einsum("sjl,sjc->sjlc", self.M, self.n[s.slave])
         sides = (
-            (nodes, dofs_of(self.slave.nodes, nodes), on_slave),
-            (s.slave, dofs_of(self.master.nodes, s.master), on_master),
+            (nodes, self.slave.dofs_of(nodes), on_slave),
+            (s.slave, self.master.dofs_of(s.master), on_master),
         )
         return [
             Block(rows, columns, values.reshape(*rows.shape, columns.shape[1]))
@@ -237,7 +238,7 @@ class MortarOperators:
     def normal_columns(self) -> Indices:
         """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
         degree, own = self.slave.degree, np.arange(self.slave.num_nodes)
-        return dofs_of(self.slave.nodes, self.slave.along(own, range(-degree, degree + 1)))
+        return self.slave.dofs_of(self.slave.along(own, range(-degree, degree + 1)))
 
     def less_offset(self, offset: Array) -> MortarOperators:
         """The operators for the gap less an offset, interpolated between nodes (collective).
@@ -259,13 +260,6 @@ class MortarOperators:
         return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]
 
 
-def dofs_of(nodes: Indices, which: Indices) -> Indices:
-    """Displacement dofs (..., 2 k) of the surface nodes ``which`` (..., k); -1 stays -1."""
-    block = np.where(which >= 0, nodes[which], -1)[..., None]
-    dofs = np.where(block >= 0, 2 * block + np.arange(2), -1)
-    return dofs.reshape(*which.shape[:-1], 2 * which.shape[-1])
-
-
 def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
     """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 4 K - 2)."""
     n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
@@ -280,6 +274,7 @@ def share_of(items: Indices, comm: MPI.Comm) -> Indices:
     return items[bounds[0] : bounds[1]]
 
 
+@clock("integrals")
 def evaluate_mortar(
     slave: Surface,
     master: Surface,

@@ -35,6 +35,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from fenics_mortar.clock import clock
 from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
 from fenics_mortar.kernels.curved import tabulate_shapes
 from fenics_mortar.mortar import (
@@ -349,11 +350,23 @@ class ObstacleOperators(MortarOperators):
 
 def surface_without_nodes(slave: Surface, name: str) -> Surface:
     """The master side of a pair with an obstacle."""
-    none = np.empty(0, np.int64)
-    facets = slave.facets[:0]
-    return Surface(name, slave.X[:0], facets, none, none, none, none, none, none, slave.comm)
+    none, no_dofs = np.empty(0, np.int64), np.empty((0, 2), np.int64)
+    return Surface(
+        name,
+        X=slave.X[:0],
+        facets=slave.facets[:0],
+        previous=none,
+        following=none,
+        nodes=none,
+        owners=none,
+        owned=none,
+        dofs=no_dofs,
+        local_dofs=no_dofs,
+        comm=slave.comm,
+    )
 
 
+@clock("integrals")
 def evaluate_obstacle(
     slave: Surface,
     master: Surface,

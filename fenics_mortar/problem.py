@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, get_args
 
@@ -19,13 +18,17 @@ import numpy.typing as npt
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
+from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.driven import DrivenObstacles
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.reduced import LinearBulk
+from fenics_mortar.release import release_slowly
+from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
 from fenics_mortar.tangent import TangentCheck, check_tangent
@@ -56,7 +59,8 @@ class ContactProblem:
     Args:
         residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``. Give
             its measures a ``quadrature_degree``.
-        u: Displacement; its present value is the start of the next solve.
+        u: Displacement, alone or with other unknowns (as a pressure) in a mixed function; its
+            present value is the start of the next solve.
         pairs: Contact pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
@@ -66,11 +70,15 @@ class ContactProblem:
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
+        displacement: Number of the displacement's sub-space, if ``u`` is a mixed function.
+        linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
+            see ``reduced``. By default this is seen from ``residual``, and done once it pays.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
         tools: Their obstacles.
         bulk: Bulk residual and tangent.
+        floating: Bodies that Dirichlet conditions do not hold.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
 
     Raises:
@@ -94,10 +102,13 @@ class ContactProblem:
         linearization: str = "full",
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
+        displacement: int = 0,
+        linear_bulk: bool | None = None,
     ) -> None:
         if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
-        check_space(u.function_space, pairs)
+        space = DisplacementSpace(u.function_space, displacement)
+        check_space(space.V, pairs)
         if linearization not in LINEARIZATIONS:
             allowed = ", ".join(LINEARIZATIONS)
             raise ValueError(f"linearization={linearization!r}: allowed are {allowed}")
@@ -106,23 +117,23 @@ class ContactProblem:
             raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
-        self._clock = _Clock()
-        self.bulk = Bulk(residual, u, list(bcs), jacobian)
+        self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
-        self.contacts = [Contact(pair, self.bulk.V, self.bulk.prescribed) for pair in pairs]
+        self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
         self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
         self.bulk.check_finite()
         self.bulk.assemble_tangent()
-        self._floating = FloatingBodies(self.bulk, self.contacts)
+        self.floating = FloatingBodies(self.bulk, self.contacts)
         self._set_stiffness()
-        self._floating.find()
+        self.floating.find()
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(self.contacts) else "condensed"
         self.system = SYSTEMS[algorithm](
             self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
         )
+        self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._last_converged = False
         self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []
         for contact in self.contacts:
@@ -144,13 +155,14 @@ class ContactProblem:
                 at the last iterate; to solve again, reset ``u`` and mend what was wrong.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
         """
+        clock.read()
         self.bulk.check_finite()
-        self._clock.read()
+        self.floating.let_go()
         try:
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
-            moved += self._floating.settle(self._evaluate_forces)
-            report = solve(self, self.newton)
-            moved += self._floating.check()
+            moved += self.floating.settle(self._evaluate_forces)
+            report = self._solve()
+            moved += self.floating.check()
         except MortarError:
             self._last_converged = False
             raise
@@ -162,24 +174,76 @@ class ContactProblem:
         self._overlaps = []
         return report
 
+    def _solve(self) -> NewtonReport:
+        """Solve on the contact dofs where the bulk is linear, else on all."""
+        reduced, remarks = self._linear_bulk.choose()
+        if reduced is not None:
+            start = self.state()
+            with suppress(NotConvergedError):
+                report = solve(reduced, self.newton)
+                reduced.finish()
+                if self._is_sound(report):
+                    return report
+            self.restore(start)
+            remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
+        report = self._solve_on_all_dofs()
+        self._linear_bulk.count(report.num_iterations)
+        report.notes[:0] = remarks
+        return report
+
+    def _is_sound(self, report: NewtonReport) -> bool:
+        """Whether the present state solves all equations and inverts no cell (collective)."""
+        status = self.evaluate(start=False)
+        allowed = self.newton.residual_tolerance * max(report.force, status.force) + status.noise
+        return status.residual <= allowed and not self.bulk.inverted_cells()[0]
+
+    def _solve_on_all_dofs(self) -> NewtonReport:
+        """One Newton loop; where that fails and bodies float, several with springs that let go."""
+        start = self.state()
+        try:
+            return solve(self, self.newton)
+        except NotConvergedError as error:
+            if not self.floating.bodies:
+                raise
+            self.restore(start)
+            return release_slowly(self, self.newton, error)
+
+    def hold(self, travel: float | None) -> None:
+        """Tie floating bodies to where they are by springs, or let them go; see ``release``."""
+        if travel is None:
+            self.floating.let_go()
+        else:
+            bulk, contact, _ = self.forces()
+            self.floating.hold(bulk + contact, np.abs(bulk) + np.abs(contact), travel)
+
+    def travel(self) -> float:
+        """How far bodies have moved since ``hold``, in shortest facets."""
+        return self.floating.travel()
+
+    def remaining(self) -> tuple[float, str]:
+        """Part of the forces that springs hold, and that in words."""
+        sizes = self._sizes()
+        return self.floating.part_held(sizes), self.floating.describe_springs(sizes)
+
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
-        with self._clock("bulk"):
-            self.bulk.assemble_residual()
-        with self._clock("contact"):
-            if start:
-                self._begin()
-            changed = self._evaluate_contacts(start=start)
-            residual, force = self._residual_and_force()
-            self._force = force
-            gaps = [
-                np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts
-            ]
-            active = sum(int(c.active.sum()) for c in self.contacts)
-            self._recent_sets.append([c.active.copy() for c in self.contacts])
-            sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
-            gap = float(max(gaps, default=0.0))
-            return Status(residual, force, gap, active, changed, self._noise(), sets)
+        self.bulk.assemble_residual()
+        self.floating.add_spring_forces()
+        return self.look(start=start)
+
+    def look(self, *, start: bool) -> Status:
+        """Evaluate operators and active sets; the residual of the bulk is there."""
+        if start:
+            self._begin()
+        changed = self._evaluate_contacts(start=start)
+        residual, force = self._residual_and_force()
+        self._force = force
+        gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
+        active = sum(int(c.active.sum()) for c in self.contacts)
+        self._recent_sets.append([c.active.copy() for c in self.contacts])
+        sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
+        gap = float(max(gaps, default=0.0))
+        return Status(residual, force, gap, active, changed, self.noise(), sets)
 
     def _evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
@@ -198,6 +262,12 @@ class ContactProblem:
         bulk, contact, _ = self.forces()
         return bulk + contact, np.abs(bulk) + np.abs(contact)
 
+    def _sizes(self) -> Array:
+        """Sum of the sizes of all forces at each owned dof, without springs."""
+        bulk, contact, _ = self.forces()
+        return np.abs(bulk) + np.abs(contact)
+
+    @clock("assembly")
     def _contact_force(self) -> Array:
         """B^T z on the owned dofs."""
         force = np.zeros(self.bulk.num_owned)
@@ -209,24 +279,26 @@ class ContactProblem:
 
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way where that would be too far."""
-        with self._clock("bulk"):
-            self.bulk.assemble_tangent()
-        with self._clock("contact"):
-            loose = self._floating.loose()
-            self._floating.add_springs(loose, self._total, self._force)
+        self.bulk.assemble_tangent()
+        loose = self.floating.loose()
+        self.floating.add_springs(loose, self._total, self._force)
+        with clock("assembly"):
             self.system.assemble()
-        with self._clock("solve"):
+        with clock("solve"):
             step, multipliers, motion = self.tools.solve(self.system, self.stiffest, self._force)
-        with self._clock("bulk"):
-            self._floating.drop_undriven(loose, step, self._total, self._force)
-            part = self.bulk.move(step)
+        self.floating.drop_undriven(loose, step, self._total, self._force)
+        part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
         self.tools.move(part * motion)
-        increment = max(float(step.norm(PETSc.NormType.INFINITY)), np.abs(motion).max(initial=0.0))
+        increment = max(self.bulk.largest(step.array_r), float(np.abs(motion).max(initial=0.0)))
         step.destroy()
-        size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
-        return Step(increment / size, part, self._floating.remark(loose))
+        return self.step(increment, part, self.floating.remark(loose))
+
+    def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
+        """Record of a step taken, by its largest increment [length]."""
+        size = max(self._largest_motion(), 1e-8 * self._facet_length(), 1e-300)
+        return Step(increment / size, part, note)
 
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of the active set; say how.
@@ -250,16 +322,18 @@ class ContactProblem:
             contact.begin()
 
     def seconds(self) -> dict[str, float]:
-        """Seconds since the last call by phase: bulk, contact, solve; of the slowest rank."""
-        mine = self._clock.read()
-        return {name: self.comm.allreduce(value, MPI.MAX) for name, value in mine.items()}
+        """Seconds since the last call by phase, see ``clock``; of the slowest rank in each."""
+        mine = clock.read()
+        slowest = np.array(list(mine.values()))
+        self.comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
+        return dict(zip(mine, slowest.tolist(), strict=True))
 
     def diagnose(self) -> str:
         """Name inverted cells and bodies that nothing holds."""
         inverted = self._describe_inverted()
         if inverted:
             return inverted
-        free = self._floating.describe(self._floating.loose()), self.tools.describe(self._force)
+        free = self.floating.describe(self.floating.loose()), self.tools.describe(self._force)
         return ", ".join(filter(None, free))
 
     def _describe_inverted(self) -> str:
@@ -279,23 +353,22 @@ class ContactProblem:
             rows += ((contact.stiffness * gap) ** 2).sum()
             rows += ((contact.operators.diagonal * tangential) ** 2).sum()
         self._total = total = self.bulk.r.array_r[:size] + contact_force
-        free = total.copy()
-        free[held] = self.stiffest * self.bulk.distance_to_prescribed()
-        mine = [free @ free, contact_force @ contact_force, total[held] @ total[held]]
+        free = self.bulk.units * total
+        reactions = free[held]
+        free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
+        mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
         free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
         return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
 
-    def _noise(self) -> float:
+    def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
-        bulk = np.sqrt(num_dofs) * self._largest_displacement()
+        bulk = np.sqrt(num_dofs) * self._largest_motion()
         contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
         return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
 
-    def _largest_displacement(self) -> float:
-        u, motions = self.bulk.u.x.array, self.tools.motions_of(self.tools.places)
-        largest = max(np.abs(u).max(initial=0.0), np.abs(motions).max(initial=0.0))
-        return self.comm.allreduce(float(largest), MPI.MAX)
+    def _largest_motion(self) -> float:
+        return max(self.bulk.largest(self.bulk.u.x.array), self.tools.largest())
 
     def _facet_length(self) -> float:
         return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
@@ -310,18 +383,21 @@ class ContactProblem:
             raise MortarError(
                 f"the bulk tangent is not finite at the initial displacement: {reason}"
             )
-        loose = (diagonal == 0.0) & ~self.bulk.prescribed[: self.bulk.num_owned]
+        dofs = self.bulk.space.owned_dofs
+        loose = np.zeros(diagonal.size, bool)
+        loose[dofs] = (diagonal[dofs] == 0.0) & ~self.bulk.prescribed[dofs]
         count, where = self.bulk.count_nodes(loose)
         if count:
-            mine = set(self._floating.labels[np.flatnonzero(loose) // 2].tolist())
+            mine = set(self.floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
             bodies = sorted(set().union(*self.comm.allgather(mine)))
-            names = ", ".join(self._floating.name_of(label) for label in bodies)
+            names = ", ".join(self.floating.name_of(label) for label in bodies)
             raise MortarError(
                 f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
                 "the residual form has to hold the stress of every body"
             )
-        largest = float(np.abs(diagonal).max(initial=0.0))
+        largest = float(np.abs(diagonal[dofs]).max(initial=0.0))
         self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
+        self.bulk.set_units(self.stiffest)
         for contact in self.contacts:
             contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
 
@@ -355,7 +431,10 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
-        return certify(self.bulk, self.contacts, self._floating.labels, self.tools.residual())
+        certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
+        if not self.floating.held:
+            return certificate
+        return replace(certificate, springs=self.floating.part_held(self._sizes()))
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).
@@ -365,6 +444,7 @@ class ContactProblem:
         """
         self.bulk.assemble_residual()
         bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
+        self.floating.add_spring_forces()
         return bulk, self._contact_force(), self.tools.forces()
 
     # For research
@@ -395,22 +475,3 @@ class ContactProblem:
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""
         return check_tangent(self, **options)
-
-
-class _Clock:
-    """Seconds by phase."""
-
-    def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, phase: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self._seconds[phase] = self._seconds.get(phase, 0.0) + time.perf_counter() - start
-
-    def read(self) -> dict[str, float]:
-        """Seconds since the last call."""
-        seconds = {name: self._seconds.get(name, 0.0) for name in ("bulk", "contact", "solve")}
-        self._seconds = {}
-        return seconds

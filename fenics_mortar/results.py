@@ -79,9 +79,9 @@ class ResultsWriter:
 
     def write(self, time: float) -> None:
         """Write the present state as that of ``time`` (collective)."""
-        u = self._problem.bulk.u.x.array
+        u, dofs = self._problem.bulk.u.x.array, self._problem.bulk.space.dofs
         cell_data = {name: _pad(field.evaluate()) for name, field in self._fields.items()}
-        self._bulk.write(time, {"displacement": _pad(u.reshape(-1, 2)[self._nodes])}, cell_data)
+        self._bulk.write(time, {"displacement": _pad(u[dofs[self._nodes]])}, cell_data)
         for series, contact in zip(self._surfaces, self._problem.contacts, strict=True):
             contact.evaluate(u, self._problem.linearization)
             series.write(time, _surface_data(contact, u), {})
@@ -268,7 +268,7 @@ def plot(
     path = _prepare(comm, path, ".png")
     cells = _owned_cells(problem)
     x = problem.bulk.V.tabulate_dof_coordinates()[:, :2]
-    x = x + scale * problem.bulk.u.x.array.reshape(-1, 2)
+    x = x + scale * problem.bulk.u.x.array[problem.bulk.space.dofs]
     nodes = problem.bulk.V.dofmap.index_map.local_to_global(cells.ravel().astype(np.int32)).reshape(
         cells.shape
     )

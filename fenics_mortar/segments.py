@@ -24,6 +24,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.clock import clock
 from fenics_mortar.kernels import search
 from fenics_mortar.surfaces import Array, Indices, Surface
 
@@ -83,6 +84,7 @@ class Segments:
         return self.points, self.weights, self.spans
 
 
+@clock("search")
 def find_segments(
     slave: Surface,
     master: Surface,

@@ -21,6 +21,7 @@ from dolfinx import mesh as dmesh
 
 from fenics_mortar import compat
 from fenics_mortar.errors import SurfaceError, count_places, place
+from fenics_mortar.space import DisplacementSpace
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -28,7 +29,7 @@ Indices = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Surface:
-    """The facets of one boundary tag, equal on all ranks except for the last two fields.
+    """The facets of one boundary tag, equal on all ranks except for what this rank owns.
 
     Attributes:
         name: Name used in messages.
@@ -37,10 +38,11 @@ class Surface:
             with quadratic displacements (m, 3).
         previous: Node before each node along its curve, -1 at an end, shape (n,).
         following: Node after each node, -1 at an end, shape (n,).
-        nodes: Global number of each node in the function space (block number), shape (n,).
+        nodes: Global number of each node in the displacement's space, shape (n,).
         owners: Rank that owns each node, shape (n,).
         owned: Positions in these arrays of the nodes this rank owns.
-        local_nodes: Local numbers in the function space of the nodes this rank owns.
+        dofs: Global dofs of each node, shape (n, 2).
+        local_dofs: Local dofs of the nodes this rank owns, shape (owned nodes, 2).
     """
 
     name: str
@@ -51,7 +53,8 @@ class Surface:
     nodes: Indices
     owners: Indices
     owned: Indices
-    local_nodes: Indices
+    dofs: Indices
+    local_dofs: Indices
     comm: MPI.Comm
 
     @property
@@ -98,30 +101,29 @@ class Surface:
         """Collect nodal values of a function of the space on all ranks (collective).
 
         Args:
-            values: Local array of the function, shape (2 * local nodes,), owned nodes first.
+            values: Local array of all dofs, owned ones first.
 
         Returns:
             Values at the nodes of the surface, shape (n, 2), equal on all ranks.
         """
-        mine = np.ascontiguousarray(values.reshape(-1, 2)[self.local_nodes])
-        counts = np.bincount(self.owners, minlength=self.comm.size)
-        everything = np.empty((self.num_nodes, 2))
-        self.comm.Allgatherv(mine, (everything, 2 * counts))
-        ordered = np.empty_like(everything)
-        ordered[np.argsort(self.owners, kind="stable")] = everything
-        return ordered
+        return _replicate(values[self.local_dofs], self.owners, self.comm)
+
+    def dofs_of(self, which: Indices) -> Indices:
+        """Global dofs (..., 2 k) of the nodes ``which`` (..., k) of the surface; -1 stays -1."""
+        dofs = np.where(which[..., None] >= 0, self.dofs[which], -1)
+        return dofs.reshape(*which.shape[:-1], 2 * which.shape[-1])
 
     def scatter_add(self, values: Array, target: Array) -> None:
         """Add replicated nodal ``values`` (n, 2) to the owned part of a local array (local)."""
-        target.reshape(-1, 2)[self.local_nodes] += values[self.owned]
+        target[self.local_dofs] += values[self.owned]
 
 
-def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
+def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: str) -> Surface:
     """Collect the facets of ``tag`` as curves (collective).
 
     Args:
-        V: Displacement space, vector valued, degree 1 or 2.
-        facet_tags: Facet tags of the mesh of ``V``.
+        space: The displacement's nodes and dofs, degree 1 or 2.
+        facet_tags: Facet tags of the mesh.
         tag: Tag of the surface.
         name: Name used in messages.
 
@@ -132,6 +134,7 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
         SurfaceError: If no facet has the tag, or a facet is not on the boundary of the mesh or has
             zero length, or if more than two facets meet in a node. Raised on all ranks.
     """
+    V = space.V
     comm = V.mesh.comm
     pieces = comm.allgather(_local_facets(V, facet_tags, tag, name))
     ends, coordinates, given = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
@@ -142,6 +145,7 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
     starts = np.array(comm.allgather(begin))
     owners = np.searchsorted(starts, nodes, side="right") - 1
     owned = np.flatnonzero((nodes >= begin) & (nodes < end))
+    local_dofs = space.dofs[nodes[owned] - begin]
     return Surface(
         name,
         X[order],
@@ -151,9 +155,20 @@ def extract_surface(V: Any, facet_tags: Any, tag: int, name: str) -> Surface:
         nodes,
         owners,
         owned,
-        nodes[owned] - begin,
+        _replicate(local_dofs + space.first, owners, comm),
+        local_dofs,
         comm,
     )
+
+
+def _replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.NDArray[Any]:
+    """Collect values (owned nodes, 2) of all ranks: (nodes, 2), in the order of nodes."""
+    everything = np.empty((owners.size, 2), mine.dtype)
+    counts = np.bincount(owners, minlength=comm.size)
+    comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))
+    ordered = np.empty_like(everything)
+    ordered[np.argsort(owners, kind="stable")] = everything
+    return ordered
 
 
 def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array, Indices]:

@@ -115,7 +115,7 @@ class _Probe:
         length = min(float(c.slave.lengths.min()) for c in self.contacts)
         size = self.bulk.num_owned
         everywhere = rng.uniform(-length, length, self.bulk.r.getSize())
-        self.du: Array = everywhere[self.bulk.first : self.bulk.first + size]
+        self.du: Array = self.bulk.units * everywhere[self.bulk.first : self.bulk.first + size]
         self.u0 = self.bulk.u.x.array[:size].copy()
         self.tools, self.places = problem.tools, problem.tools.places
         self.dq: Array = rng.uniform(-length, length, self.places.shape)
@@ -156,7 +156,7 @@ class _Probe:
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
-        bulk, laws = force.copy(), []
+        bulk, laws = self.bulk.units * force, []
         for contact, z0, (normal, tangent, inactive) in zip(
             self.contacts, self.z0, self._frames, strict=True
         ):
@@ -174,6 +174,7 @@ class _Probe:
         for contact in self.contacts:  # only active multipliers act, as in the system
             contact.z = np.where(contact.active[:, None], contact.z, 0.0)
         pushed = self._mine(self.tools.forces().ravel())
+        force = self.bulk.units * force
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
 
     def derivative(self) -> dict[str, Array]:
@@ -193,7 +194,8 @@ class _Probe:
             change = self._apply(matrices.master_force_derivative(z0, pair))
             found["M"].append(contact.master.gather(change).ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
-        return {"bulk": self._apply(self.bulk.K), **replicated, "whole": self._whole()}
+        bulk = self.bulk.units * self._apply(self.bulk.K)
+        return {"bulk": bulk, **replicated, "whole": self._whole()}
 
     def _by_motions(self, contact: Contact) -> tuple[Array, Array, Array]:
         """Derivatives of normals, gap and law along the motions of the pair's obstacle."""
@@ -214,7 +216,7 @@ class _Probe:
             scaled = dz / system.scale(contact)[:, None]
             zeta.array.reshape(-1, 2)[system.local(contact, place)] = scaled[contact.slave.owned]
         force, law = self._apply(K), self._apply(C)
-        force = force + (B_T * zeta).array
+        force = self.bulk.units * (force + (B_T * zeta).array)
         law = law + (A_z * zeta).array
         parts = [
             (

@@ -22,6 +22,7 @@ from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
 from fenics_mortar import compat
+from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import extract_surface
 
 COMM = MPI.COMM_WORLD
@@ -111,7 +112,7 @@ def problem_on(data, pairs=None, material=neo_hookean, u=None, **options):
 
 def surface_of(data, name):
     V = fm.vector_space(data.mesh, 1)
-    return extract_surface(V, data.facet_tags, data.boundary_tag(name), name)
+    return extract_surface(DisplacementSpace(V), data.facet_tags, data.boundary_tag(name), name)
 
 
 def small_blocks(**options):
