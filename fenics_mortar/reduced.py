@@ -390,8 +390,6 @@ class LinearBulk:
         if floating.bodies:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
             return f"Dirichlet conditions do not hold {names}"
-        if self._problem.tools.driven.any():
-            return "forces drive an obstacle"
         self._problem.bulk.assemble_tangent()
         return "" if is_symmetric(self._problem.bulk.K) else "its tangent is not symmetric"
 

@@ -343,7 +343,7 @@ def obstacle_to_condensation(contacts: Sequence[Contact]) -> str | None:
     """Why D cannot be inverted node by node, or ``None`` if it can."""
     for contact in contacts:
         names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
-        if contact.pair.basis != "dual" and contact.pair.integration != "nodes":
+        if contact.pair.basis == "standard" and contact.pair.integration != "nodes":
             return f"{names} has basis '{contact.pair.basis}', so D is not diagonal"
         if contact.oblique.any():
             where = errors.place(contact.slave.X[contact.oblique][0])
