@@ -22,6 +22,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk import Bulk
+from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact
 from fenics_mortar.mortar import Block
 from fenics_mortar.sparse import BlockMatrix
@@ -51,9 +52,10 @@ class TouchingBodies:
         self._cycle.setFromOptions()
         self._held = bulk.held
         self._nodes: list[tuple[Indices, Array, Array]] = []
-        self._matrix: PETSc.Mat
+        self._B: PETSc.Mat | None = None
         self._scale = 1.0
 
+    @clock("solve")
     def set_up(self, K: PETSc.Mat, scale: float) -> None:
         """Prepare the cycle for the present state.
 
@@ -65,7 +67,9 @@ class TouchingBodies:
         self._nodes = [self._active(contact) for contact in self._contacts]
         T = self._T.assemble(self._motion_blocks())
         self._slip.assemble(self._partner_blocks(along_normal=False))
-        B = K.ptap(T)
+        if self._B is not None:
+            self._B.destroy()
+        self._B = B = K.ptap(T)
         normal = self._normal.assemble(
             Block(dofs + self._bulk.first, dofs + self._bulk.first, k[:, None, None] * _dyads(n))
             for dofs, n, k in self._nodes
