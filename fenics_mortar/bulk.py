@@ -80,7 +80,8 @@ class Bulk:
         self.is_linear = False
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
-            self.is_linear = self.u not in expand_derivatives(jacobian).coefficients()
+            expanded = expand_derivatives(jacobian)
+            self.is_linear = self.u not in expanded.coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
         self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
         self._constants = {*residual.constants(), *jacobian.constants()}

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, get_args
 
 from mpi4py import MPI
@@ -19,6 +20,7 @@ from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.mortar import LINEARIZATIONS
@@ -44,12 +46,16 @@ EPSILON = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class State:
-    """Displacement, multipliers and active sets of a problem, as copies; parts of this rank."""
+    """Displacement, multipliers, active sets and places of obstacles, as copies.
+
+    The displacement is the part of this rank.
+    """
 
     u: Array
     z: list[Array]
     active: list[npt.NDArray[np.bool_]]
     carries: list[npt.NDArray[np.bool_]]
+    places: Array
     converged: bool
 
 
@@ -78,6 +84,7 @@ class ContactProblem:
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
+        tools: Their obstacles.
         bulk: Bulk residual and tangent.
         floating: Bodies that Dirichlet conditions do not hold.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
@@ -126,6 +133,7 @@ class ContactProblem:
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
         self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
+        self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
         self.bulk.check_finite()
@@ -167,7 +175,8 @@ class ContactProblem:
         self.bulk.check_finite()
         self.floating.let_go()
         try:
-            moved = self.floating.settle(self._evaluate_forces)
+            moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
+            moved += self.floating.settle(self._evaluate_forces)
             report = self._solve()
             moved += self.floating.check()
         except MortarError:
@@ -176,7 +185,8 @@ class ContactProblem:
         self._last_converged = True
         report.certificate = self.certificate()
         violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
-        report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations]
+        reactions = self.tools.record()
+        report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations, *reactions]
         self._overlaps = []
         return report
 
@@ -219,7 +229,7 @@ class ContactProblem:
         if travel is None:
             self.floating.let_go()
         else:
-            bulk, contact = self.forces()
+            bulk, contact, _ = self.forces()
             self.floating.hold(bulk + contact, np.abs(bulk) + np.abs(contact), travel)
 
     def travel(self) -> float:
@@ -265,12 +275,12 @@ class ContactProblem:
     def _evaluate_forces(self) -> tuple[Array, Array]:
         """Evaluate everything; return the sum of all forces and of their sizes, owned parts."""
         self._evaluate_contacts(start=True)
-        bulk, contact = self.forces()
+        bulk, contact, _ = self.forces()
         return bulk + contact, np.abs(bulk) + np.abs(contact)
 
     def _sizes(self) -> Array:
         """Sum of the sizes of all forces at each owned dof, without springs."""
-        bulk, contact = self.forces()
+        bulk, contact, _ = self.forces()
         return np.abs(bulk) + np.abs(contact)
 
     @clock("assembly")
@@ -291,18 +301,19 @@ class ContactProblem:
         with clock("assembly"):
             self.system.assemble()
         with clock("solve"):
-            step, multipliers = self.system.solve()
+            step, multipliers, motion = self.tools.solve(self.system, self.stiffest, self._force)
         self.floating.drop_undriven(loose, step, self._total, self._force)
         part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
-        increment = self.bulk.largest(step.array_r)
+        self.tools.move(part * motion)
+        increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
         step.destroy()
         return self.step(increment, part, self.floating.remark(loose))
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step taken, by its largest increment [length]."""
-        size = max(self.bulk.largest(self.bulk.u.x.array), 1e-8 * self._facet_length(), 1e-300)
+        size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
         return Step(increment / size, part, note)
 
     def merge_sets(self, period: int) -> str:
@@ -335,10 +346,15 @@ class ContactProblem:
 
     def diagnose(self) -> str:
         """Name inverted cells and bodies that nothing holds."""
+        inverted = self._describe_inverted()
+        if inverted:
+            return inverted
+        free = self.floating.describe(self.floating.loose()), self.tools.describe(self._force)
+        return ", ".join(filter(None, free))
+
+    def _describe_inverted(self) -> str:
         count, where = self.bulk.inverted_cells()
-        if count:
-            return f"{count} cells are inverted, one at {where}: try smaller load steps"
-        return self.floating.describe(self.floating.loose())
+        return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
 
     def _residual_and_force(self) -> tuple[float, float]:
         """Norm of all equations and of the forces they are made of [stress length].
@@ -346,7 +362,7 @@ class ContactProblem:
         Gaps and distances to prescribed values count as forces by the stiffness of the bulk.
         """
         size, held = self.bulk.num_owned, self.bulk.held
-        contact_force, rows = self._contact_force(), 0.0
+        contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
         for contact in self.contacts:
             tangential = np.einsum("ja,ja->j", contact.operators.tau, contact.z)
             gap = np.where(contact.active, np.nan_to_num(contact.gap), 0.0)
@@ -363,9 +379,12 @@ class ContactProblem:
     def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
-        bulk = np.sqrt(num_dofs) * self.bulk.largest(self.bulk.u.x.array)
+        bulk = np.sqrt(num_dofs) * self._largest_displacement()
         contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
         return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
+
+    def _largest_displacement(self) -> float:
+        return max(self.bulk.largest(self.bulk.u.x.array), self.tools.largest())
 
     def _facet_length(self) -> float:
         return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
@@ -376,7 +395,7 @@ class ContactProblem:
         """Give each contact the mean diagonal of K at its slave nodes."""
         diagonal = self.bulk.K.getDiagonal().array_r
         if self.comm.allreduce(not np.isfinite(diagonal).all(), MPI.LOR):
-            reason = self.diagnose() or "check the residual form"
+            reason = self._describe_inverted() or "check the residual form"
             raise MortarError(
                 f"the bulk tangent is not finite at the initial displacement: {reason}"
             )
@@ -405,12 +424,14 @@ class ContactProblem:
             [contact.z.copy() for contact in self.contacts],
             [contact.active.copy() for contact in self.contacts],
             [contact.carries.copy() for contact in self.contacts],
+            self.tools.places,
             self._last_converged,
         )
 
     def restore(self, state: State) -> None:
         """Go back to a state, exactly."""
         self.bulk.u.x.array[:] = state.u
+        self.tools.places = state.places
         kept = zip(self.contacts, state.z, state.active, state.carries, strict=True)
         for contact, z, active, carries in kept:
             contact.z, contact.active, contact.carries = z.copy(), active.copy(), carries.copy()
@@ -426,20 +447,21 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
-        certificate = certify(self.bulk, self.contacts, self.floating.labels)
+        certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
         if not self.floating.held:
             return certificate
         return replace(certificate, springs=self.floating.part_held(self._sizes()))
 
-    def forces(self) -> tuple[Array, Array]:
-        """Residual of the bulk and contact force at the present state, owned parts [stress length].
+    def forces(self) -> tuple[Array, Array, Array]:
+        """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).
 
-        What they sum to at prescribed dofs are the reactions of the supports.
+        At the present state, the first two as parts of this rank [stress length]. What these sum to
+        at prescribed dofs are the reactions of the supports; the third is what holds the obstacles.
         """
         self.bulk.assemble_residual()
         bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
         self.floating.add_spring_forces()
-        return bulk, self._contact_force()
+        return bulk, self._contact_force(), self.tools.forces()
 
     # For research
 

@@ -29,7 +29,9 @@ class Reach:
     def __init__(self, o: MortarOperators, carries: npt.NDArray[np.bool_]) -> None:
         self._slave, self._master, self._carries = o.slave, o.master, carries.copy()
         self._met = _met(o, MARGIN)
-        self._facet, self._partner = np.divmod(self._met, o.master.num_nodes)
+        facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
+        meets = partner < o.master.num_nodes
+        self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
     def holds(self, o: MortarOperators, carries: npt.NDArray[np.bool_]) -> bool:
         """Whether a state couples nothing else."""
@@ -38,37 +40,45 @@ class Reach:
 
     def derivative_pattern(self) -> Block:
         """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
-        first, degree = np.unique(self._facet), self._slave.degree
-        near = self._slave.along(first, range(-degree, 2 * degree + 1))
+        degree = self._slave.degree
+        near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
         place, which = np.nonzero(near >= 0)
-        facet = np.concatenate([first[place], self._facet])
-        on_slave = self._slave.dofs[near[place, which]]
+        facet = np.concatenate([self._own[place], self._facet])
+        dofs = np.concatenate(
+            [self._slave.dofs[near[place, which]], self._master.dofs[self._partner]]
+        )
         order = np.argsort(facet, kind="stable")
-        dofs = np.concatenate([on_slave, self._master.dofs[self._partner]])[order]
         i, k = _pairs_within(facet[order])
-        return Block(dofs[i], dofs[k], np.zeros((i.size, 2, 2)))
+        return _zeros(dofs[order][i], dofs[order][k])
 
     def force_pattern(self) -> tuple[Indices, Indices]:
-        """Dofs (p, 2) where the multipliers of slave nodes (p,) may act, but for their own.
+        """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act, but for their own.
 
         These are of master nodes, and of slave nodes that carry no multiplier themselves.
         """
-        steps = range(self._slave.degree + 1)
-        carriers = self._slave.along(self._facet, steps)
-        partner = np.broadcast_to(self._partner[:, None], carriers.shape)
-        on_master = self._carries[carriers]
-        own = self._slave.along(np.unique(self._facet), steps)
-        idle, sharer = np.broadcast_arrays(own[:, :, None], own[:, None])
-        on_slave = self._carries[sharer] & ~self._carries[idle]
-        dofs = self._master.dofs[partner[on_master]], self._slave.dofs[idle[on_slave]]
-        return np.concatenate(dofs), np.concatenate([carriers[on_master], sharer[on_slave]])
+        degree = self._slave.degree
+        carriers = self._slave.along(self._facet, range(degree + 1))
+        on_master = np.repeat(self._master.dofs[self._partner], degree + 1, axis=0)
+        own = self._slave.along(self._own, range(degree + 1))
+        idle, sharer = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
+        dofs = np.concatenate([on_master, self._slave.dofs[idle]])
+        multiplier = np.concatenate([carriers.ravel(), sharer])
+        acts = self._carries[multiplier]
+        acts[len(on_master) :] &= ~self._carries[idle]
+        return dofs[acts], multiplier[acts]
 
 
 def _met(o: MortarOperators, margin: int) -> Indices:
-    """Pairs of a slave facet, by its first node, and a master node, as sorted numbers."""
-    s, degree = o.segments, o.master.degree
-    masters = o.master.along(s.master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
-    pairs = s.slave[:, :1] * o.master.num_nodes + masters
+    """Pairs of a slave facet, by its first node, and a master node, as sorted numbers.
+
+    Each facet has a pair with no node too, the number after the last: an obstacle has none.
+    """
+    s, degree, none = o.segments, o.master.degree, o.master.num_nodes
+    masters = np.full((len(s.slave), 1), none)
+    if none:
+        near = o.master.along(s.master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
+        masters = np.hstack([masters, near])
+    pairs = s.slave[:, :1] * (none + 1) + masters
     return np.unique(pairs[masters >= 0])
 
 
@@ -81,3 +91,7 @@ def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
     i = np.repeat(np.arange(group.size), repeats)
     running = np.arange(i.size) - np.repeat(np.cumsum(repeats) - repeats, repeats)
     return i, start[group_of][i] + running
+
+
+def _zeros(rows: Indices, columns: Indices) -> Block:
+    return Block(rows, columns, np.zeros((*rows.shape, columns.shape[1])))

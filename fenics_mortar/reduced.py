@@ -345,6 +345,8 @@ class ReducedEquations:
 class LinearBulk:
     """Chooses how a problem is solved, again before each solve.
 
+    Obstacles that forces drive take the general path.
+
     Args:
         problem: A ``ContactProblem``.
         wanted: Whether to reduce; ``None`` does so where the residual is linear, once the general
@@ -362,7 +364,7 @@ class LinearBulk:
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
         """The reduced equations, or ``None`` for the general path; a remark (collective)."""
-        if not self._possible:
+        if not self._possible or self._problem.tools.driven.any():
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0

@@ -25,6 +25,8 @@ TRAVEL, ARRIVED = 0.25, 0.01
 # The part of it that is tried after a failure, and how it grows again.
 LESS, MORE = 0.125, 2.0
 MOST_SOLVES, MOST_FAILURES = 12, 3
+# Springs that stay are tied anew so often: what contact can carry it does then.
+REPEATS = 3
 # Springs may hold this part of the forces on a body, about what averaged normals err.
 MOST_HELD = 0.02
 # Accuracy of the solves with springs: the last one has that of the user.
@@ -78,8 +80,9 @@ def release_slowly(
     except NotConvergedError as error:
         report = report.followed_by(error.report)
         equations.restore(arrived)
-        equations.hold(TRAVEL)
-        report = report.followed_by(solve(equations, options))
+        for _ in range(REPEATS):
+            equations.hold(TRAVEL)
+            report = report.followed_by(solve(equations, options))
         part, words = equations.remaining()
         if part > MOST_HELD:
             raise NotConvergedError(f"{failed.report.reason}; {words}", report) from error

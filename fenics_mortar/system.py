@@ -103,6 +103,17 @@ class LinearSystem(ABC):
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve; return dd and the new multipliers of every contact (collective)."""
 
+    @abstractmethod
+    def respond(self, laws: Sequence[Array]) -> tuple[PETSc.Vec, list[Array]]:
+        """Solve for a change of the contact laws' right-hand sides alone (collective).
+
+        Args:
+            laws: Of each contact, shape (slave nodes, 2) [stress length].
+
+        Returns:
+            Changes of the displacement and of the multipliers.
+        """
+
     @contextmanager
     def _in_database(self) -> Iterator[None]:
         """Have our options in PETSc's database, but for those that the user has there already."""
@@ -189,7 +200,7 @@ class LinearSystem(ABC):
             defect, relative = self._defect(matrix, rhs, solution)
         reason = self.ksp.getConvergedReason()
         if reason < 0 or not relative <= LINEAR_TOLERANCE:
-            self.ksp.reset()  # MUMPS does not use a failed factorization again
+            self.ksp.reset()  # MUMPS does not factor again after it has failed
             raise MortarError(
                 f"the linear system was not solved, it may be singular: PETSc's reason {reason}, "
                 f"remaining part of the right-hand side {relative:.1e}"
@@ -327,10 +338,22 @@ class CondensedSystem(LinearSystem):
 
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve for dd, then recover z_j = -Z_j (r + K~ dd)_j."""
-        dd = self._solve_linear(self.matrix, self._rhs)
+        return self._recover(self._rhs, self.bulk.r.array_r[: self.bulk.num_owned])
+
+    def respond(self, laws: Sequence[Array]) -> tuple[PETSc.Vec, list[Array]]:
+        """The same without forces and prescribed values."""
+        rhs = self._rhs.duplicate()
+        for contact, law in zip(self.contacts, laws, strict=True):
+            contact.slave.scatter_add(law, rhs.array)
+        rhs.array[self.bulk.held] = 0.0
+        return self._recover(rhs, np.zeros(self.bulk.num_owned))
+
+    def _recover(self, rhs: PETSc.Vec, r: Array) -> tuple[PETSc.Vec, list[Array]]:
+        """Solve for dd; return it and the multipliers."""
+        dd = self._solve_linear(self.matrix, rhs)
         force = self._slave_K.createVecLeft()
         self._slave_K.mult(dd, force)
-        total = self.bulk.r.array_r[: self.bulk.num_owned].copy()
+        total = r.copy()
         for contact, place in self.numbered():
             change = force.array_r.reshape(-1, 2)[self.local(contact, place)]
             total[contact.slave.local_dofs] += change
@@ -341,7 +364,7 @@ def obstacle_to_condensation(contacts: Sequence[Contact]) -> str | None:
     """Why D cannot be inverted node by node, or ``None`` if it can."""
     for contact in contacts:
         names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
-        if contact.pair.basis != "dual" and contact.pair.integration != "nodes":
+        if contact.pair.basis == "standard" and contact.pair.integration != "nodes":
             return f"{names} has basis '{contact.pair.basis}', so D is not diagonal"
         if contact.oblique.any():
             where = errors.place(contact.slave.X[contact.oblique][0])
@@ -404,7 +427,18 @@ class SaddleSystem(LinearSystem):
 
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve for dd and zeta; z is handed to all ranks."""
-        solution = self._solve_linear(self.matrix, self._rhs)
+        return self._recover(self._rhs)
+
+    def respond(self, laws: Sequence[Array]) -> tuple[PETSc.Vec, list[Array]]:
+        """The same without forces and prescribed values."""
+        rhs = self._rhs.duplicate()
+        for (contact, place), law in zip(self.numbered(), laws, strict=True):
+            mine = rhs.array[self.bulk.num_owned :].reshape(-1, 2)
+            mine[self.local(contact, place)] = law[contact.slave.owned]
+        return self._recover(rhs)
+
+    def _recover(self, rhs: PETSc.Vec) -> tuple[PETSc.Vec, list[Array]]:
+        solution = self._solve_linear(self.matrix, rhs)
         size = self.bulk.num_owned
         dd = PETSc.Vec().createMPI((size, None), comm=self.comm)
         dd.array[:] = solution.array_r[:size]

@@ -97,8 +97,8 @@ class Remedy:
 REMEDIES = {
     "no_step_cuts": Remedy(
         "a step that fails is taken back and cut",
-        "loaded_arch",
-        "1.2",
+        "pushed_arch",
+        "60",
         "default",
         Method("no cuts", adaptive=False),
     ),
