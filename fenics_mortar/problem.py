@@ -30,7 +30,13 @@ from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
-from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
+from fenics_mortar.system import (
+    SOLVERS,
+    SYSTEMS,
+    Algorithm,
+    Solver,
+    obstacle_to_condensation,
+)
 from fenics_mortar.tangent import TangentCheck, check_tangent
 
 # Largest c_n after a cycle of the active set.
@@ -64,9 +70,11 @@ class ContactProblem:
         pairs: Contact pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
-        petsc_options: Options of the linear solver; MUMPS LU by default.
+        petsc_options: Options of the linear solver, beside those of ``solver``.
         algorithm: "condensed" (the paper's Alg. 2, dual multipliers only) or "saddle" (Alg. 1);
             condensed by default where D can be inverted node by node.
+        solver: "direct" (MUMPS) or "iterative": GMRES with multigrid, see ``multigrid``; for the
+            condensed system of displacements alone. Less memory, and faster for large meshes.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
@@ -99,6 +107,7 @@ class ContactProblem:
         petsc_options_prefix: str,
         petsc_options: dict[str, Any] | None = None,
         algorithm: Algorithm | None = None,
+        solver: Solver = "direct",
         linearization: str = "full",
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
@@ -115,6 +124,10 @@ class ContactProblem:
         if algorithm not in (None, *get_args(Algorithm)):
             allowed = ", ".join(get_args(Algorithm))
             raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
+        if solver not in SOLVERS:
+            raise ValueError(f"solver={solver!r}: allowed are {', '.join(SOLVERS)}")
+        if solver == "iterative" and space.is_mixed:
+            raise ValueError("solver='iterative': mixed functions need solver='direct'")
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
@@ -130,8 +143,11 @@ class ContactProblem:
         self.floating.find()
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(self.contacts) else "condensed"
+        if solver == "iterative" and algorithm != "condensed":
+            why = obstacle_to_condensation(self.contacts) or "algorithm='saddle' is asked for"
+            raise ValueError(f"solver='iterative' needs algorithm='condensed': {why}")
         self.system = SYSTEMS[algorithm](
-            self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
+            self.bulk, self.contacts, petsc_options_prefix, SOLVERS[solver] | (petsc_options or {})
         )
         self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._last_converged = False
