@@ -20,7 +20,7 @@ say() { echo "setup: $*"; }
 # gcc: FFCx compiles each form when it is first used. openblas: see the README.
 demo=(python3-dolfinx python3-numba python3-gmsh python3-scipy python3-matplotlib python3-meshio
     libopenblas0-pthread openmpi-bin gcc libc6-dev python3-dev)
-test=("${demo[@]}" python3-pytest python3-hypothesis
+test=("${demo[@]}" python3-pytest python3-pytest-xdist python3-hypothesis
     python3-venv python3-setuptools python3-wheel)
 lint=("${test[@]}")
 ci=("${lint[@]}" debootstrap)

@@ -6,11 +6,13 @@ from fenics_mortar.contact import ContactPair
 from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
 from fenics_mortar.newton import NewtonOptions, NewtonReport
+from fenics_mortar.obstacles import Circle, Obstacle, Plane, SignedDistance, Spline
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.results import ResultsWriter, contact_table, plot
 from fenics_mortar.stepping import SteppingOptions, follow_path, load_state, save_state
 
 __all__ = [
+    "Circle",
     "ContactPair",
     "ContactProblem",
     "MeshData",
@@ -19,7 +21,11 @@ __all__ = [
     "NewtonOptions",
     "NewtonReport",
     "NotConvergedError",
+    "Obstacle",
+    "Plane",
     "ResultsWriter",
+    "SignedDistance",
+    "Spline",
     "SteppingOptions",
     "SurfaceError",
     "contact_table",

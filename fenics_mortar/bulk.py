@@ -13,9 +13,12 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 import ufl
+from ufl.algorithms import expand_derivatives
 
 from fenics_mortar import compat
+from fenics_mortar.clock import clock
 from fenics_mortar.errors import MortarError, count_places, raise_together
+from fenics_mortar.kernels.cells import tabulate_areas
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 
@@ -26,9 +29,9 @@ LEAST_AREA = 0.2
 SMALLEST_STEP = 1e-3
 # A cell is flat at a node if its area there is below this part of the cell's extent squared.
 FLAT = 1e-13
-# Entries that K may have, over those of the bulk alone, before its pattern is made anew: contact
-# that slides along leaves zeros behind.
-MOST_FILL = 1.1
+# Times that the pattern of K may grow before it is made anew: sliding contact leaves zeros
+# behind.
+MOST_GROWTHS = 8
 # The nodes of a cell along its outline, by their number: dolfinx' order is corners, edges, inside,
 # that of quadrilaterals the one of a tensor product
 AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6, 3, 7, 2, 5]}
@@ -50,6 +53,8 @@ class Bulk:
             ``set_units``, shape (num_owned,).
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
+        num_patterns: How many matrices ``K`` has been so far.
+        is_linear: Whether the residual is seen to be linear in the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
 
     Raises:
@@ -72,20 +77,24 @@ class Bulk:
                     f"Dirichlet condition {number} is of another space; right is the space of u or "
                     "a component of it"
                 )
+        self.is_linear = False
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
+            expanded = expand_derivatives(jacobian)
+            self.is_linear = self.u not in expanded.coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
+        self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
         self._constants = {*residual.constants(), *jacobian.constants()}
         self._coefficients = {*residual.coefficients(), *jacobian.coefficients()}
         self.K: PETSc.Mat
-        self._num_entries: float
-        self._added_pattern: object
+        self.num_patterns = 0
+        self._num_growths: int
         self._create_tangent()
         self.r: PETSc.Vec = compat.create_vector(space.whole)
         dofs = compat.dofmap(self.V)[: self.V.mesh.topology.index_map(2).size_local]
         self._cells, self._X = dofs, self.V.tabulate_dof_coordinates()[:, :2].copy()
         self._gradients = compat.nodal_gradients(self.V)
-        self._undeformed_areas = _proper_areas(self._X[dofs], self._gradients)
+        self._undeformed_areas = _proper_areas(self._X, dofs, self._gradients)
         self.num_owned, self.first = space.num_owned, space.first
         self.units: Array = np.ones(self.num_owned)
         self.prescribed: npt.NDArray[np.bool_] = np.zeros(u.x.array.size, bool)
@@ -97,49 +106,45 @@ class Bulk:
         """Local numbers of the owned dofs with prescribed values."""
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
 
+    def tangent_data(self) -> list[Array]:
+        """Copies of the constants and functions in the form of the tangent, but for ``u``."""
+        return [
+            np.array(data.value if hasattr(data, "value") else data.x.array)
+            for data in self._tangent_data
+            if data is not self.u
+        ]
+
+    @clock("residual")
     def assemble_residual(self) -> None:
         """Assemble ``r`` at the present displacement (collective)."""
         compat.assemble_vector(self.r, self._residual)
 
+    @clock("tangent")
     def assemble_tangent(self) -> None:
         """Assemble ``K`` at the present displacement (collective)."""
-        if self._num_entries and self.num_entries() > MOST_FILL * self._num_entries:
+        if self._num_growths > MOST_GROWTHS:
             self.K.destroy()
             self._create_tangent()
         compat.assemble_matrix(self.K, self._tangent)
-        self._num_entries = self._num_entries or self.num_entries()
-
-    def num_entries(self) -> float:
-        """Entries in the pattern of ``K``."""
-        return self.K.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
 
     def _create_tangent(self) -> None:
         """Create ``K`` with the pattern of the form."""
         self.K = compat.create_matrix(self._tangent)
-        self._num_entries = 0.0
-        self._added_pattern = None
+        self.num_patterns += 1
+        self._num_growths = 0
 
-    def add_to_tangent(self, other: PETSc.Mat, pattern: object) -> bool:
+    def add_to_tangent(self, other: PETSc.Mat, grow: bool) -> None:
         """Add a sparse matrix to ``K`` in place (collective).
-
-        The pattern of ``K`` grows to the union; it is kept until it has become wasteful.
 
         Args:
             other: What to add, with the layout of ``K``.
-            pattern: Equal to that of the last call if the pattern of ``other`` is the same.
-
-        Returns:
-            Whether the pattern of ``K`` may have changed.
+            grow: Whether the pattern of ``K`` grows to the union, or has the entries already. It is
+                kept until it has become wasteful.
         """
         structure = PETSc.Mat.Structure
-        changed = pattern != self._added_pattern
-        self._added_pattern = pattern
-        self.K.axpy(
-            1.0,
-            other,
-            structure.DIFFERENT_NONZERO_PATTERN if changed else structure.SUBSET_NONZERO_PATTERN,
-        )
-        return changed
+        self._num_growths += grow
+        pattern = structure.DIFFERENT_NONZERO_PATTERN if grow else structure.SUBSET_NONZERO_PATTERN
+        self.K.axpy(1.0, other, pattern)
 
     def distance_to_prescribed(self) -> Array:
         """Prescribed value minus present displacement of the ``held`` dofs (local)."""
@@ -221,7 +226,7 @@ class Bulk:
 
     def _areas(self) -> Array:
         """Deformed over undeformed area at the nodes of the owned cells, (cells, nodes)."""
-        return _areas(self.positions()[self._cells], self._gradients) / self._undeformed_areas
+        return _areas(self.positions(), self._cells, self._gradients) / self._undeformed_areas
 
     def check_finite(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
@@ -337,15 +342,11 @@ class Bulk:
         return count_places(self.comm, self._X[self._cells[inverted]].mean(axis=1))
 
 
-def _areas(x: Array, gradients: Array) -> Array:
-    """Determinant of dx/dX at the nodes of cells ``x`` (cells, n, 2): shape (cells, n) [area].
-
-    ``gradients`` (n, n, 2) are those of the shape functions in the reference cell. At a corner of a
-    straight cell this is twice the area of the triangle spanned there.
-    """
-    x = np.moveaxis(x - x[:, :1], 2, 0)
-    along, across = x @ gradients[:, :, 0].T, x @ gradients[:, :, 1].T
-    return along[0] * across[1] - along[1] * across[0]
+def _areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
+    """Determinant of dx/dX at the nodes of ``cells`` (m, k): shape (m, k) [area]."""
+    areas = np.empty(cells.shape)
+    tabulate_areas(x, cells, gradients, areas)
+    return areas
 
 
 def _contains(corners: Array, point: Array) -> npt.NDArray[np.bool_]:
@@ -362,7 +363,7 @@ def _contains(corners: Array, point: Array) -> npt.NDArray[np.bool_]:
     return (meets & ahead).sum(axis=1) % 2 == 1
 
 
-def _proper_areas(x: Array, gradients: Array) -> Array:
+def _proper_areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
     """As ``_areas``, with nan where a cell is flat, as where two nodes are one."""
-    areas, extent = _areas(x, gradients), np.ptp(x, axis=1).max(axis=1, initial=0.0)
+    areas, extent = _areas(x, cells, gradients), np.ptp(x[cells], axis=1).max(axis=1, initial=0.0)
     return np.where(np.abs(areas) > FLAT * extent[:, None] ** 2, areas, np.nan)

@@ -17,12 +17,13 @@ import numpy as np
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
-from fenics_mortar.kernels.curved import sample_gaps
-from fenics_mortar.surfaces import Indices
+from fenics_mortar.surfaces import Array, Indices
 
 # Pressures below the first part of the stiffness, and forces below the second of stiffness and
 # displacement, are compared with these instead of each other: they may be rounding.
 ROUNDING, FORCE_ROUNDING = 1e-6, 1e-4
+# A node is inside an obstacle if it is deeper than this part of its length.
+DEEP = 0.5
 SAMPLES = np.linspace(-1.0, 1.0, 5)
 
 
@@ -84,25 +85,33 @@ class Certificate:
 
     Attributes:
         pairs: Those of each pair.
-        balance: Largest sum of reactions, loads and contact forces of a body, over the sum of the
-            sizes of all forces.
+        balance: Largest sum of reactions, loads and contact forces of a body or obstacle, over the
+            sum of the sizes of all forces.
         inverted: Cells that are inverted.
+        springs: Largest sum of the forces of springs on a body, over the sum of the sizes of all
+            other forces on it; zero but where the record of the solve tells of them.
     """
 
     pairs: list[PairCertificate]
     balance: float
     inverted: int
+    springs: float = 0.0
 
-    def violations(self, tolerance: float = 1e-6, penetration: float = 0.5) -> list[str]:
+    def violations(
+        self, tolerance: float = 1e-6, penetration: float = 0.5, springs: float = 0.02
+    ) -> list[str]:
         """What does not hold, in words; empty for a sound state.
 
         Args:
             tolerance: For what the equations make zero.
             penetration: For what the mesh makes small [facet lengths].
+            springs: For what springs may hold, see ``release``.
         """
         found = [v for pair in self.pairs for v in pair.violations(tolerance, penetration)]
         if not self.balance <= tolerance:
             found.append(f"balance of a body {self.balance:.1e} (allowed {tolerance:.1e})")
+        if not self.springs <= springs:
+            found.append(f"springs hold {self.springs:.1e} of the forces (allowed {springs:.1e})")
         if self.inverted:
             found.append(f"{self.inverted} cells are inverted")
         return found
@@ -121,25 +130,28 @@ class Certificate:
         return "\n".join([*lines, *self.violations()])
 
 
-def certify(bulk: Bulk, contacts: Sequence[Contact], labels: Indices) -> Certificate:
+def certify(
+    bulk: Bulk, contacts: Sequence[Contact], labels: Indices, unbalanced: Array
+) -> Certificate:
     """Measure the present state (collective).
 
     Args:
         bulk: The bodies, with ``r`` at the present state.
         contacts: The pairs, evaluated there.
         labels: Body of each local node.
+        unbalanced: Sums of all forces on the obstacles, equal on all ranks [stress length].
     """
     paired = np.unique(np.concatenate([np.empty(0, np.int64), *map(_paired_nodes, contacts)]))
     inverted, _ = bulk.inverted_cells()
     pairs = [_certify_pair(bulk, contact, labels, paired) for contact in contacts]
-    return Certificate(pairs, _balance(bulk, contacts, labels), inverted)
+    return Certificate(pairs, _balance(bulk, contacts, labels, unbalanced), inverted)
 
 
-def _balance(bulk: Bulk, contacts: Sequence[Contact], labels: Indices) -> float:
-    """Largest sum of reactions, loads and contact forces of a body, relative (collective).
+def _balance(bulk: Bulk, contacts: Sequence[Contact], labels: Indices, unbalanced: Array) -> float:
+    """Largest sum of reactions, loads and contact forces of a body or obstacle, relative.
 
-    Internal forces sum to zero, so the sum of r over a body is minus the load applied to it; a
-    reaction is what is left of r and contact forces at a prescribed dof.
+    Collective. Internal forces sum to zero, so the sum of r over a body is minus the load applied
+    to it; a reaction is what is left of r and contact forces at a prescribed dof.
     """
     r = bulk.r.array_r[: bulk.num_owned]
     total = r.copy()
@@ -156,7 +168,8 @@ def _balance(bulk: Bulk, contacts: Sequence[Contact], labels: Indices) -> float:
     largest = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=0.0)
     rounding = FORCE_ROUNDING * stiffness * largest
-    return float(np.abs(defects).max()) / _positive(size + rounding)
+    largest = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
+    return float(largest) / _positive(size + rounding)
 
 
 def _certify_pair(
@@ -164,8 +177,8 @@ def _certify_pair(
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes that have a partner in any pair."""
     o, z = contact.operators, contact.z
-    on_slave, on_master = o.force(z)
-    forces, x = np.concatenate([on_slave, on_master]), np.concatenate([o.x, o.m])
+    where, reaction = o.reaction(z)
+    forces, x = np.concatenate([o.force(z)[0], reaction]), np.concatenate([o.x, where])
     lever = x - x.mean(axis=0)
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
     pressure = np.einsum("jc,jc->j", o.n, z)
@@ -196,9 +209,7 @@ def _positive(value: float) -> float:
 def _deepest(contact: Contact) -> float:
     """Largest penetration at sample points of all segments over the facet's length (collective)."""
     o, s = contact.operators, contact.intersections()
-    gaps = np.zeros((s.num_segments, SAMPLES.size))
-    x = o.x + contact.offset[:, None] * o.n
-    sample_gaps((x, o.n, o.m), (s.slave, s.master), s.ends, SAMPLES, gaps)
+    gaps = o.sample_gaps(o.x + contact.offset[:, None] * o.n, s, SAMPLES)
     lengths = np.linalg.norm(o.x[s.slave[:, -1]] - o.x[s.slave[:, 0]], axis=1)
     deepest = float((-gaps / lengths[:, None]).max(initial=0.0))
     return contact.slave.comm.allreduce(deepest, MPI.MAX)
@@ -214,7 +225,7 @@ def _paired_nodes(contact: Contact) -> Indices:
 
 
 def _count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indices) -> int:
-    """Nodes of both surfaces inside another body that have no partner in any pair."""
+    """Nodes of both surfaces inside another body or obstacle that have no partner in any pair."""
     o = contact.operators
     mine = bulk.spread(labels)
     found = 0
@@ -222,4 +233,8 @@ def _count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indic
         alone = ~np.isin(surface.nodes, paired)
         own = surface.gather(mine)[:, 0]
         found += int(bulk.inside_other_body(x[alone], own[alone], labels).sum())
+    if contact.obstacle is not None:
+        phi = contact.on_obstacle.phi - contact.offset
+        deep = phi < -DEEP * contact.nodal_lengths
+        found += int((deep & ~np.isin(contact.slave.nodes, paired)).sum())
     return found

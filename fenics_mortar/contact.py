@@ -39,6 +39,12 @@ from fenics_mortar.mortar import (
     evaluate_mortar,
     evaluate_normals,
 )
+from fenics_mortar.obstacles import (
+    Obstacle,
+    ObstacleOperators,
+    evaluate_obstacle,
+    surface_without_nodes,
+)
 from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
@@ -65,15 +71,18 @@ OVERLAP = 1e-6
 
 
 class ContactPair:
-    """Frictionless contact of a slave with a master surface.
+    """Frictionless contact of a slave with a master surface or a rigid obstacle.
 
     Args:
         data: Mesh, tags and names.
         slave: Name or tag of the side that carries the multiplier (the finer or softer one).
-        master: Name or tag of the other side.
+        master: Name or tag of the other side, or an obstacle; several pairs may share one. An
+            obstacle has its own normals and no ends, so that ``normals`` matters on symmetry planes
+            only, ``gap_weights="cover"`` is "basis", and "segments" and "elements" are the same:
+            Gauss points on whole slave facets.
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes, or, of
             quadratic facets, at their "vertices" only: linear functions, which can be condensed,
-            too. They are half as many; the pressure is smoother and, on coarse meshes, less sharp.
+            too. They are half as many, and the pressure is less sharp on coarse meshes.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length.
         gap_weights: What the gap of a node is weighted by. "cover": by the multiplier's function if
@@ -91,7 +100,8 @@ class ContactPair:
             comparison: as points change their partners, the forces jump or have kinks.
         points: Gauss points per segment, with "elements" per slave facet; 5 by default.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
-            [length]; the diagonal of the smaller surface's box by default.
+            [length]; the diagonal of the smaller surface's box by default, for an obstacle no
+            limit.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
             Steeper facets, as the side of a block that stands on the slave, do not count as cover.
         initial_gap: Gap [length] that the nodes near the other surface (half a facet) shall have
@@ -114,7 +124,7 @@ class ContactPair:
         self,
         data: MeshData,
         slave: str | int,
-        master: str | int,
+        master: str | int | Obstacle,
         *,
         basis: Basis = "dual",
         normals: Weighting = "opposite",
@@ -150,9 +160,12 @@ class ContactPair:
             raise ValueError(f"c_n={c_n}: a positive number")
         self.data = data
         self.slave_name, self.master_name = str(slave), str(master)
-        self.slave_tag, self.master_tag = data.boundary_tag(slave), data.boundary_tag(master)
+        self.master = master
         for name in (slave, master):
-            data.boundary_facets(name)
+            if not isinstance(name, Obstacle):
+                data.boundary_tag(name)
+                data.boundary_facets(name)
+        self.slave_tag = data.boundary_tag(slave)
         self.basis, self.normals, self.points = basis, normals, points
         self.gap_weights: GapWeights = gap_weights
         self.integration: Integration = integration
@@ -193,6 +206,8 @@ class Contact:
             (slave nodes,) [length]. May be set: to ramp an overlap of the mesh, go with ``t`` from
             0 to 1 by ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
             ``np.nan_to_num(contact.gap).clip(max=0)`` at the start.
+        obstacle: The rigid master, or ``None``.
+        arm: What its angle is multiplied by to be a turn [length].
         c_n: Weight of the gap at present; less than the pair's after a cycle of the active set.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool: not if it is
@@ -208,7 +223,8 @@ class Contact:
         self.pair = pair
         tags = pair.data.facet_tags
         self.slave: Surface = extract_surface(space, tags, pair.slave_tag, pair.slave_name)
-        self.master: Surface = extract_surface(space, tags, pair.master_tag, pair.master_name)
+        self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
+        self.master: Surface = self._master_surface(space)
         self._check_sides()
         self._check_points()
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
@@ -217,14 +233,14 @@ class Contact:
         self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
         if not self.carries.any():
             raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
-        extents = [np.ptp(side.X, axis=0) for side in (self.slave, self.master)]
+        self.arm = float(np.hypot(*np.ptp(self.slave.X, axis=0)))
         self.options = MortarOptions(
             pair.basis,
             pair.normals,
             pair.gap_weights,
             pair.integration,
             pair.points,
-            pair.search_radius or min(float(np.hypot(*extent)) for extent in extents),
+            pair.search_radius or self._reach(),
             float(np.cos(np.radians(pair.max_angle))),
         )
         self.z: Array = np.zeros((self.slave.num_nodes, 2))
@@ -233,6 +249,19 @@ class Contact:
         self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self.operators: MortarOperators
+
+    def _master_surface(self, space: DisplacementSpace) -> Surface:
+        """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
+        name, data = self.pair.master_name, self.pair.data
+        if isinstance(self.pair.master, Obstacle):
+            return surface_without_nodes(self.slave, name)
+        return extract_surface(space, data.facet_tags, data.boundary_tag(self.pair.master), name)
+
+    def _reach(self) -> float:
+        """Distance at which partners are looked for by default."""
+        if self.obstacle is not None:
+            return np.inf
+        return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
 
     def _check_sides(self) -> None:
         both = np.intersect1d(self.slave.nodes, self.master.nodes)
@@ -322,15 +351,22 @@ class Contact:
         x = self.slave.X + self.slave.gather(u)
         m = self.master.X + self.master.gather(u)
         planes = self._plane_normals
-        operators = evaluate_mortar(
-            self.slave, self.master, x, m, self.carries, planes, self.options, linearization
-        )
+        operators: MortarOperators
+        if self.obstacle is None:
+            operators = evaluate_mortar(
+                self.slave, self.master, x, m, self.carries, planes, self.options, linearization
+            )
+        else:
+            operators = evaluate_obstacle(
+                self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
+                self.options, linearization,
+            )  # fmt: skip
         self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
 
     def intersections(self) -> Segments:
         """Where the facets of this rank's share meet the master, whatever integrates the pair."""
         o, options = self.operators, self.options
-        if options.integration == "segments":
+        if options.integration == "segments" or self.obstacle is not None:
             return o.segments
         return find_segments(
             self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
@@ -445,6 +481,26 @@ class Contact:
             -diagonal[:, None, None] * project,
             -n * (weight * o.gap)[:, None],
         )
+
+    def motion_rows(self) -> Array:
+        """Derivative of the same rows by the motions of the obstacle, (slave nodes, 2, 3)."""
+        o, diagonal = self.on_obstacle, self.operators.diagonal
+        weight = np.where(self.active, self.stiffness / np.where(self.active, diagonal, 1.0), 0.0)
+        slip = self.z[:, 1:] * o.dn_dq[:, 0] - self.z[:, :1] * o.dn_dq[:, 1]
+        normal = np.einsum("ja,jm->jam", o.n * weight[:, None], o.dgap_dq)
+        tangential = np.einsum("ja,jm->jam", o.tau * (diagonal * self.active)[:, None], slip)
+        return normal - tangential
+
+    def gap_by_motions(self) -> Array:
+        """Derivative of the mean gaps by the motions, (slave nodes, 3); zero where not covered."""
+        o, on = self.on_obstacle, self.covered[:, None]
+        return np.where(on, o.dgap_dq / np.where(on, o.weight[:, None], 1.0), 0.0)
+
+    @property
+    def on_obstacle(self) -> ObstacleOperators:
+        """The operators of a pair with an obstacle."""
+        assert isinstance(self.operators, ObstacleOperators)
+        return self.operators
 
     def _tangential_rows(self, scaled_tau: Array) -> Block:
         """-tau_j D_jj (d(tau_j) . z_j) from the nodes that this rank owns."""

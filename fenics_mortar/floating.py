@@ -49,6 +49,8 @@ LARGEST_MOVE = 0.2
 MOST_MOVES = 200
 # A body is driven if the loads' resultant is above this part of the sum of their sizes.
 DRIVEN = 1e-6
+# Averaged normals of facets err by about this part of the forces.
+FACETS_ERR = 0.02
 # A node is loaded if its pressure is above this part of the stiffness there.
 LOADED = 1e-12
 # A rigid motion below this part of the body's size is rounding.
@@ -73,6 +75,8 @@ class FloatingBodies:
         self.bodies: list[FloatingBody] = []
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bulk.u.x.array
+        self._springs: Array | None = None
+        self._anchor: Array = bulk.u.x.array
 
     def find(self) -> None:
         """Look for floating bodies, with ``K`` as assembled."""
@@ -135,15 +139,89 @@ class FloatingBodies:
         """
         if not self.bodies:
             return
-        stiffness = {body.label: LEAST_SPRING for body in self.bodies}
-        for body in loose:
-            drive = float(np.linalg.norm(self._resultant(body, total))) / max(force, 1e-300)
-            stiffness[body.label] = float(np.clip(drive, LEAST_SPRING, 1.0))
+        springs = self._springs
+        if springs is None:
+            stiffness = {body.label: LEAST_SPRING * body.stiffest for body in self.bodies}
+            for body in loose:
+                drive = float(np.linalg.norm(self._resultant(body, total))) / max(force, 1e-300)
+                stiffness[body.label] = float(np.clip(drive, LEAST_SPRING, 1.0)) * body.stiffest
+            springs = self._spread(stiffness)
         diagonal = self._bulk.K.getDiagonal()
-        for body in self.bodies:
-            spring = stiffness[body.label] * body.stiffest / body.num_nodes
-            diagonal.array[self._dofs_of(body)] += spring
+        diagonal.array[:] += springs
         self._bulk.K.setDiagonal(diagonal)
+
+    def hold(self, total: Array, sizes: Array, travel: float) -> None:
+        """Tie the bodies to where they are by springs of their own; see ``release``.
+
+        Args:
+            total: Sum of all forces (owned part).
+            sizes: Sum of their sizes.
+            travel: How far the forces that drive a body, or what facets may err of all on it, would
+                strain its springs, in shortest facets.
+        """
+        length = travel * self._shortest_facet()
+        stiffness = {}
+        for body in self.bodies:
+            drive = float(np.linalg.norm(self._resultant(body, total)))
+            drive = max(drive, FACETS_ERR * self._size_of_forces(body, sizes))
+            stiffness[body.label] = max(drive / length, LEAST_SPRING * body.stiffest)
+        self._springs, self._anchor = self._spread(stiffness), self._bulk.u.x.array.copy()
+
+    def let_go(self) -> None:
+        """Take the springs of ``hold`` away."""
+        self._springs = None
+
+    @property
+    def held(self) -> bool:
+        """Whether springs of ``hold`` are there."""
+        return self._springs is not None
+
+    def add_spring_forces(self) -> None:
+        """Add what the springs of ``hold`` pull with to the residual."""
+        if self._springs is not None:
+            self._bulk.r.array[: self._bulk.num_owned] += self._spring_forces()
+
+    def _spring_forces(self) -> Array:
+        none = np.zeros(self._bulk.num_owned)
+        return none if self._springs is None else self._springs * self._strain()
+
+    def _strain(self) -> Array:
+        """Displacement since ``hold`` (owned part)."""
+        return (self._bulk.u.x.array - self._anchor)[: self._bulk.num_owned]
+
+    def part_held(self, sizes: Array) -> float:
+        """Largest force of springs on a body, over the sum of the sizes of all others on it."""
+        return max((self._part_held(body, sizes) for body in self.bodies), default=0.0)
+
+    def _part_held(self, body: FloatingBody, sizes: Array) -> float:
+        size = self._size_of_forces(body, sizes)
+        force = np.linalg.norm(self._resultant(body, self._spring_forces()))
+        return float(force) / max(size, 1e-300)
+
+    def describe_springs(self, sizes: Array) -> str:
+        """What the springs of ``hold`` hold, in words."""
+        energy = 0.5 * self._bulk.comm.allreduce(float(self._strain() @ self._spring_forces()))
+        parts = [
+            f"{self.name_of(body.label)} with {self._part_held(body, sizes):.1e} of its forces"
+            for body in self.bodies
+        ]
+        return (
+            f"springs hold {', '.join(parts)}, with an energy of {energy:.3e}: contact does not "
+            "resist its motion more than the facets' corners drive it; prescribe it, or refine"
+        )
+
+    def travel(self) -> float:
+        """How far a body has moved as a rigid one since ``hold``, in shortest facets."""
+        change = self._strain()
+        moves = [np.linalg.norm(self._rigid_part(body, change)) for body in self.bodies]
+        return float(max(moves)) / self._shortest_facet()
+
+    def _spread(self, stiffness: dict[int, float]) -> Array:
+        """Stiffness of the springs at the owned dofs from that of each body."""
+        springs = np.zeros(self._bulk.num_owned)
+        for body in self.bodies:
+            springs[self._dofs_of(body)] = stiffness[body.label] / body.num_nodes
+        return springs
 
     def drop_undriven(
         self, loose: Sequence[FloatingBody], step: PETSc.Vec, total: Array, force: float
@@ -156,7 +234,7 @@ class FloatingBodies:
             total: Sum of all forces (owned part).
             force: Size of the forces.
         """
-        for body in loose:
+        for body in loose if self._springs is None else []:
             drive = float(np.linalg.norm(self._resultant(body, total)))
             if drive <= UNDRIVEN * force + NOISE * body.stiffest * body.size:
                 dofs, motions = self._motions(body)
@@ -253,8 +331,7 @@ class FloatingBodies:
 
     def _drive(self, body: FloatingBody, total: Array, sizes: Array) -> Array:
         """Direction in which the forces drive the body, of size one; zero if they do not."""
-        drive = self._resultant(body, total)
-        size = self._bulk.comm.allreduce(float(sizes[self._dofs_of(body)].sum()))
+        drive, size = self._resultant(body, total), self._size_of_forces(body, sizes)
         norm = float(np.linalg.norm(drive))
         return drive / norm if norm > DRIVEN * size else np.zeros(len(drive))
 
@@ -262,6 +339,10 @@ class FloatingBodies:
         """Resultant of the forces along the body's motions, shape (motions,)."""
         dofs, motions = self._motions(body)
         return self._bulk.comm.allreduce(-motions @ total[dofs].ravel())
+
+    def _size_of_forces(self, body: FloatingBody, sizes: Array) -> float:
+        """Sum of the sizes of all forces on a body."""
+        return self._bulk.comm.allreduce(float(sizes[self._dofs_of(body)].sum()))
 
     def _move(self, body: FloatingBody, coefficients: Array) -> None:
         """Add a rigid motion; its rotation is a true one, so nothing is strained."""

@@ -30,6 +30,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.clock import clock
 from fenics_mortar.kernels import basis, curved, normals, segment
 from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.surfaces import Array, Indices, Surface
@@ -185,6 +186,16 @@ class MortarOperators:
         self.slave.comm.Allreduce(MPI.IN_PLACE, both)
         return both[: len(on_slave)], both[len(on_slave) :]
 
+    def reaction(self, z: Array) -> tuple[Array, Array]:
+        """Where the other side bears what forces, each (points, 2); signs as in ``force``."""
+        return self.m, self.force(z)[1]
+
+    def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
+        """Gaps at the points -1..1 of segments, with the slave nodes at ``x``: (n, points)."""
+        gaps = np.zeros((s.num_segments, points.size))
+        curved.sample_gaps((x, self.n, self.m), (s.slave, s.master), s.ends, points, gaps)
+        return gaps
+
     def force_derivative(self, z: Array) -> list[Block]:
         """Blocks of d(D^T z)/dd and -d(M^T z)/dd at fixed ``z`` (slave nodes, 2) [stress]."""
         return [self.slave_force_derivative(z), self.master_force_derivative(z)]
@@ -213,12 +224,15 @@ class MortarOperators:
     def _frozen_gap_derivative(self) -> list[Block]:
         """-n_j . (D_jk dx_k - M_jl dx_l): D, M and n do not move."""
         s, nodes = self.segments, self.facet_nodes
-        shape = (-1, nodes.shape[1], 2 * nodes.shape[1])
-        on_slave = -np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes]).reshape(shape)
-        on_master = np.einsum("sjl,sjc->sjlc", self.M, self.n[s.slave]).reshape(shape)
+        on_slave = -np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes])
+        on_master = np.einsum("sjl,sjc->sjlc", self.M, self.n[s.slave])
+        sides = (
+            (nodes, self.slave.dofs_of(nodes), on_slave),
+            (s.slave, self.master.dofs_of(s.master), on_master),
+        )
         return [
-            Block(nodes, self.slave.dofs_of(nodes), on_slave),
-            Block(s.slave, self.master.dofs_of(s.master), on_master),
+            Block(rows, columns, values.reshape(*rows.shape, columns.shape[1]))
+            for rows, columns, values in sides
         ]
 
     def normal_columns(self) -> Indices:
@@ -260,6 +274,7 @@ def share_of(items: Indices, comm: MPI.Comm) -> Indices:
     return items[bounds[0] : bounds[1]]
 
 
+@clock("integrals")
 def evaluate_mortar(
     slave: Surface,
     master: Surface,
@@ -310,18 +325,26 @@ def evaluate_mortar(
     D, dD, M, dM, gap, dgap, cover = integrate(
         slave, s, geometry, carries, options, linearization.segments
     )
-    nodes = slave.facets[facets]
+    nodal = sum_over_facets(slave, slave.facets[facets], D, gap, cover)
+    num_segments = slave.comm.allreduce(s.num_segments)
+    return MortarOperators(
+        slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
+    )
+
+
+def sum_over_facets(
+    slave: Surface, nodes: Indices, D: Array, gap: Array, cover: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Diagonal of D, gap, cover and row sum of D of each slave node, shapes (slave nodes,).
+
+    Collective; ``nodes`` (f, K), ``D`` (f, K, K), ``gap`` and ``cover`` (f, K) are of this share.
+    """
     nodal = np.zeros((4, slave.num_nodes))
     on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
     for row, values in zip(nodal, on_facets, strict=True):
         row += np.bincount(nodes.ravel(), values.ravel(), slave.num_nodes)
     slave.comm.Allreduce(MPI.IN_PLACE, nodal)
-    num_segments = slave.comm.allreduce(s.num_segments)
-    diagonal, gaps, covers, weights = nodal
-    return MortarOperators(
-        slave, master, x, m, n, dn, s, D, M, dD, dM, dgap,
-        diagonal, gaps, covers, weights, num_segments, linearization,
-    )  # fmt: skip
+    return nodal[0], nodal[1], nodal[2], nodal[3]
 
 
 def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
@@ -376,7 +399,7 @@ def _integrate_curved(
     curved.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
     nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
     slave.comm.Allreduce(MPI.IN_PLACE, nodal)
-    weights = _hand_over((carries & (nodal > 0.0))[nodes])
+    weights = hand_over((carries & (nodal > 0.0))[nodes])
     values = _empty_values(s, nodes.shape[1])
     curved.tabulate_facets(
         geometry, (nodes, weights), (s.master, s.end_is_fixed, s.ends), s.offsets, s.pair_offsets,
@@ -387,7 +410,7 @@ def _integrate_curved(
     return values
 
 
-def _hand_over(carries: npt.NDArray[np.bool_]) -> Array:
+def hand_over(carries: npt.NDArray[np.bool_]) -> Array:
     """Which part of node k's function node j of a facet gets, shape (f, K, K).
 
     A node that carries keeps its own; the nearest ones that carry share that of another equally.

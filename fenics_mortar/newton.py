@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -128,6 +128,14 @@ class NewtonReport:
     def residuals(self) -> list[float]:
         """Residuals of all rows [force]."""
         return [iteration.residual for iteration in self.iterations]
+
+    def followed_by(self, other: NewtonReport) -> NewtonReport:
+        """The record of two solves in a row, with the outcome of the second."""
+        return replace(
+            other,
+            iterations=self.iterations + other.iterations[1:],
+            notes=self.notes + other.notes,
+        )
 
     def total_seconds(self) -> dict[str, float]:
         """Seconds of all iterations, by phase."""

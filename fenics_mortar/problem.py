@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, get_args
 
 from mpi4py import MPI
@@ -18,12 +18,16 @@ import numpy.typing as npt
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
+from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, ContactPair
-from fenics_mortar.errors import MortarError
+from fenics_mortar.driven import DrivenObstacles
+from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.reduced import LinearBulk
+from fenics_mortar.release import release_slowly
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
@@ -36,12 +40,16 @@ EPSILON = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class State:
-    """Displacement, multipliers and active sets of a problem, as copies; parts of this rank."""
+    """Displacement, multipliers, active sets and places of obstacles, as copies.
+
+    The displacement is the part of this rank.
+    """
 
     u: Array
     z: list[Array]
     active: list[npt.NDArray[np.bool_]]
     carries: list[npt.NDArray[np.bool_]]
+    places: Array
     converged: bool
 
 
@@ -63,10 +71,14 @@ class ContactProblem:
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
         displacement: Number of the displacement's sub-space, if ``u`` is a mixed function.
+        linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
+            see ``reduced``. By default this is seen from ``residual``, and done once it pays.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
+        tools: Their obstacles.
         bulk: Bulk residual and tangent.
+        floating: Bodies that Dirichlet conditions do not hold.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
 
     Raises:
@@ -91,6 +103,7 @@ class ContactProblem:
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
         displacement: int = 0,
+        linear_bulk: bool | None = None,
     ) -> None:
         if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
@@ -104,22 +117,23 @@ class ContactProblem:
             raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
-        self._clock = _Clock()
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
         self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
+        self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
         self.bulk.check_finite()
         self.bulk.assemble_tangent()
-        self._floating = FloatingBodies(self.bulk, self.contacts)
+        self.floating = FloatingBodies(self.bulk, self.contacts)
         self._set_stiffness()
-        self._floating.find()
+        self.floating.find()
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(self.contacts) else "condensed"
         self.system = SYSTEMS[algorithm](
             self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
         )
+        self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._last_converged = False
         self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []
         for contact in self.contacts:
@@ -141,40 +155,95 @@ class ContactProblem:
                 at the last iterate; to solve again, reset ``u`` and mend what was wrong.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
         """
+        clock.read()
         self.bulk.check_finite()
-        self._clock.read()
+        self.floating.let_go()
         try:
-            moved = self._floating.settle(self._evaluate_forces)
-            report = solve(self, self.newton)
-            moved += self._floating.check()
+            moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
+            moved += self.floating.settle(self._evaluate_forces)
+            report = self._solve()
+            moved += self.floating.check()
         except MortarError:
             self._last_converged = False
             raise
         self._last_converged = True
         report.certificate = self.certificate()
         violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
-        report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations]
+        reactions = self.tools.record()
+        report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations, *reactions]
         self._overlaps = []
         return report
 
+    def _solve(self) -> NewtonReport:
+        """Solve on the contact dofs where the bulk is linear, else on all."""
+        reduced, remarks = self._linear_bulk.choose()
+        if reduced is not None:
+            start = self.state()
+            with suppress(NotConvergedError):
+                report = solve(reduced, self.newton)
+                reduced.finish()
+                if self._is_sound(report):
+                    return report
+            self.restore(start)
+            remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
+        report = self._solve_on_all_dofs()
+        self._linear_bulk.count(report.num_iterations)
+        report.notes[:0] = remarks
+        return report
+
+    def _is_sound(self, report: NewtonReport) -> bool:
+        """Whether the present state solves all equations and inverts no cell (collective)."""
+        status = self.evaluate(start=False)
+        allowed = self.newton.residual_tolerance * max(report.force, status.force) + status.noise
+        return status.residual <= allowed and not self.bulk.inverted_cells()[0]
+
+    def _solve_on_all_dofs(self) -> NewtonReport:
+        """One Newton loop; where that fails and bodies float, several with springs that let go."""
+        start = self.state()
+        try:
+            return solve(self, self.newton)
+        except NotConvergedError as error:
+            if not self.floating.bodies:
+                raise
+            self.restore(start)
+            return release_slowly(self, self.newton, error)
+
+    def hold(self, travel: float | None) -> None:
+        """Tie floating bodies to where they are by springs, or let them go; see ``release``."""
+        if travel is None:
+            self.floating.let_go()
+        else:
+            bulk, contact, _ = self.forces()
+            self.floating.hold(bulk + contact, np.abs(bulk) + np.abs(contact), travel)
+
+    def travel(self) -> float:
+        """How far bodies have moved since ``hold``, in shortest facets."""
+        return self.floating.travel()
+
+    def remaining(self) -> tuple[float, str]:
+        """Part of the forces that springs hold, and that in words."""
+        sizes = self._sizes()
+        return self.floating.part_held(sizes), self.floating.describe_springs(sizes)
+
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
-        with self._clock("bulk"):
-            self.bulk.assemble_residual()
-        with self._clock("contact"):
-            if start:
-                self._begin()
-            changed = self._evaluate_contacts(start=start)
-            residual, force = self._residual_and_force()
-            self._force = force
-            gaps = [
-                np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts
-            ]
-            active = sum(int(c.active.sum()) for c in self.contacts)
-            self._recent_sets.append([c.active.copy() for c in self.contacts])
-            sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
-            gap = float(max(gaps, default=0.0))
-            return Status(residual, force, gap, active, changed, self._noise(), sets)
+        self.bulk.assemble_residual()
+        self.floating.add_spring_forces()
+        return self.look(start=start)
+
+    def look(self, *, start: bool) -> Status:
+        """Evaluate operators and active sets; the residual of the bulk is there."""
+        if start:
+            self._begin()
+        changed = self._evaluate_contacts(start=start)
+        residual, force = self._residual_and_force()
+        self._force = force
+        gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
+        active = sum(int(c.active.sum()) for c in self.contacts)
+        self._recent_sets.append([c.active.copy() for c in self.contacts])
+        sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
+        gap = float(max(gaps, default=0.0))
+        return Status(residual, force, gap, active, changed, self.noise(), sets)
 
     def _evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
@@ -190,9 +259,15 @@ class ContactProblem:
     def _evaluate_forces(self) -> tuple[Array, Array]:
         """Evaluate everything; return the sum of all forces and of their sizes, owned parts."""
         self._evaluate_contacts(start=True)
-        bulk, contact = self.forces()
+        bulk, contact, _ = self.forces()
         return bulk + contact, np.abs(bulk) + np.abs(contact)
 
+    def _sizes(self) -> Array:
+        """Sum of the sizes of all forces at each owned dof, without springs."""
+        bulk, contact, _ = self.forces()
+        return np.abs(bulk) + np.abs(contact)
+
+    @clock("assembly")
     def _contact_force(self) -> Array:
         """B^T z on the owned dofs."""
         force = np.zeros(self.bulk.num_owned)
@@ -204,23 +279,26 @@ class ContactProblem:
 
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way where that would be too far."""
-        with self._clock("bulk"):
-            self.bulk.assemble_tangent()
-        with self._clock("contact"):
-            loose = self._floating.loose()
-            self._floating.add_springs(loose, self._total, self._force)
+        self.bulk.assemble_tangent()
+        loose = self.floating.loose()
+        self.floating.add_springs(loose, self._total, self._force)
+        with clock("assembly"):
             self.system.assemble()
-        with self._clock("solve"):
-            step, multipliers = self.system.solve()
-        with self._clock("bulk"):
-            self._floating.drop_undriven(loose, step, self._total, self._force)
-            part = self.bulk.move(step)
+        with clock("solve"):
+            step, multipliers, motion = self.tools.solve(self.system, self.stiffest, self._force)
+        self.floating.drop_undriven(loose, step, self._total, self._force)
+        part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
-        increment = self.bulk.largest(step.array_r)
+        self.tools.move(part * motion)
+        increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
         step.destroy()
-        size = max(self.bulk.largest(self.bulk.u.x.array), 1e-8 * self._facet_length(), 1e-300)
-        return Step(increment / size, part, self._floating.remark(loose))
+        return self.step(increment, part, self.floating.remark(loose))
+
+    def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
+        """Record of a step taken, by its largest increment [length]."""
+        size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
+        return Step(increment / size, part, note)
 
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of the active set; say how.
@@ -244,16 +322,23 @@ class ContactProblem:
             contact.begin()
 
     def seconds(self) -> dict[str, float]:
-        """Seconds since the last call by phase: bulk, contact, solve; of the slowest rank."""
-        mine = self._clock.read()
-        return {name: self.comm.allreduce(value, MPI.MAX) for name, value in mine.items()}
+        """Seconds since the last call by phase, see ``clock``; of the slowest rank in each."""
+        mine = clock.read()
+        slowest = np.array(list(mine.values()))
+        self.comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
+        return dict(zip(mine, slowest.tolist(), strict=True))
 
     def diagnose(self) -> str:
         """Name inverted cells and bodies that nothing holds."""
+        inverted = self._describe_inverted()
+        if inverted:
+            return inverted
+        free = self.floating.describe(self.floating.loose()), self.tools.describe(self._force)
+        return ", ".join(filter(None, free))
+
+    def _describe_inverted(self) -> str:
         count, where = self.bulk.inverted_cells()
-        if count:
-            return f"{count} cells are inverted, one at {where}: try smaller load steps"
-        return self._floating.describe(self._floating.loose())
+        return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
 
     def _residual_and_force(self) -> tuple[float, float]:
         """Norm of all equations and of the forces they are made of [stress length].
@@ -261,7 +346,7 @@ class ContactProblem:
         Gaps and distances to prescribed values count as forces by the stiffness of the bulk.
         """
         size, held = self.bulk.num_owned, self.bulk.held
-        contact_force, rows = self._contact_force(), 0.0
+        contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
         for contact in self.contacts:
             tangential = np.einsum("ja,ja->j", contact.operators.tau, contact.z)
             gap = np.where(contact.active, np.nan_to_num(contact.gap), 0.0)
@@ -275,12 +360,16 @@ class ContactProblem:
         free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
         return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
 
-    def _noise(self) -> float:
+    def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
-        bulk = np.sqrt(num_dofs) * self.bulk.largest(self.bulk.u.x.array)
+        bulk = np.sqrt(num_dofs) * self._largest_displacement()
         contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
         return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
+
+    def _largest_displacement(self) -> float:
+        motions = self.tools.motions_of(self.tools.places)
+        return max(self.bulk.largest(self.bulk.u.x.array), np.abs(motions).max(initial=0.0))
 
     def _facet_length(self) -> float:
         return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
@@ -291,7 +380,7 @@ class ContactProblem:
         """Give each contact the mean diagonal of K at its slave nodes."""
         diagonal = self.bulk.K.getDiagonal().array_r
         if self.comm.allreduce(not np.isfinite(diagonal).all(), MPI.LOR):
-            reason = self.diagnose() or "check the residual form"
+            reason = self._describe_inverted() or "check the residual form"
             raise MortarError(
                 f"the bulk tangent is not finite at the initial displacement: {reason}"
             )
@@ -300,9 +389,9 @@ class ContactProblem:
         loose[dofs] = (diagonal[dofs] == 0.0) & ~self.bulk.prescribed[dofs]
         count, where = self.bulk.count_nodes(loose)
         if count:
-            mine = set(self._floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
+            mine = set(self.floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
             bodies = sorted(set().union(*self.comm.allgather(mine)))
-            names = ", ".join(self._floating.name_of(label) for label in bodies)
+            names = ", ".join(self.floating.name_of(label) for label in bodies)
             raise MortarError(
                 f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
                 "the residual form has to hold the stress of every body"
@@ -320,12 +409,14 @@ class ContactProblem:
             [contact.z.copy() for contact in self.contacts],
             [contact.active.copy() for contact in self.contacts],
             [contact.carries.copy() for contact in self.contacts],
+            self.tools.places,
             self._last_converged,
         )
 
     def restore(self, state: State) -> None:
         """Go back to a state, exactly."""
         self.bulk.u.x.array[:] = state.u
+        self.tools.places = state.places
         kept = zip(self.contacts, state.z, state.active, state.carries, strict=True)
         for contact, z, active, carries in kept:
             contact.z, contact.active, contact.carries = z.copy(), active.copy(), carries.copy()
@@ -341,15 +432,21 @@ class ContactProblem:
 
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
-        return certify(self.bulk, self.contacts, self._floating.labels)
+        certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
+        if not self.floating.held:
+            return certificate
+        return replace(certificate, springs=self.floating.part_held(self._sizes()))
 
-    def forces(self) -> tuple[Array, Array]:
-        """Residual of the bulk and contact force at the present state, owned parts [stress length].
+    def forces(self) -> tuple[Array, Array, Array]:
+        """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).
 
-        What they sum to at prescribed dofs are the reactions of the supports.
+        At the present state, the first two as parts of this rank [stress length]. What these sum to
+        at prescribed dofs are the reactions of the supports; the third is what holds the obstacles.
         """
         self.bulk.assemble_residual()
-        return self.bulk.r.array_r[: self.bulk.num_owned].copy(), self._contact_force()
+        bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
+        self.floating.add_spring_forces()
+        return bulk, self._contact_force(), self.tools.forces()
 
     # For research
 
@@ -379,22 +476,3 @@ class ContactProblem:
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""
         return check_tangent(self, **options)
-
-
-class _Clock:
-    """Seconds by phase."""
-
-    def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, phase: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self._seconds[phase] = self._seconds.get(phase, 0.0) + time.perf_counter() - start
-
-    def read(self) -> dict[str, float]:
-        """Seconds since the last call."""
-        seconds = {name: self._seconds.get(name, 0.0) for name in ("bulk", "contact", "solve")}
-        self._seconds = {}
-        return seconds

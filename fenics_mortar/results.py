@@ -225,7 +225,8 @@ def contact_table(problem: ContactProblem) -> str:
     rows = [f"| {' | '.join(head)} |", "|---|---:|---:|---:|---:|---:|---:|"]
     for contact in problem.contacts:
         contact.evaluate(problem.bulk.u.x.array, problem.linearization)
-        forces = [-force.sum(axis=0) for force in contact.operators.force(contact.z)]
+        o, z = contact.operators, contact.z
+        forces = [-force.sum(axis=0) for force in (o.force(z)[0], o.reaction(z)[1])]
         gap = (contact.gap / contact.nodal_lengths)[contact.covered]
         cells = [f"{contact.slave.name} - {contact.master.name}"]
         cells += [f"({f[0]:.4e}, {f[1]:.4e})" for f in (*forces, forces[0] + forces[1])]

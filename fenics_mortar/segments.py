@@ -24,6 +24,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.clock import clock
 from fenics_mortar.kernels import search
 from fenics_mortar.surfaces import Array, Indices, Surface
 
@@ -83,6 +84,7 @@ class Segments:
         return self.points, self.weights, self.spans
 
 
+@clock("search")
 def find_segments(
     slave: Surface,
     master: Surface,
@@ -121,11 +123,10 @@ def find_segments(
     search_for = geometry, nodes, master.facets, radius, (least_cosine, LEAST_COVER)
     if integration == "segments":
         offsets, masters, pieces = _intersections(search_for, points)
-    elif integration == "elements":
-        rule = np.polynomial.legendre.leggauss(points)
-        offsets, masters, pieces = _runs(search_for, *rule, least=nodes.shape[1])
     else:
-        offsets, masters, pieces = _runs(search_for, *_lobatto(nodes.shape[1]), least=1)
+        rule = facet_rule(integration, nodes.shape[1], points)
+        least = nodes.shape[1] if integration == "elements" else 1
+        offsets, masters, pieces = _runs(search_for, *rule, least=least)
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)
     ends, fixed = pieces[:2]
@@ -185,8 +186,13 @@ def _runs(
     return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans, spread)
 
 
-def _lobatto(size: int) -> tuple[Array, Array]:
-    """The rule whose points are the nodes of a facet: the trapezoidal or Simpson's."""
+def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array, Array]:
+    """Points and weights on a whole facet of ``size`` nodes: Gauss, or for "nodes" Lobatto.
+
+    The points of the latter are the nodes: the trapezoidal rule or Simpson's.
+    """
+    if integration != "nodes":
+        return np.polynomial.legendre.leggauss(points)
     weights = {2: [1.0, 1.0], 3: [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]}
     return np.linspace(-1.0, 1.0, size), np.array(weights[size])
 

@@ -196,7 +196,7 @@ def follow_path(
             continue
         before, accepted = (accepted, step), problem.state()
         before_forces, forces = forces, problem.forces()
-        work = _work(problem, accepted.u - before[0].u, before_forces, forces)
+        work = _work(problem, before[0], accepted, before_forces, forces)
         time = stop if step == stop - time else time + step
         path.steps.append(PathStep(time, step, report, path.failures, work))
         path.failures = []
@@ -220,13 +220,19 @@ def _solve_soundly(problem: ContactProblem) -> NewtonReport:
 
 
 def _work(
-    problem: ContactProblem, du: Array, before: tuple[Array, Array], after: tuple[Array, Array]
+    problem: ContactProblem,
+    start: State,
+    end: State,
+    before: tuple[Array, Array, Array],
+    after: tuple[Array, Array, Array],
 ) -> Work:
-    """Work of the mean forces over a displacement (collective)."""
-    r, contact = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
-    du, held = du[: r.size], problem.bulk.held
+    """Work of the mean forces in a step (collective). What holds obstacles counts as a support."""
+    r, contact, on_tools = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
+    du, held = (end.u - start.u)[: r.size], problem.bulk.held
     supports = (r + contact)[held] @ du[held]
     work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du]))
+    moved = problem.tools.motions_of(end.places - start.places)
+    work[1:] += (on_tools * moved).sum()
     return Work(*map(float, work))
 
 
@@ -237,12 +243,12 @@ def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
 
 
 def save_state(problem: ContactProblem, path: str) -> None:
-    """Write displacement, multipliers and active sets to an ``.npz`` file (collective).
+    """Write displacement, multipliers, active sets and obstacles' places as .npz (collective).
 
     It can be read on any number of ranks: nodes are known by their number in the mesh's input.
     """
     nodes, values = problem.bulk.by_input_node()
-    data = {"nodes": nodes, "u": values}
+    data = {"nodes": nodes, "u": values, "places": problem.tools.places}
     for i, contact in enumerate(problem.contacts):
         data |= {f"{name}{i}": getattr(contact, name) for name in KEPT}
     if problem.comm.rank == 0:
@@ -258,4 +264,5 @@ def load_state(problem: ContactProblem, path: str) -> None:
     z, active, carries = (
         [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
     )
-    problem.restore(State(problem.bulk.u.x.array.copy(), z, active, carries, True))
+    state = State(problem.bulk.u.x.array.copy(), z, active, carries, data["places"], True)
+    problem.restore(state)

@@ -16,13 +16,14 @@ Z_j = P_j / D_jj, where P_j leaves out prescribed components (eq. 14). Put in, t
 
     (Q K~ + C) dd = -Q r + rhs,       Q = 1 - B^T Z - A_z Z,
 
-whose slave rows then hold the contact law. Only rows of contact nodes differ from those of K: with
-the slave rows K_S of K~ and Q = 1 + R,
+whose slave rows then hold the contact law. Only rows of contact nodes differ from those of K~: with
+its slave rows K_S and Q = 1 + R,
 
-    Q K~ + C = K + (R K_S + K_c + C),
+    Q K~ + C = K~ + R K_S + C,
 
-and the bracket is added to K in place. K keeps the union of the patterns seen, so that an unchanged
-contact pattern costs neither memory nor a new symbolic factorization.
+and all of it is added to K in place. K keeps room for what contact can reach by sliding over a few
+facets, see ``reach``: until it goes further, neither the pattern nor the symbolic factorization is
+made anew.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, Rows
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
+from fenics_mortar.reach import Reach
 from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
 
@@ -90,6 +92,17 @@ class LinearSystem(ABC):
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve; return dd and the new multipliers of every contact (collective)."""
 
+    @abstractmethod
+    def respond(self, laws: Sequence[Array]) -> tuple[PETSc.Vec, list[Array]]:
+        """Solve for a change of the contact laws' right-hand sides alone (collective).
+
+        Args:
+            laws: Of each contact, shape (slave nodes, 2) [stress length].
+
+        Returns:
+            Changes of the displacement and of the multipliers.
+        """
+
     @contextmanager
     def _in_database(self) -> Iterator[None]:
         """Have our options in PETSc's database, but for those that the user has there already."""
@@ -107,15 +120,44 @@ class LinearSystem(ABC):
         """Local positions of the multipliers owned here."""
         return place[contact.slave.owned] - self._first_multiplier
 
-    def _numbered(self) -> Iterator[tuple[Contact, Indices]]:
+    def numbered(self) -> Iterator[tuple[Contact, Indices]]:
         """Contacts with the numbers of their multipliers."""
         return zip(self.contacts, self.places, strict=True)
 
-    def _force_derivative(self) -> Iterable[Block]:
+    def force_derivative(self) -> Iterable[Block]:
         """Blocks of K_c = d(B^T z)/dd at fixed z."""
         for contact in self.contacts:
             if not contact.operators.linearization.frozen:
                 yield from contact.operators.force_derivative(contact.z)
+
+    def scale(self, contact: Contact) -> Array:
+        """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
+        diagonal = np.where(contact.active, contact.operators.diagonal, contact.nodal_lengths)
+        return contact.stiffness / diagonal
+
+    def force_blocks(self) -> Iterable[Block]:
+        """Blocks of B^T for zeta; columns are numbers of multipliers."""
+        for contact, place in self.numbered():
+            scale = self.scale(contact)
+            for rows, columns, values in contact.force_blocks():
+                j = columns // 2
+                yield Block(rows, 2 * place[j] + columns % 2, values * scale[j][:, None, :])
+
+    def law_blocks(self) -> Iterable[Block]:
+        """Blocks of C; rows are numbers of multipliers."""
+        for contact, place in self.numbered():
+            for block in contact.rows().blocks:
+                rows = 2 * place[block.rows // 2] + block.rows % 2
+                yield Block(rows, block.columns, block.values)
+
+    def multiplier_blocks(self) -> Iterable[Block]:
+        """Blocks of A_z for zeta, of the multipliers owned here."""
+        for contact, place in self.numbered():
+            mine = contact.slave.owned
+            dofs = 2 * place[mine][:, None] + np.arange(2)
+            yield Block(
+                dofs, dofs, contact.rows().A_z[mine] * self.scale(contact)[mine, None, None]
+            )
 
     def _hold(self, matrix: PETSc.Mat, rhs: PETSc.Vec, first_row: int) -> None:
         """Replace the rows of prescribed dofs by k (dd) = k (prescribed - present)."""
@@ -143,6 +185,7 @@ class LinearSystem(ABC):
             defect, relative = self._defect(matrix, rhs, solution)
         reason = self.ksp.getConvergedReason()
         if reason < 0 or not relative <= LINEAR_TOLERANCE:
+            self.ksp.reset()  # MUMPS does not factor again after it has failed
             raise MortarError(
                 f"the linear system was not solved, it may be singular: PETSc's reason {reason}, "
                 f"remaining part of the right-hand side {relative:.1e}"
@@ -174,42 +217,51 @@ class CondensedSystem(LinearSystem):
             raise ValueError(f"algorithm='condensed': {obstacle}; use algorithm='saddle'")
         size, mine = bulk.num_owned, 2 * self.num_multipliers
         self._R = BlockMatrix(self.comm, size, mine)
-        self._direct = BlockMatrix(self.comm, size, size, bulk.space.block_size)
-        self._slave_K_c = BlockMatrix(self.comm, mine, size)
+        self._K_c = BlockMatrix(self.comm, size, size, bulk.space.block_size)
+        self._C = BlockMatrix(self.comm, size, size, bulk.space.block_size)
+        self._reaches: list[Reach] = []
+        self._pattern = 0
         self._slave_K: Any = None
         dofs = np.empty((self.num_multipliers, 2), np.int64)
-        for contact, place in self._numbered():
+        for contact, place in self.numbered():
             dofs[self.local(contact, place)] = contact.slave.dofs[contact.slave.owned]
         self._slave_rows = PETSc.IS().createGeneral(dofs.ravel().astype(PETSc.IntType), self.comm)
         self._rhs = compat.create_vector(bulk.space.whole).duplicate()
 
     def assemble(self) -> None:
-        """Add R K_S + K_c + C to K, and build -(1 + R) r + rhs."""
+        """Add K_c + R K_S + C to K, and build -(1 + R) r + rhs."""
         laws = [contact.rows() for contact in self.contacts]
-        direct, R = (
-            self._direct.assemble(self._direct_blocks(laws)),
-            self._R.assemble(self._R_blocks(laws)),
-        )
-        pattern = (self.bulk.num_entries(), self._direct.num_patterns, self._R.num_patterns)
-        K_S = self._slave_tangent()
-        bracket = R.matMult(K_S)
-        bracket.axpy(1.0, direct, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        if self.bulk.add_to_tangent(bracket, (*pattern, self._slave_K_c.num_patterns)):
-            # PETSc does not see that a sum has another pattern, and would keep the symbolic factors
+        new = self._update_pattern()
+        self.bulk.add_to_tangent(self._K_c.assemble(self._K_c_blocks(new)), new)
+        self._slave_K = self._slave_tangent()
+        R = self._R.assemble(self._R_blocks(laws, new))
+        product = R.matMult(self._slave_K)
+        self.bulk.add_to_tangent(product, new)
+        product.destroy()
+        self.bulk.add_to_tangent(self._C.assemble(self._C_blocks(laws)), False)
+        if new:  # PETSc does not see that a sum has another pattern, and would keep its factors
             self.ksp.reset()
-        bracket.destroy()
         self.matrix = self.bulk.K
         self._assemble_rhs(laws, R)
         self._hold(self.matrix, self._rhs, self.bulk.first)
+
+    def _update_pattern(self) -> bool:
+        """Whether the pattern of K has to grow; make the reaches anew then (collective)."""
+        now = [(contact.operators, contact.carries) for contact in self.contacts]
+        holds = self._pattern == self.bulk.num_patterns and all(
+            reach.holds(*state) for reach, state in zip(self._reaches, now, strict=True)
+        )
+        if self.comm.allreduce(holds, MPI.LAND):
+            return False
+        self._reaches = [Reach(*state) for state in now]
+        self._pattern = self.bulk.num_patterns
+        return True
 
     def _slave_tangent(self) -> PETSc.Mat:
         """K_S: the slave rows of K + K_c."""
         if self._slave_K is not None:
             self._slave_K.destroy()
-        self._slave_K = self.bulk.K.createSubMatrix(self._slave_rows, self._all_columns)
-        K_c = self._slave_K_c.assemble(self._slave_K_c_blocks())
-        self._slave_K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        return self._slave_K
+        return self.bulk.K.createSubMatrix(self._slave_rows, self._all_columns)
 
     @property
     def _all_columns(self) -> PETSc.IS:
@@ -217,25 +269,22 @@ class CondensedSystem(LinearSystem):
             self.bulk.num_owned, first=self.bulk.first, step=1, comm=self.comm
         )
 
-    def _slave_K_c_blocks(self) -> Iterable[Block]:
-        for contact, place in self._numbered():
-            o = contact.operators
-            if not o.linearization.frozen:
-                block = o.slave_force_derivative(contact.z)
-                rows = _components(place[o.segments.slave])
-                yield Block(rows, block.columns, block.values)
+    def _K_c_blocks(self, new: bool) -> Iterable[Block]:
+        """K_c, with zeros for its reach where that is new."""
+        if new:
+            yield from (reach.derivative_pattern() for reach in self._reaches)
+        yield from self.force_derivative()
 
-    def _direct_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
-        """K_c, and C in the rows of the slave's displacement."""
-        yield from self._force_derivative()
+    def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+        """C in the rows of the slave's displacement."""
         for contact, law in zip(self.contacts, laws, strict=True):
             for block in law.blocks:
                 rows = contact.slave.dofs.ravel()[block.rows]
                 yield Block(rows, block.columns, block.values)
 
-    def _R_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
-        """R = -B^T Z - A_z Z; columns are multipliers."""
-        for (contact, place), law in zip(self._numbered(), laws, strict=True):
+    def _R_blocks(self, laws: Sequence[Rows], new: bool) -> Iterable[Block]:
+        """R = -B^T Z - A_z Z, with zeros for its reach where that is new; columns: multipliers."""
+        for (contact, place), law in zip(self.numbered(), laws, strict=True):
             Z = self._inverse(contact)
             for block in contact.force_blocks():
                 j, component = block.columns // 2, block.columns % 2
@@ -244,6 +293,11 @@ class CondensedSystem(LinearSystem):
             mine = contact.slave.owned
             values = -law.A_z[mine] * Z[mine][:, None, :]
             yield Block(contact.slave.dofs[mine], _components(place[mine, None]), values)
+        if new:
+            for place, reach in zip(self.places, self._reaches, strict=True):
+                rows, multipliers = reach.force_pattern()
+                columns = _components(place[multipliers, None])
+                yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 
     def _inverse(self, contact: Contact) -> Array:
         """Diagonal of Z_j, zero for inactive nodes, shape (slave nodes, 2) [1 / length]."""
@@ -252,7 +306,7 @@ class CondensedSystem(LinearSystem):
 
     def _assemble_rhs(self, laws: Sequence[Rows], R: PETSc.Mat) -> None:
         slave_r = R.createVecRight()
-        for contact, place in self._numbered():
+        for contact, place in self.numbered():
             values = self.bulk.r.array_r[contact.slave.local_dofs]
             slave_r.array.reshape(-1, 2)[self.local(contact, place)] = values
         R.mult(slave_r, self._rhs)
@@ -263,11 +317,23 @@ class CondensedSystem(LinearSystem):
 
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve for dd, then recover z_j = -Z_j (r + K~ dd)_j."""
-        dd = self._solve_linear(self.matrix, self._rhs)
+        return self._recover(self._rhs, self.bulk.r.array_r[: self.bulk.num_owned])
+
+    def respond(self, laws: Sequence[Array]) -> tuple[PETSc.Vec, list[Array]]:
+        """The same without forces and prescribed values."""
+        rhs = self._rhs.duplicate()
+        for contact, law in zip(self.contacts, laws, strict=True):
+            contact.slave.scatter_add(law, rhs.array)
+        rhs.array[self.bulk.held] = 0.0
+        return self._recover(rhs, np.zeros(self.bulk.num_owned))
+
+    def _recover(self, rhs: PETSc.Vec, r: Array) -> tuple[PETSc.Vec, list[Array]]:
+        """Solve for dd; return it and the multipliers."""
+        dd = self._solve_linear(self.matrix, rhs)
         force = self._slave_K.createVecLeft()
         self._slave_K.mult(dd, force)
-        total = self.bulk.r.array_r[: self.bulk.num_owned].copy()
-        for contact, place in self._numbered():
+        total = r.copy()
+        for contact, place in self.numbered():
             change = force.array_r.reshape(-1, 2)[self.local(contact, place)]
             total[contact.slave.local_dofs] += change
         return dd, [-self._inverse(c) * c.slave.gather(total) for c in self.contacts]
@@ -313,10 +379,10 @@ class SaddleSystem(LinearSystem):
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
         """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
         K = self.bulk.K.copy()
-        K_c = self._K_c.assemble(self._force_derivative())
+        K_c = self._K_c.assemble(self.force_derivative())
         K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        B_T = self._B_T.assemble(self._force_blocks())
-        C, A_z = self._C.assemble(self._law_blocks()), self._A_z.assemble(self._multiplier_blocks())
+        B_T = self._B_T.assemble(self.force_blocks())
+        C, A_z = self._C.assemble(self.law_blocks()), self._A_z.assemble(self.multiplier_blocks())
         return K, B_T, C, A_z
 
     def assemble(self) -> None:
@@ -332,46 +398,31 @@ class SaddleSystem(LinearSystem):
         self._rhs = self.matrix.createVecLeft()
         size = self.bulk.num_owned
         self._rhs.array[:size] = -self.bulk.r.array_r[:size]
-        for contact, place in self._numbered():
+        for contact, place in self.numbered():
             self._rhs.array[size:].reshape(-1, 2)[self.local(contact, place)] = contact.rows().rhs[
                 contact.slave.owned
             ]
         self._hold(self.matrix, self._rhs, self.matrix.getOwnershipRange()[0])
 
-    def scale(self, contact: Contact) -> Array:
-        """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
-        diagonal = np.where(contact.active, contact.operators.diagonal, contact.nodal_lengths)
-        return contact.stiffness / diagonal
-
-    def _force_blocks(self) -> Iterable[Block]:
-        for contact, place in self._numbered():
-            scale = self.scale(contact)
-            for rows, columns, values in contact.force_blocks():
-                j = columns // 2
-                yield Block(rows, 2 * place[j] + columns % 2, values * scale[j][:, None, :])
-
-    def _law_blocks(self) -> Iterable[Block]:
-        for contact, place in self._numbered():
-            for block in contact.rows().blocks:
-                rows = 2 * place[block.rows // 2] + block.rows % 2
-                yield Block(rows, block.columns, block.values)
-
-    def _multiplier_blocks(self) -> Iterable[Block]:
-        for contact, place in self._numbered():
-            mine = contact.slave.owned
-            dofs = 2 * place[mine][:, None] + np.arange(2)
-            yield Block(
-                dofs, dofs, contact.rows().A_z[mine] * self.scale(contact)[mine, None, None]
-            )
-
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve for dd and zeta; z is handed to all ranks."""
-        solution = self._solve_linear(self.matrix, self._rhs)
+        return self._recover(self._rhs)
+
+    def respond(self, laws: Sequence[Array]) -> tuple[PETSc.Vec, list[Array]]:
+        """The same without forces and prescribed values."""
+        rhs = self._rhs.duplicate()
+        for (contact, place), law in zip(self.numbered(), laws, strict=True):
+            mine = rhs.array[self.bulk.num_owned :].reshape(-1, 2)
+            mine[self.local(contact, place)] = law[contact.slave.owned]
+        return self._recover(rhs)
+
+    def _recover(self, rhs: PETSc.Vec) -> tuple[PETSc.Vec, list[Array]]:
+        solution = self._solve_linear(self.matrix, rhs)
         size = self.bulk.num_owned
         dd = PETSc.Vec().createMPI((size, None), comm=self.comm)
         dd.array[:] = solution.array_r[:size]
         multipliers = []
-        for contact, place in self._numbered():
+        for contact, place in self.numbered():
             zeta = np.zeros((contact.slave.num_nodes, 2))
             mine = contact.slave.owned
             zeta[mine] = solution.array_r[size:].reshape(-1, 2)[self.local(contact, place)]

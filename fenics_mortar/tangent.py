@@ -29,7 +29,7 @@ class TangentCheck:
     Attributes:
         steps: Step sizes over the shortest slave facet, shape (s,).
         remainders: Relative remainder per block and step; blocks "bulk", "n", "g", "D", "M" and
-            "whole", the assembled saddle-point matrix.
+            "whole", the assembled saddle-point matrix with the motions of obstacles.
     """
 
     steps: Array
@@ -78,10 +78,11 @@ def check_tangent(
     steps = 1e-3 * 0.5 ** np.arange(6) if steps is None else np.asarray(steps)
     u = problem.bulk.u
     before = u.x.array.copy(), [(c.z, c.active.copy()) for c in problem.contacts]
+    places = problem.tools.places
     try:
         check = _check(_Probe(problem, seed), steps)
     finally:
-        u.x.array[:] = before[0]
+        u.x.array[:], problem.tools.places = before[0], places
         for contact, (z, active) in zip(problem.contacts, before[1], strict=True):
             contact.z, contact.active = z, active
             contact.evaluate(u.x.array, problem.linearization)
@@ -116,6 +117,8 @@ class _Probe:
         everywhere = rng.uniform(-length, length, self.bulk.r.getSize())
         self.du: Array = self.bulk.units * everywhere[self.bulk.first : self.bulk.first + size]
         self.u0 = self.bulk.u.x.array[:size].copy()
+        self.tools, self.places = problem.tools, problem.tools.places
+        self.dq: Array = rng.uniform(-length, length, self.places.shape)
         self.active = [contact.active.copy() for contact in self.contacts]
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
         self.dz = [np.abs(z).max() * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
@@ -131,6 +134,8 @@ class _Probe:
         u = self.bulk.u
         u.x.array[: self.bulk.num_owned] = self.u0 + step * self.du
         u.x.scatter_forward()
+        self.tools.places = self.places
+        self.tools.move(step * self.dq)
         self.bulk.assemble_residual()
         for contact, active, z, dz in zip(
             self.contacts, self.active, self.z0, self.dz, strict=True
@@ -166,8 +171,11 @@ class _Probe:
             law = normal * o.gap[:, None] - tangent * slip[:, None] - inactive[:, None] * contact.z
             laws.append(law[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
+        for contact in self.contacts:  # only active multipliers act, as in the system
+            contact.z = np.where(contact.active[:, None], contact.z, 0.0)
+        pushed = self._mine(self.tools.forces().ravel())
         force = self.bulk.units * force
-        return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws])}
+        return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
 
     def derivative(self) -> dict[str, Array]:
         """Directional derivatives of ``values`` at step 0, from the assembled matrices."""
@@ -177,8 +185,10 @@ class _Probe:
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         for pair, (contact, z0) in enumerate(zip(self.contacts, self.z0, strict=True)):
             matrix = matrices.normals_derivative(pair)
-            found["n"].append(self._replicate(self._apply(matrix)))
-            found["g"].append(self._replicate(self._apply(matrices.gap_derivative(pair))))
+            by_motions = self._by_motions(contact)
+            found["n"].append(self._replicate(self._apply(matrix)) + by_motions[0].ravel())
+            change = self._replicate(self._apply(matrices.gap_derivative(pair)))
+            found["g"].append(change + by_motions[1])
             change = self._apply(matrices.slave_force_derivative(z0, pair))
             found["D"].append(contact.slave.gather(change).ravel())
             change = self._apply(matrices.master_force_derivative(z0, pair))
@@ -187,8 +197,16 @@ class _Probe:
         bulk = self.bulk.units * self._apply(self.bulk.K)
         return {"bulk": bulk, **replicated, "whole": self._whole()}
 
+    def _by_motions(self, contact: Contact) -> tuple[Array, Array, Array]:
+        """Derivatives of normals, gap and law along the motions of the pair's obstacle."""
+        if contact.obstacle is None:
+            return np.zeros(1), np.zeros(1), np.zeros_like(contact.z)
+        dq = self.dq[self.tools.obstacles.index(contact.obstacle)]
+        o = contact.on_obstacle
+        return o.dn_dq @ dq, o.dgap_dq @ dq, contact.motion_rows() @ dq
+
     def _whole(self) -> Array:
-        """The four blocks of the saddle-point system on (du, dz)."""
+        """The four blocks of the saddle-point system on (du, dz), and the motions of obstacles."""
         for contact in self.contacts:  # only active multipliers act, as in the system
             contact.z = np.where(contact.active[:, None], contact.z, 0.0)
         system = SaddleSystem(self.bulk, self.contacts, "fenics_mortar_check_tangent_", {})
@@ -201,10 +219,14 @@ class _Probe:
         force = self.bulk.units * (force + (B_T * zeta).array)
         law = law + (A_z * zeta).array
         parts = [
-            law.reshape(-1, 2)[system.local(contact, place)].ravel()
+            (
+                law.reshape(-1, 2)[system.local(contact, place)]
+                + self._by_motions(contact)[2][contact.slave.owned]
+            ).ravel()
             for contact, place in zip(self.contacts, system.places, strict=True)
         ]
-        return np.concatenate([force, *parts])
+        pushed = self.tools.derivative(self.du, self.dz, self.dq)
+        return np.concatenate([force, *parts, self._mine(pushed.ravel())])
 
     def _apply(self, matrix: PETSc.Mat) -> Array:
         direction, result = matrix.createVecs()

@@ -30,9 +30,13 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(autouse=True)
 def together():
-    """Destructors of PETSc objects are collective: collect garbage in step, then wait."""
+    """Destructors of PETSc objects are collective: collect garbage in step, then wait.
+
+    What survives is modules and caches: frozen, it is not looked through after each test again.
+    """
     yield
     gc.collect()
+    gc.freeze()
     MPI.COMM_WORLD.barrier()
 
 

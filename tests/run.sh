@@ -23,6 +23,7 @@ export NUMBA_CACHE_DIR="$scratch/numba"
 color=no # decided here: mpirun gives each rank a terminal of its own
 if [ -t 1 ]; then color=yes; fi
 pytest=(/usr/bin/python3 -m pytest "--color=$color")
+spread=(-n "$(nproc)" --dist loadfile) # files of tests over the cores; each test is on one rank
 failed=0
 summary=()
 
@@ -66,11 +67,11 @@ run_ranks() { # N ARGUMENTS...: pytest on N ranks; rank 0 prints, the others onl
 if [ $# -gt 0 ]; then
     run "tests in serial: $*" "${pytest[@]}" "$@" || true
 else
-    run "tests in serial" "${pytest[@]}" || true
+    run "tests in serial" "${pytest[@]}" "${spread[@]}" || true
     run_ranks 2 -m "not serial and not demo"
     run_ranks 3 -m "not serial and not demo"
     run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
-        "${pytest[@]}" -p no:cacheprovider tests/kernels || true
+        "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true
 fi
 
 echo

@@ -3,12 +3,14 @@
 
 from mpi4py import MPI
 
+import gmsh
 import numpy as np
 import pytest
 from scenes import internal, neo_hookean, read, rectangles
 from scipy.optimize import minimize
 from test_errors import pushed_block
 
+import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
@@ -74,6 +76,70 @@ def stack(*, gap):
     residual = internal(u, neo_hookean(u, 100.0, 0.3))
     problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="stack_")
     return {"problem": problem, "push": push}
+
+
+def disk_on_block(size):
+    """A disk of radius 0.5, 0.05 above a block of 2 x 0.5 and off its middle."""
+    occ, model = gmsh.model.occ, gmsh.model
+    model.add("disk")
+    block, disk = (
+        occ.addRectangle(-1.0, -0.5, 0.0, 2.0, 0.5),
+        occ.addDisk(0.03, 0.55, 0.0, 0.5, 0.5),
+    )
+    occ.synchronize()
+    for name, surface in (("block", block), ("disk", disk)):
+        model.setPhysicalName(2, model.addPhysicalGroup(2, [surface]), name)
+        for _, curve in model.getBoundary([(2, surface)], oriented=False):
+            y = occ.getCenterOfMass(1, curve)[1]
+            side = {"disk": "edge"}.get(name) or {-0.5: "bottom", 0.0: "top"}.get(round(y, 6))
+            if side:
+                model.setPhysicalName(1, model.addPhysicalGroup(1, [curve]), f"{name}/{side}")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    model.mesh.generate(2)
+    return model
+
+
+def falling_disk(size):
+    data = read(disk_on_block, size=size)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    options = {"subdomain_data": data.cell_tags, "metadata": {"quadrature_degree": 2}}
+    dx = ufl.Measure("dx", domain=data.mesh, **options)
+    density = ufl.inner(neo_hookean(u, 100.0, 0.3), ufl.grad(v))
+    weight = 0.5 * v[1] * dx(data.bodies["disk"])
+    residual = sum(density * dx(tag) for tag in data.bodies.values()) + weight
+    bcs = [fm.dirichlet(V, data, "block/bottom", (0.0, 0.0))]
+    pairs = [fm.ContactPair(data, "disk/edge", "block/top")]
+    return fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="disk_")
+
+
+@pytest.mark.parametrize("size", [0.1, 0.085, 0.06])
+def test_disk_that_may_roll_falls_in_one_solve(size):
+    """No Dirichlet condition on it: contact carries the weight, what springs hold is reported."""
+    problem = falling_disk(size)
+    report = problem.solve()
+    certificate = report.certificate
+    assert certificate.violations() == []
+    force = problem.contacts[0].total_force
+    assert force[1] == pytest.approx(0.5 * np.pi * 0.25, rel=0.02)
+    told = any("springs hold" in note for note in report.notes)
+    assert told == (certificate.springs > 0.0)
+    assert certificate.springs < 1e-3
+    assert problem.solve().certificate.violations() == []  # and on from there
+
+
+def test_disk_that_may_roll_needs_springs_that_let_go(monkeypatch):
+    def give_up(equations, options, failed):
+        raise failed
+
+    monkeypatch.setattr("fenics_mortar.problem.release_slowly", give_up)
+    failures = 0
+    for size in (0.1, 0.085, 0.06):
+        try:
+            falling_disk(size).solve()
+        except fm.NotConvergedError:
+            failures += 1
+    assert failures
 
 
 def test_closest_vector_below_planes():

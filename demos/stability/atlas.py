@@ -49,7 +49,7 @@ class Worker:
         if ranks > 1:
             command = ["mpirun", "-n", str(ranks), *command]
         # the ranks of whatever runs this must not be taken for those of the worker
-        hidden = ("OMPI_COMM", "PMIX", "PMI_")
+        hidden = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX", "PMI_")
         self._words = tempfile.TemporaryFile()
         self._process = subprocess.Popen(
             command,

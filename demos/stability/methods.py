@@ -12,7 +12,7 @@ from unittest.mock import patch
 
 from whole_facet import whole_facet_basis
 
-from fenics_mortar import bulk, newton
+from fenics_mortar import bulk, newton, problem
 from fenics_mortar.contact import Contact
 from fenics_mortar.floating import FloatingBodies
 
@@ -70,6 +70,11 @@ def without(*changes: tuple[Any, str, Any]) -> Callable[[], AbstractContextManag
     return partial(replaced, *changes)
 
 
+def give_up(equations: Any, options: Any, failed: Exception) -> None:
+    """In place of ``release_slowly``."""
+    raise failed
+
+
 @dataclass(frozen=True)
 class Remedy:
     """A part of the default, and a scene that needs it.
@@ -92,8 +97,8 @@ class Remedy:
 REMEDIES = {
     "no_step_cuts": Remedy(
         "a step that fails is taken back and cut",
-        "loaded_arch",
-        "1.2",
+        "pushed_arch",
+        "60",
         "default",
         Method("no cuts", adaptive=False),
     ),
@@ -128,6 +133,13 @@ REMEDIES = {
         "0.1",
         "default",
         Method("no spring", override=without((FloatingBodies, "add_springs", lambda *given: None))),
+    ),
+    "no_release": Remedy(
+        "springs hold bodies that roll, and let go",
+        "falling_wheel",
+        "10",
+        "plain",
+        Method("not held", adaptive=False, override=without((problem, "release_slowly", give_up))),
     ),
     "meshed_gaps": Remedy(
         "gaps can be set, whatever the facets leave",

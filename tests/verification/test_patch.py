@@ -15,8 +15,22 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scenes import homogeneous_blocks, lame, linear_elastic, neo_hookean, rotation
+import two_blocks
+from scenes import (
+    TIGHT,
+    homogeneous_blocks,
+    internal,
+    lame,
+    linear_elastic,
+    neo_hookean,
+    read,
+    rotation,
+)
 from scipy.optimize import brentq
+
+from dolfinx import fem
+
+import fenics_mortar as fm
 
 E, NU, STRETCH = 100.0, 0.3, 0.9
 RATIOS = [(4, 4), (5, 7), (3, 10), (1, 17)]
@@ -106,3 +120,32 @@ def test_all_round_pressure_passes_an_inclined_interface(material, counts, angle
         )
         scene.problem.solve()
         assert_uniform(scene, pressure)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("integration", ["segments", "nodes"])
+@pytest.mark.parametrize("angle", [0, 37])
+def test_pressure_under_a_plane_is_uniform(angle, integration, degree):
+    a, pressure = uniaxial(neo_hookean)
+    turn = rotation(np.radians(angle))
+    gradient = turn @ np.diag([a - 1, STRETCH - 1]) @ turn.T
+    size = {"n_lower": 5, "layers_lower": 3, "width_lower": 1.0, "gap": 3.0}
+    data = read(two_blocks.build, rotation=np.radians(angle), **size)
+    V = fm.vector_space(data.mesh, degree)
+    u, exact = fem.Function(V), fem.Function(V)
+    exact.interpolate(lambda X: gradient @ X[:2])
+    plane = fm.Plane(turn @ (0.5, STRETCH), turn @ (0.0, -1.0))
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)),
+        u,
+        [fm.ContactPair(data, "lower/top", plane, integration=integration)],
+        bcs=[
+            fm.dirichlet(V, data, "lower/bottom", exact),
+            fm.dirichlet(V, data, "upper/top", (0.0, 0.0)),
+        ],
+        newton=TIGHT,
+        petsc_options_prefix="patch_",
+    )
+    problem.solve()
+    z = problem.contacts[0].pressure
+    assert np.abs(z / pressure - 1).max() < EXACT

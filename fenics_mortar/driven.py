@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: MIT
+"""Rigid obstacles that forces drive: their motions q are unknowns of the Newton system.
+
+To the equations of displacement and multipliers, whatever their form, come the columns C_q of the
+contact law, and for each driven motion the row of its balance,
+
+    E_d dd + M_q z + E_q dq = push,    M_q z = f_q,
+
+with E the derivatives of f_q at fixed z; D does not move with q, so that bulk rows have no columns.
+The few motions are eliminated from this bordered system: with the answers (dd_i, z_i) of the other
+equations to the columns, what is left is a small dense system. So the sparse matrix, its pattern
+and what solves it are those of obstacles at rest.
+
+A motion that active contact leaves loose gets a spring in the tangent as a floating body does, see
+``floating``; a driven obstacle that touches nothing is moved before the solve until contact stops
+it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.contact import Contact
+from fenics_mortar.errors import MortarError, place
+from fenics_mortar.floating import (
+    HELD,
+    LARGEST_MOVE,
+    LEAST_SPRING,
+    LOADED,
+    MOST_MOVES,
+    TOUCH,
+    closest_below,
+)
+from fenics_mortar.obstacles import Obstacle
+from fenics_mortar.surfaces import Array
+from fenics_mortar.system import LinearSystem
+
+# A loose motion is driven by more than this part of the forces.
+DRIVEN = 1e-12
+
+
+class DrivenObstacles:
+    """The obstacles of a problem, and the motions of them that forces drive.
+
+    All is equal on all ranks. Motions are x, y and turn, the angle times the ``arm`` of the pair.
+
+    Args:
+        contacts: The contacts of the problem.
+
+    Attributes:
+        obstacles: Those of the contacts, each once.
+    """
+
+    def __init__(self, contacts: Sequence[Contact]) -> None:
+        self._contacts = contacts
+        found = [c.obstacle for c in contacts if c.obstacle is not None]
+        self.obstacles: list[Obstacle] = list(dict.fromkeys(found))
+        for obstacle in self.obstacles:
+            pairs = [contact for contact in contacts if contact.obstacle is obstacle]
+            for contact in pairs:
+                contact.arm = max(c.arm for c in pairs)
+        self._scales: Array = np.ones((len(self.obstacles), 3))
+        for number, contact in self._pairs():
+            self._scales[number, 2] = contact.arm
+
+    @property
+    def places(self) -> Array:
+        """Places (x, y, angle) of all obstacles, shape (obstacles, 3)."""
+        return self._of_all("place")
+
+    @places.setter
+    def places(self, places: Array) -> None:
+        for obstacle, where in zip(self.obstacles, places, strict=True):
+            obstacle.place = where.copy()
+
+    def motions_of(self, places: Array) -> Array:
+        """Motions x, y, turn of (x, y, angle), shape (obstacles, 3) [length]."""
+        return places * self._scales
+
+    @property
+    def driven(self) -> npt.NDArray[np.bool_]:
+        """Which motions forces drive, shape (obstacles, 3)."""
+        return np.isfinite(self._of_all("load"))
+
+    def forces(self) -> Array:
+        """f_q of the last evaluated state, shape (obstacles, 3) [stress length] (collective)."""
+        total = np.zeros(self._scales.shape)
+        for number, contact in self._pairs():
+            total[number] += contact.on_obstacle.motion_force(contact.z)
+        return total
+
+    def residual(self) -> Array:
+        """f_q less the push of driven motions, else 0, shape (obstacles, 3) (collective)."""
+        return np.where(self.driven, self.forces() - self._push(), 0.0)
+
+    def record(self) -> list[str]:
+        """Note the force and moment of contact on each obstacle; say it in words (collective)."""
+        lines = []
+        for obstacle, force in zip(self.obstacles, -self.forces() * self._scales, strict=True):
+            obstacle.reaction = force
+            lines.append(
+                f"obstacle '{obstacle.name}', moved by {place(obstacle.place)} and turned by "
+                f"{obstacle.place[2]:.4g}: contact force {place(force)}, moment {force[2]:.4g}"
+            )
+        return lines
+
+    def move(self, change: Array) -> None:
+        """Add motions, shape (obstacles, 3) [length]."""
+        self.places = self.places + change / self._scales
+
+    # The bordered system
+
+    def solve(
+        self, system: LinearSystem, stiffness: float, force: float
+    ) -> tuple[PETSc.Vec, list[Array], Array]:
+        """Solve for displacement, multipliers and motions (collective).
+
+        Args:
+            system: That of displacement and multipliers, assembled.
+            stiffness: Of the bulk [stress].
+            force: Size of the forces [stress length].
+
+        Returns:
+            Increment of the displacement, multipliers, and motions (obstacles, 3) [length].
+        """
+        dd, multipliers = system.solve()
+        motion, driven = np.zeros(self._scales.shape), self.driven
+        if not driven.any():
+            return dd, multipliers, motion
+        answers = [system.respond(self._columns(*which)) for which in np.argwhere(driven)]
+        units = np.eye(motion.size)[driven.ravel()].reshape(-1, *motion.shape)
+        springs = self._springs(stiffness, force)
+        columns = [
+            self.derivative(change.array_r, dz, unit) + (springs @ unit.ravel()).reshape(-1, 3)
+            for (change, dz), unit in zip(answers, units, strict=True)
+        ]
+        matrix = np.array([column[driven] for column in columns]).T
+        rhs = (self._push() - self.derivative(dd.array_r, multipliers, 0.0 * motion))[driven]
+        try:
+            motion[driven] = np.linalg.solve(matrix, rhs)
+        except np.linalg.LinAlgError as error:
+            raise MortarError(f"the balance of the obstacles is singular: {error}") from error
+        system.comm.Bcast(motion)
+        for step, (change, z_change) in zip(motion[driven], answers, strict=True):
+            dd.axpy(step, change)
+            change.destroy()
+            multipliers = [z + step * dz for z, dz in zip(multipliers, z_change, strict=True)]
+        return dd, multipliers, motion
+
+    def _columns(self, number: int, component: int) -> list[Array]:
+        """-C_q of one motion for every contact."""
+        mine = self.obstacles[number]
+        return [
+            -c.motion_rows()[:, :, component] if c.obstacle is mine else np.zeros_like(c.z)
+            for c in self._contacts
+        ]
+
+    def derivative(self, du: Array, dz: Sequence[Array], dq: Array) -> Array:
+        """E_d du + M_q dz + E_q dq, the change of f_q, shape (obstacles, 3) (collective).
+
+        Args:
+            du: Displacement, the part of this rank.
+            dz: Multipliers of every contact, shape (slave nodes, 2); inactive ones do not count.
+            dq: Motions, shape (obstacles, 3).
+        """
+        total = np.zeros(self._scales.shape)
+        for contact, z in zip(self._contacts, dz, strict=True):
+            if contact.obstacle is not None:
+                number, o = self.obstacles.index(contact.obstacle), contact.on_obstacle
+                by_nodes, by_motions = o.motion_force_derivative(contact.z)
+                total[number] += np.einsum("mkc,kc->m", by_nodes, contact.slave.gather(du))
+                total[number] += o.motion_force(np.where(contact.active[:, None], z, 0.0))
+                total[number] += by_motions @ dq[number]
+        return total
+
+    def _springs(self, stiffness: float, force: float) -> Array:
+        """Springs on loose motions, in proportion to what drives them; shape as E_q."""
+        total = np.zeros((self._scales.size, self._scales.size))
+        residual = self.residual()
+        for number, loose in enumerate(self._loose()):
+            own = slice(3 * number, 3 * number + 3)
+            drive = float(np.linalg.norm(loose @ residual[number])) / max(force, 1e-300)
+            total[own, own] = stiffness * np.clip(drive, LEAST_SPRING, 1.0) * (loose.T @ loose)
+        return total
+
+    def _loose(self) -> list[Array]:
+        """Motions of each obstacle, (n, 3), that forces drive and active contact does not hold."""
+        found = []
+        for number, driven in enumerate(self.driven):
+            motions = np.eye(3)[driven]
+            closing = [c.gap_by_motions()[c.active] for i, c in self._pairs() if i == number]
+            answers = np.concatenate([*closing, np.zeros((3, 3))]) @ motions.T
+            _, norms, combinations = np.linalg.svd(answers, full_matrices=False)
+            found.append(combinations[norms <= HELD] @ motions)
+        return found
+
+    def describe(self, force: float) -> str:
+        """Loose motions that forces drive, in words; "" if there are none (collective)."""
+        residual, found = self.residual(), []
+        for number, (obstacle, loose) in enumerate(zip(self.obstacles, self._loose(), strict=True)):
+            drive = loose @ residual[number]
+            if np.linalg.norm(drive) > DRIVEN * force:
+                found.append(f"obstacle '{obstacle.name}' can {_in_words(drive @ loose)}")
+        return ", ".join(found)
+
+    # Before a solve
+
+    def settle(self, evaluate: Callable[[], object]) -> list[str]:
+        """Move driven obstacles that carry no contact force until contact stops them (collective).
+
+        Args:
+            evaluate: Evaluates the contacts at the present state.
+
+        Returns:
+            Which were moved, in words.
+
+        Raises:
+            MortarError: On all ranks, if nothing stops an obstacle.
+        """
+        moved = dict[str, None]()
+        if not self.driven.any():
+            return []
+        for _ in range(MOST_MOVES):
+            evaluate()
+            moves = np.array([self._next_move(i) for i in range(len(self.obstacles))])
+            moving = np.flatnonzero(moves.any(axis=1))
+            if not moving.size:
+                return [f"{name} was moved until contact stopped it" for name in moved]
+            moved |= dict.fromkeys(f"obstacle '{self.obstacles[i].name}'" for i in moving)
+            self.move(moves)
+        stray = moving[0]
+        raise MortarError(
+            f"obstacle '{self.obstacles[stray].name}' can {_in_words(moves[stray])} freely: its "
+            "push drives it, and no contact stops it; prescribe that motion by move()"
+        )
+
+    def _next_move(self, number: int) -> Array:
+        """Motion of one obstacle towards contact, shape (3,); zero if it is there, or not driven.
+
+        It is the one closest to the push that no node overlaps by more than touching.
+        """
+        contacts = [contact for i, contact in self._pairs() if i == number]
+        driven, push = self.driven[number], self._push()[number]
+        loaded = any((c.pressure > LOADED * c.stiffness).any() for c in contacts)
+        if loaded or not push.any():
+            return np.zeros(3)
+        motions = np.eye(3)[driven]
+        wanted = LARGEST_MOVE * contacts[0].arm * (motions @ push) / np.linalg.norm(push)
+        closing = np.concatenate([-contact.gap_by_motions() for contact in contacts])
+        room = [np.nan_to_num(c.gap) + TOUCH * c.nodal_lengths for c in contacts]
+        move = closest_below(wanted, closing @ motions.T, np.maximum(np.concatenate(room), 0.0))
+        shortest = min(float(c.slave.lengths.min()) for c in contacts)
+        return move @ motions if np.linalg.norm(move) > TOUCH**2 * shortest else np.zeros(3)
+
+    def _pairs(self) -> Iterator[tuple[int, Contact]]:
+        """The contacts that have an obstacle, with its number."""
+        for contact in self._contacts:
+            if contact.obstacle is not None:
+                yield self.obstacles.index(contact.obstacle), contact
+
+    def _push(self) -> Array:
+        """Loads along the motions, 0 where these are prescribed, (obstacles, 3) [stress length]."""
+        return np.nan_to_num(self._of_all("load")) / self._scales
+
+    def _of_all(self, name: str) -> Array:
+        return np.array([getattr(o, name) for o in self.obstacles]).reshape(-1, 3)
+
+
+def _in_words(motion: Array) -> str:
+    """A motion x, y, turn in words."""
+    x, y, turn = motion / np.abs(motion).max()
+    if abs(turn) < 0.1:
+        return f"move along {place((x + 0.0, y + 0.0))}"
+    return "turn" if max(abs(x), abs(y)) < 0.1 else f"move along {place((x, y))} and turn"

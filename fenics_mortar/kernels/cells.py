@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: MIT
+"""Areas of cells at their nodes."""
+
+from fenics_mortar.kernels import kernel
+
+
+@kernel
+def tabulate_areas(x, cells, gradients, areas):
+    """Fill ``areas`` (cells, k) with the determinant of dx/dX at each node of each cell.
+
+    At a corner of a straight cell this is twice the area of the triangle spanned there.
+
+    Args:
+        x: Positions of all nodes, shape (n, 2) [length].
+        cells: Nodes of each cell, shape (cells, k).
+        gradients: Gradients of the shape functions in the reference cell at its nodes: [a, b] is
+            that of function b at node a, shape (k, k, 2).
+        areas: Determinants [area].
+    """
+    for e in range(cells.shape[0]):
+        x0, y0 = x[cells[e, 0], 0], x[cells[e, 0], 1]
+        for a in range(cells.shape[1]):
+            xs = xt = ys = yt = 0.0
+            for b in range(1, cells.shape[1]):
+                dx, dy = x[cells[e, b], 0] - x0, x[cells[e, b], 1] - y0
+                s, t = gradients[a, b, 0], gradients[a, b, 1]
+                xs, xt = xs + s * dx, xt + t * dx
+                ys, yt = ys + s * dy, yt + t * dy
+            areas[e, a] = xs * yt - xt * ys

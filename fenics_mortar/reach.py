@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: MIT
+"""What contact may couple before it has slid over a few facets: room in the pattern of a matrix.
+
+A pattern that held the present segments only would change whenever one appears, and with it the
+symbolic factorization. Zeros for the master facets next to those that a slave facet meets cost
+little, since contact is small beside the bulk.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.mortar import Block, MortarOperators
+from fenics_mortar.surfaces import Indices
+
+# Master facets on either side of those that a slave facet meets.
+MARGIN = 4
+
+
+class Reach:
+    """Master nodes that each slave facet of this rank's share may meet (all methods are local).
+
+    Args:
+        o: Operators at the present state.
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+    """
+
+    def __init__(self, o: MortarOperators, carries: npt.NDArray[np.bool_]) -> None:
+        self._slave, self._master, self._carries = o.slave, o.master, carries.copy()
+        self._met = _met(o, MARGIN)
+        facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
+        meets = partner < o.master.num_nodes
+        self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
+
+    def holds(self, o: MortarOperators, carries: npt.NDArray[np.bool_]) -> bool:
+        """Whether a state couples nothing else."""
+        inside = np.isin(_met(o, 0), self._met, assume_unique=True)
+        return bool(inside.all()) and np.array_equal(carries, self._carries)
+
+    def derivative_pattern(self) -> Block:
+        """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
+        degree = self._slave.degree
+        near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
+        place, which = np.nonzero(near >= 0)
+        facet = np.concatenate([self._own[place], self._facet])
+        dofs = np.concatenate(
+            [self._slave.dofs[near[place, which]], self._master.dofs[self._partner]]
+        )
+        order = np.argsort(facet, kind="stable")
+        i, k = _pairs_within(facet[order])
+        return _zeros(dofs[order][i], dofs[order][k])
+
+    def force_pattern(self) -> tuple[Indices, Indices]:
+        """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act, but for their own.
+
+        These are of master nodes, and of slave nodes that carry no multiplier themselves.
+        """
+        degree = self._slave.degree
+        carriers = self._slave.along(self._facet, range(degree + 1))
+        on_master = np.repeat(self._master.dofs[self._partner], degree + 1, axis=0)
+        own = self._slave.along(self._own, range(degree + 1))
+        idle, sharer = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
+        dofs = np.concatenate([on_master, self._slave.dofs[idle]])
+        multiplier = np.concatenate([carriers.ravel(), sharer])
+        acts = self._carries[multiplier]
+        acts[len(on_master) :] &= ~self._carries[idle]
+        return dofs[acts], multiplier[acts]
+
+
+def _met(o: MortarOperators, margin: int) -> Indices:
+    """Pairs of a slave facet, by its first node, and a master node, as sorted numbers.
+
+    Each facet has a pair with no node too, the number after the last: an obstacle has none.
+    """
+    s, degree, none = o.segments, o.master.degree, o.master.num_nodes
+    masters = np.full((len(s.slave), 1), none)
+    if none:
+        near = o.master.along(s.master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
+        masters = np.hstack([masters, near])
+    pairs = s.slave[:, :1] * (none + 1) + masters
+    return np.unique(pairs[masters >= 0])
+
+
+def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
+    """All pairs (i, k) of places in one group; ``group`` (n,) is sorted."""
+    _, start, group_of, counts = np.unique(
+        group, return_index=True, return_inverse=True, return_counts=True
+    )
+    repeats = counts[group_of]
+    i = np.repeat(np.arange(group.size), repeats)
+    running = np.arange(i.size) - np.repeat(np.cumsum(repeats) - repeats, repeats)
+    return i, start[group_of][i] + running
+
+
+def _zeros(rows: Indices, columns: Indices) -> Block:
+    return Block(rows, columns, np.zeros((*rows.shape, columns.shape[1])))

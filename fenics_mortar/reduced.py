@@ -1,0 +1,391 @@
+# SPDX-License-Identifier: MIT
+"""Linear bulk, factored once: Newton's method on the contact dofs alone.
+
+With a constant symmetric K a solution without contact force changes by the forces q that contact
+puts on the dofs S of its surfaces, and by the prescribed values of the dofs H, in proportion. After
+a step that was taken whole the residual vanishes but for these, r_S = -q, and the next step is
+
+    dd_S = d_S - A (K_c dd + B^T z)_S,        C dd + A_z z = rhs,
+
+where d_S is the step without contact force and A = (K^-1)_SS the compliance. This is a small dense
+system with the solutions of the large one. What a step without contact force does is known too:
+
+    d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
+
+F being the dofs that are not held, I those of F not in S. Only new loads need the last term. Inside
+the bodies the displacement is found where Newton has ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array, csr_array
+
+from fenics_mortar.bulk import Bulk
+from fenics_mortar.clock import clock
+from fenics_mortar.contact import Contact
+from fenics_mortar.errors import MortarError
+from fenics_mortar.mortar import Block
+from fenics_mortar.newton import Status, Step
+from fenics_mortar.sparse import flatten
+from fenics_mortar.surfaces import Array, Indices, Surface
+from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
+
+# Columns of the compliance solved for at a time.
+COLUMNS = 32
+# An iteration of the general path costs as much as about so many of these columns.
+COLUMNS_PER_ITERATION = 64
+# A tangent is symmetric up to this part of its size.
+SYMMETRIC = 1e-12
+
+
+class ContactDofs:
+    """The dofs of all contact surfaces, numbered through; equal on all ranks.
+
+    Attributes:
+        size: Their number.
+    """
+
+    def __init__(self, contacts: Sequence[Contact], num_owned: int) -> None:
+        self._surfaces = [side for contact in contacts for side in (contact.slave, contact.master)]
+        none = np.empty(0, np.int64)
+        self._dofs = np.unique(np.concatenate([none, *(s.dofs.ravel() for s in self._surfaces)]))
+        self._num_owned = num_owned
+        self.size = self._dofs.size
+
+    def number(self, dofs: Indices) -> Indices:
+        """Numbers of global dofs, all of them of surfaces; -1 stays -1."""
+        return np.where(dofs >= 0, np.searchsorted(self._dofs, dofs), -1)
+
+    def gather(self, values: Array) -> Array:
+        """Values at these dofs of a local array of all dofs, shape (size,) (collective)."""
+        result = np.zeros(self.size)
+        for surface in self._surfaces:
+            result[self._places(surface)] = surface.gather(values)
+        return result
+
+    def put(self, values: Array, target: Array) -> None:
+        """Write ``values`` (size,) into a local array of all dofs (local)."""
+        for surface in self._surfaces:
+            target[surface.local_dofs] = values[self._places(surface)[surface.owned]]
+
+    def owned(self) -> tuple[Indices, Indices]:
+        """Numbers of those this rank owns, and their local numbers in the space."""
+        local = np.full(self._num_owned, -1.0)
+        self.put(np.arange(self.size, dtype=float), local)
+        dofs = np.flatnonzero(local >= 0.0)
+        return local[dofs].astype(np.int64), dofs
+
+    def _places(self, surface: Surface) -> Indices:
+        return np.searchsorted(self._dofs, surface.dofs)
+
+
+class Compliance:
+    """K factored, and the answers of the contact dofs (collective).
+
+    Args:
+        bulk: The bodies; their tangent is constant.
+        dofs: The contact dofs.
+        prefix: Prefix of PETSc's options.
+
+    Attributes:
+        A: Displacement of the contact dofs by unit forces on them, zero for prescribed ones, shape
+            (size, size) [1 / stress].
+    """
+
+    def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
+        self._bulk, comm = bulk, bulk.comm
+        bulk.assemble_tangent()
+        held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), comm)
+        K_H = bulk.K.createSubMatrix(
+            held, PETSc.IS().createStride(bulk.num_owned, first=bulk.first, step=1, comm=comm)
+        )
+        K = bulk.K.copy()
+        K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
+        self._pc = PETSc.PC().create(comm)
+        self._pc.setOptionsPrefix(prefix)
+        self._pc.setType(DIRECT["pc_type"])
+        self._pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
+        self._pc.setOperators(K)
+        self._pc.setFromOptions()
+        self._pc.setUp()
+        self.A, self._W = self._unit_answers(dofs, K_H)
+
+    def _unit_answers(self, dofs: ContactDofs, K_H: PETSc.Mat) -> tuple[Array, Array]:
+        """A and W, the latter for the dofs held on this rank."""
+        bulk, factor = self._bulk, self._pc.getFactorMatrix()
+        numbers, local = dofs.owned()
+        free = ~bulk.prescribed[local]
+        A, W = np.zeros((dofs.size, dofs.size)), np.zeros((bulk.held.size, dofs.size))
+        for first in range(0, dofs.size, COLUMNS):
+            count = min(COLUMNS, dofs.size - first)
+            loads = PETSc.Mat().createDense(((bulk.num_owned, None), (None, count)), comm=bulk.comm)
+            loads.setUp()
+            here = free & (numbers >= first) & (numbers < first + count)
+            loads.getDenseArray()[local[here], numbers[here] - first] = 1.0
+            loads.assemble()
+            answers = loads.duplicate()
+            answers.assemble()
+            factor.matSolve(loads, answers)
+            columns = slice(first, first + count)
+            A[numbers[free], columns] = answers.getDenseArray()[local[free]]
+            reactions = K_H.matMult(answers)
+            W[:, columns] = reactions.getDenseArray()
+            for matrix in (loads, answers, reactions):
+                matrix.destroy()
+        bulk.comm.Allreduce(MPI.IN_PLACE, A)
+        return A, W
+
+    def solve(self, force: PETSc.Vec) -> PETSc.Vec:
+        """The displacement by forces on the free dofs; prescribed ones stay."""
+        force.array[self._bulk.held] = 0.0
+        answer = force.duplicate()
+        self._pc.apply(force, answer)
+        return answer
+
+    def by_prescribed(self, change: Array) -> Array:
+        """Change of the contact dofs that are free, by that of the held ones (local part)."""
+        mine = -(change @ self._W)
+        self._bulk.comm.Allreduce(MPI.IN_PLACE, mine)
+        return mine
+
+
+class ReducedEquations:
+    """The equations of a problem for ``newton.solve``, on the contact dofs.
+
+    Args:
+        problem: A ``ContactProblem`` with linear bulk; none of its bodies floats.
+        prefix: Prefix of PETSc's options.
+    """
+
+    def __init__(self, problem: Any, prefix: str) -> None:
+        self._problem, self._bulk, self._system = problem, problem.bulk, problem.system
+        self._comm: MPI.Comm = self._bulk.comm
+        self._dofs = ContactDofs(problem.contacts, self._bulk.num_owned)
+        self._compliance = Compliance(self._bulk, self._dofs, prefix)
+        free = ~self._bulk.prescribed[: self._bulk.num_owned]
+        self._free: Array = self._dofs.gather(free.astype(float))
+        self._inside: npt.NDArray[np.bool_] = free
+        self._inside[self._dofs.owned()[1]] = False
+        self._force: Array | None = None
+
+    def evaluate(self, *, start: bool) -> Status:
+        """As the problem's; after a step the residual is that of contact alone."""
+        if start:
+            self._force = None
+            self._bulk.assemble_residual()
+        return self._problem.look(start=start)
+
+    def advance(self) -> Step:
+        """Solve the small system; move the surfaces and the prescribed dofs."""
+        u, held = self._bulk.u.x.array, self._bulk.held
+        change = self._bulk.distance_to_prescribed()
+        with clock("solve"):
+            without_contact = self._step_without_contact(change)
+        with clock("assembly"):
+            parts = self._assemble()
+        with clock("solve"):
+            step, zeta, self._force = self._solve(without_contact, *parts)
+        self._dofs.put(self._dofs.gather(u) + step, u)
+        u[held] += change
+        r = self._bulk.r.array
+        r[self._inside] = 0.0
+        kept = r[held]
+        self._dofs.put(-self._force, r)
+        r[held] = kept
+        for contact, place in self._system.numbered():
+            contact.z = zeta[place] * self._system.scale(contact)[:, None]
+        largest = np.abs(np.concatenate([step, change])).max(initial=0.0)
+        return self._problem.step(self._comm.allreduce(float(largest), MPI.MAX))
+
+    def _step_without_contact(self, change: Array) -> Array:
+        """d_S, for a ``change`` of the prescribed values."""
+        r = self._bulk.r.array_r[: self._bulk.num_owned]
+        step = -self._compliance.A @ self._dofs.gather(r)
+        step += self._compliance.by_prescribed(change)
+        rest = self._bulk.r.duplicate()
+        rest.array[:] = np.where(self._inside, -r, 0.0)
+        if rest.norm() > self._problem.noise():
+            step += self._dofs.gather(self._compliance.solve(rest).array_r)
+        moved = np.zeros(self._bulk.num_owned)
+        moved[self._bulk.held] = change
+        return self._free * step + self._dofs.gather(moved)
+
+    def _assemble(self) -> list[csr_array]:
+        """K_c, B^T, C and A_z on the contact dofs, complete on rank 0."""
+        system, size = self._system, self._dofs.size
+        count = 2 * sum(place.size for place in system.places)
+        return [
+            self._collect(system.force_derivative(), (size, size), (True, True)),
+            self._collect(system.force_blocks(), (size, count), (True, False)),
+            self._collect(system.law_blocks(), (count, size), (False, True)),
+            self._collect(system.multiplier_blocks(), (count, count), (False, False)),
+        ]
+
+    def _collect(
+        self, blocks: Iterable[Block], shape: tuple[int, int], are_dofs: tuple[bool, bool]
+    ) -> csr_array:
+        """Sum of the blocks of all ranks, on rank 0; whether rows and columns are global dofs."""
+        *places, v = flatten(blocks)
+        i, j = (self._dofs.number(p) if are else p for p, are in zip(places, are_dofs, strict=True))
+        parts = self._comm.gather((i, j, v)) or [(i, j, v)]
+        i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+        inside = (i >= 0) & (j >= 0)
+        return coo_array((v[inside], (i[inside], j[inside])), shape=shape).tocsr()
+
+    def _solve(
+        self, d: Array, K_c: csr_array, B_T: csr_array, C: csr_array, A_z: csr_array
+    ) -> tuple[Array, Array, Array]:
+        """Step of the contact dofs, multipliers zeta (n, 2) and contact force of the solution."""
+        rhs, weight = np.zeros((A_z.shape[0] // 2, 2)), np.ones((A_z.shape[0] // 2, 1))
+        for contact, place in self._system.numbered():
+            rhs[place], weight[place, 0] = contact.rows().rhs, 1.0 / contact.stiffness
+        answer = None
+        if self._comm.rank == 0:
+            answer = self._solve_dense(d, K_c, B_T, C, A_z, rhs.ravel(), np.repeat(weight, 2))
+        answer = self._comm.bcast(answer)
+        if answer is None:
+            raise MortarError("the linear system was not solved, it may be singular")
+        step, zeta, force = answer
+        return step, zeta.reshape(-1, 2), force
+
+    def _solve_dense(
+        self,
+        d: Array,
+        K_c: csr_array,
+        B_T: csr_array,
+        C: csr_array,
+        A_z: csr_array,
+        rhs: Array,
+        weight: Array,
+    ) -> tuple[Array, Array, Array] | None:
+        """The same on one rank; ``None`` if the system is singular.
+
+        Unknown are the dofs that contact touches and the multipliers that act.
+        """
+        A = self._compliance.A
+        rows = [np.flatnonzero(np.diff(matrix.indptr)) for matrix in (K_c, B_T)]
+        t = np.unique(np.concatenate([K_c.indices, C.indices, *rows]))
+        a = np.unique(B_T.indices)
+        A_t = A[np.ix_(t, t)]
+        scale = weight[a, None]
+        matrix = np.block(
+            [
+                [np.eye(t.size) + A_t @ K_c[t][:, t], A_t @ B_T[t][:, a]],
+                [scale * C[a][:, t].toarray(), scale * A_z[a][:, a].toarray()],
+            ]
+        )
+        right = np.concatenate([d[t], weight[a] * rhs[a]])
+        try:
+            x = np.linalg.solve(matrix, right)
+        except np.linalg.LinAlgError:
+            return None
+        defect = np.linalg.norm(matrix @ x - right)
+        if not defect <= LINEAR_TOLERANCE * np.linalg.norm(right):
+            return None
+        zeta, dd = np.zeros(rhs.size), np.zeros(d.size)
+        dd[t], zeta[a] = x[: t.size], x[t.size :]
+        force = K_c @ dd + B_T @ zeta
+        return d - A @ force, zeta, force
+
+    def finish(self) -> None:
+        """Find the displacement inside the bodies."""
+        if self._force is None:
+            return
+        self._bulk.u.x.scatter_forward()
+        self._bulk.assemble_residual()
+        with clock("solve"):
+            rest = self._bulk.r.duplicate()
+            force = np.zeros(self._bulk.num_owned)
+            self._dofs.put(self._force, force)
+            rest.array[:] = -(self._bulk.r.array_r[: self._bulk.num_owned] + force)
+            self._bulk.u.x.array[: self._bulk.num_owned] += self._compliance.solve(rest).array_r
+        self._bulk.u.x.scatter_forward()
+
+    def merge_sets(self, period: int) -> str:
+        """As the problem's."""
+        return self._problem.merge_sets(period)
+
+    def seconds(self) -> dict[str, float]:
+        """As the problem's."""
+        return self._problem.seconds()
+
+    def diagnose(self) -> str:
+        """As the problem's, of the whole bodies."""
+        self.finish()
+        return self._problem.diagnose()
+
+
+class LinearBulk:
+    """Chooses how a problem is solved, again before each solve.
+
+    Args:
+        problem: A ``ContactProblem``.
+        wanted: Whether to reduce; ``None`` does so where the residual is linear, once the general
+            path has taken about as long as the compliance will.
+        prefix: Prefix of PETSc's options.
+    """
+
+    def __init__(self, problem: Any, wanted: bool | None, prefix: str) -> None:
+        self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}compliance_"
+        self._possible = wanted is not False and (wanted or problem.bulk.is_linear)
+        self._data: list[Array] = []
+        self._equations: ReducedEquations | None = None
+        self._num_iterations = 0
+
+    def choose(self) -> tuple[ReducedEquations | None, list[str]]:
+        """The reduced equations, or ``None`` for the general path; a remark (collective)."""
+        if not self._possible:
+            return None, []
+        if self._data_changed():
+            self._equations, self._num_iterations = None, 0
+        if self._equations is None and self._pays():
+            obstacle = self._obstacle()
+            if obstacle:
+                self._possible = False
+                return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
+            self._equations = ReducedEquations(self._problem, self._prefix)
+        return self._equations, []
+
+    def count(self, num_iterations: int) -> None:
+        """Take note of iterations of the general path."""
+        self._num_iterations += num_iterations
+
+    def _pays(self) -> bool:
+        columns = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._problem.contacts)
+        return bool(self._wanted) or self._num_iterations > columns / COLUMNS_PER_ITERATION
+
+    def _obstacle(self) -> str:
+        floating = self._problem.floating
+        if floating.bodies:
+            names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
+            return f"Dirichlet conditions do not hold {names}"
+        if self._problem.tools.driven.any():
+            return "forces drive an obstacle"
+        self._problem.bulk.assemble_tangent()
+        return "" if is_symmetric(self._problem.bulk.K) else "its tangent is not symmetric"
+
+    def _data_changed(self) -> bool:
+        """Whether constants or functions of the tangent are no longer what they were."""
+        before, self._data = self._data, self._problem.bulk.tangent_data()
+        same = len(before) == len(self._data) and all(map(np.array_equal, before, self._data))
+        return self._problem.comm.allreduce(not same, MPI.LOR)
+
+
+def is_symmetric(K: PETSc.Mat) -> bool:
+    """Whether x . K y = y . K x for two vectors without structure (collective)."""
+    x, y = K.createVecs()
+    Kx, Ky = x.duplicate(), x.duplicate()
+    start = K.getOwnershipRange()[0]
+    places = np.arange(start, start + x.getLocalSize(), dtype=float)
+    x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
+    K.mult(x, Kx)
+    K.mult(y, Ky)
+    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SYMMETRIC * x.norm() * Ky.norm())

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: MIT
+"""Obstacles that forces and moments drive: their place is unknown, and found by the solve."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from scenes import TIGHT, internal, neo_hookean, read, rectangles
+from test_obstacles import KINDS, block_under
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+E, NU = 100.0, 0.3
+LOADS = ("x", "y", "moment")
+SCENES = {
+    "plane": ("y", "moment"),
+    "circle": ("x", "y"),
+    "hole": ("y",),
+    "open": ("x", "y", "moment"),
+    "closed": ("y", "moment"),
+}
+
+
+@pytest.mark.parametrize(
+    "kind, degree, algorithm",
+    [
+        *[(kind, 1, "condensed") for kind in SCENES],
+        ("plane", 1, "saddle"),
+        ("open", 2, "condensed"),
+        ("circle", 2, "saddle"),
+    ],
+)
+def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
+    """The reaction to a prescribed motion is fed back as a load to an obstacle further away."""
+    moved, driven = KINDS[kind](), KINDS[kind]()
+    given, found = (block_under(o, degree=degree, algorithm=algorithm) for o in (moved, driven))
+    moved.move(x=0.03, y=-0.06, angle=0.02)
+    given.solve()
+    driven.move(x=0.03, angle=0.02)
+    loads = dict(zip(LOADS, -moved.reaction, strict=True))
+    driven.push(**{name: loads[name] for name in SCENES[kind]})
+    report = found.solve()
+    assert report.certificate.violations() == []
+    assert any("contact force" in note for note in report.notes)
+    z, exact = found.contacts[0].z, given.contacts[0].z
+    assert np.abs(z - exact).max() < 1e-10 * np.abs(exact).max()
+    assert np.abs(driven.place - moved.place).max() < 1e-10
+    assert np.abs(driven.reaction - moved.reaction).max() < 1e-10 * np.abs(moved.reaction).max()
+
+
+@pytest.mark.parametrize("kind", ["plane", "open"])
+def test_newton_is_quadratic(kind):
+    """With the motions' terms left out the factor would be about constant."""
+    obstacle = KINDS[kind]()
+    problem = block_under(obstacle)
+    obstacle.push(y=-5.0, moment=0.0)
+    residuals = problem.solve().residuals
+    assert residuals[-1] < 1e-3 * residuals[-2] < 1e-6 * residuals[-3]
+
+
+def columns(obstacle, **heights):
+    """Blocks side by side, held at their bottoms, with their tops against one obstacle."""
+    boxes = {name: (2.0 * i, 0.0, 1.0, h) for i, (name, h) in enumerate(heights.items())}
+    data = read(rectangles, size=0.25, **boxes)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    return fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)),
+        u,
+        [fm.ContactPair(data, f"{name}/top", obstacle) for name in boxes],
+        bcs=[fm.dirichlet(V, data, f"{name}/bottom", (0.0, 0.0)) for name in boxes],
+        newton=TIGHT,
+        petsc_options_prefix="columns_",
+    )
+
+
+def test_lid_on_two_columns_finds_its_tilt():
+    """It touches the higher column first, turns, and then lies on both."""
+    lid = fm.Plane((1.5, 1.3), (0.0, -1.0))
+    problem = columns(lid, left=1.0, right=0.9)
+    lid.push(y=-4.0, moment=-1.0)
+    report = problem.solve()
+    assert report.certificate.violations() == []
+    assert any("moved until contact stopped it" in note for note in report.notes)
+    left, right = (contact.total_force for contact in problem.contacts)
+    assert left + right == pytest.approx(-lid.reaction[:2], rel=1e-10)
+    assert lid.reaction[1:] == pytest.approx((4.0, 1.0), rel=1e-10)
+    assert lid.place[2] < -0.02
+    assert min(left[1], right[1]) < 0.0
+
+
+def test_path_rolls_back_and_restarts(shared_path):
+    """The state comes back exactly, from memory and from a file."""
+    obstacle = KINDS["open"]()
+    problem = block_under(obstacle)
+
+    def set_loads(time):
+        obstacle.push(y=-6.0 * time, moment=0.5 * time)
+
+    fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), stop=0.5)
+    kept, z = obstacle.place.copy(), problem.contacts[0].z.copy()
+    state = problem.state()
+    fm.save_state(problem, str(shared_path / "state.npz"))
+    fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), start=0.5)
+    end = obstacle.place.copy()
+    assert np.abs(end - kept).max() > 0.01
+    problem.restore(state)
+    assert (obstacle.place == kept).all() and (problem.contacts[0].z == z).all()
+    other = KINDS["open"]()
+    again = block_under(other)
+    fm.load_state(again, str(shared_path / "state.npz"))
+    assert (other.place == kept).all()
+    obstacle = other
+    fm.follow_path(again, set_loads, fm.SteppingOptions(step=0.25), start=0.5)
+    assert np.abs(other.place - end).max() < 1e-12
+
+
+def test_contact_adds_no_energy():
+    """What pushes the lid works on the block: the rest falls with the square of the steps."""
+    rests = []
+    for step in (0.5, 0.25):
+        lid = KINDS["plane"]()
+        problem = block_under(lid)
+        lid.push(y=-2.0, moment=0.1)
+        problem.solve()
+
+        def set_loads(time, lid=lid):
+            lid.push(y=-2.0 - 6.0 * time, moment=0.1 + 0.5 * time)
+
+        path = fm.follow_path(problem, set_loads, fm.SteppingOptions(step=step))
+        rests.append(sum(step.work.contact for step in path.steps))
+        assert abs(rests[-1]) < 2e-3 * sum(step.work.supports for step in path.steps)
+    assert rests[0] / rests[1] == pytest.approx(4.0, rel=0.1)
+
+
+def test_block_between_a_floor_and_a_lid():
+    """Nothing holds the block but two planes: one at rest, one driven."""
+    data = read(rectangles, size=0.25, block=(0.0, 0.0, 1.0, 1.0))
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    floor, lid = fm.Plane((0.0, 0.0), (0.0, 1.0)), fm.Plane((0.5, 1.0), (0.0, -1.0))
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)),
+        u,
+        [
+            fm.ContactPair(data, "block/bottom", floor),
+            fm.ContactPair(data, "block/top", lid),
+        ],
+        newton=TIGHT,
+        petsc_options_prefix="between_",
+    )
+    lid.push(y=-3.0, moment=0.0)
+    report = problem.solve()
+    assert report.certificate.violations() == []
+    assert floor.reaction == pytest.approx((0.0, -3.0, 0.5 * -3.0), abs=1e-9)
+    pressure = problem.contacts[1].pressure
+    assert np.ptp(pressure) < 1e-9 * pressure.mean()
+
+
+@pytest.mark.parametrize(
+    "loads, message",
+    [
+        ({"y": 1.0}, "can move along (0, 1) freely"),
+        ({"x": 1.0}, "can move along (1, 0) freely"),
+        ({"moment": 1.0}, "can turn freely"),
+    ],
+)
+def test_obstacle_that_nothing_stops_is_refused(loads, message):
+    """A round one turns about its centre, whatever touches it; the same error on all ranks."""
+    kind = "circle" if "moment" in loads else "plane"
+    obstacle = {"circle": fm.Circle((0.5, 2.1), 1.0), "plane": fm.Plane((0.5, 1.1), (0.0, -1.0))}
+    problem = block_under(obstacle[kind])
+    obstacle[kind].push(**loads)
+    with pytest.raises(fm.MortarError) as error:
+        problem.solve()
+    assert message in str(error.value)
+    assert len(set(comm.allgather(str(error.value)))) == 1
+
+
+def test_loaded_obstacle_that_slides_away_is_named():
+    """Pressed on the block first, then pushed along it."""
+    obstacle = fm.Plane((0.5, 1.0), (0.0, -1.0))
+    problem = block_under(obstacle)
+    obstacle.push(y=-3.0)
+    problem.solve()
+    obstacle.push(x=1.0)
+    with pytest.raises(fm.NotConvergedError) as error:
+        problem.solve()
+    assert "obstacle 'plane' can move along" in str(error.value)
+
+
+def test_bad_loads():
+    for load in ({"y": np.nan}, {"moment": (1.0,)}, {"x": np.inf}):
+        with pytest.raises(ValueError):
+            fm.Plane((0, 0), (0, 1)).push(**load)

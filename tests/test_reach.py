@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: MIT
+"""Room in the pattern of K: enough for sliding, made again where contact goes further."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from scenes import pressed_blocks
+
+from fenics_mortar.bulk import MOST_GROWTHS
+from fenics_mortar.reach import MARGIN
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 8, "n_lower": 40, "layers_upper": 2, "layers_lower": 2, "width_lower": 4.0}
+MASTER_FACET = 0.1
+
+
+def entries(scene):
+    return scene.problem.bulk.K.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
+
+
+def slide(scene, facets):
+    scene.loads["push"].value[0] += facets * MASTER_FACET
+    assert scene.problem.solve().converged
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_pattern_stays_while_contact_slides_over_fewer_facets_than_the_margin(degree):
+    scene = pressed_blocks(degree=degree, **MESH)
+    scene.loads["push"].value[1] = -0.01
+    scene.problem.solve()
+    before = entries(scene)
+    for _ in range(3):
+        slide(scene, 0.3 * MARGIN)
+        assert entries(scene) == before
+    slide(scene, 0.5 * MARGIN)
+    assert entries(scene) > before
+
+
+def test_zeros_that_contact_left_behind_go():
+    scene = pressed_blocks(**MESH)
+    scene.loads["push"].value[:] = (-1.2, -0.01)
+    scene.problem.solve()
+    matrices, sizes = scene.problem.bulk.num_patterns, []
+    for _ in range(MOST_GROWTHS):
+        slide(scene, 0.6 * MARGIN)
+        sizes.append(entries(scene))
+    assert scene.problem.bulk.num_patterns == matrices + 1
+    assert np.diff(sizes).min() < 0.0 and sizes[-1] < 1.2 * sizes[0]
