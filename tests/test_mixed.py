@@ -179,10 +179,14 @@ def test_displacement_may_be_another_part():
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_iterations_do_not_depend_on_the_scale_of_the_pressure_equation(scale):
+def test_convergence_does_not_depend_on_the_scale_of_the_pressure_equation(scale):
+    """Residuals are forces and increments lengths, in whatever units the pressure's rows are."""
     plain, report = pressed(partial(neo_hookean, nu=0.4999))
     scaled, again = pressed(partial(neo_hookean, nu=0.4999, scale=scale))
     assert again.num_iterations == report.num_iterations
+    for name in ("residual", "increment"):
+        one, other = ([getattr(i, name) for i in r.iterations[1:4]] for r in (again, report))
+        assert one == pytest.approx(other, rel=1e-3), name
     z, exact = scaled.contact.z, plain.contact.z
     assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
 
