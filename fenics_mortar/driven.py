@@ -82,6 +82,10 @@ class DrivenObstacles:
         """Motions x, y, turn of (x, y, angle), shape (obstacles, 3) [length]."""
         return places * self._scales
 
+    def largest(self) -> float:
+        """Largest motion from where they were made [length]."""
+        return float(np.abs(self.motions_of(self.places)).max(initial=0.0))
+
     @property
     def driven(self) -> npt.NDArray[np.bool_]:
         """Which motions forces drive, shape (obstacles, 3)."""

@@ -35,6 +35,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from fenics_mortar.clock import clock
 from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
 from fenics_mortar.kernels.curved import tabulate_shapes
 from fenics_mortar.mortar import (
@@ -354,6 +355,7 @@ def surface_without_nodes(slave: Surface, name: str) -> Surface:
     return Surface(name, slave.X[:0], facets, *nodes, dofs, dofs, slave.comm)
 
 
+@clock("integrals")
 def evaluate_obstacle(
     slave: Surface,
     master: Surface,

@@ -368,8 +368,7 @@ class ContactProblem:
         return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
 
     def _largest_displacement(self) -> float:
-        motions = self.tools.motions_of(self.tools.places)
-        return max(self.bulk.largest(self.bulk.u.x.array), np.abs(motions).max(initial=0.0))
+        return max(self.bulk.largest(self.bulk.u.x.array), self.tools.largest())
 
     def _facet_length(self) -> float:
         return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
