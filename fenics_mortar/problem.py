@@ -369,7 +369,7 @@ class ContactProblem:
             rows += ((contact.stiffness * gap) ** 2).sum()
             rows += ((contact.operators.diagonal * tangential) ** 2).sum()
         self._total = total = self.bulk.r.array_r[:size] + contact_force
-        free = self.bulk.units * total
+        free = self.bulk.to_force * total
         reactions = free[held]
         free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
         mine = [free @ free, contact_force @ contact_force, reactions @ reactions]

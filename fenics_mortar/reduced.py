@@ -231,7 +231,8 @@ class ReducedEquations:
         step += self._compliance.by_prescribed(change)
         rest = self._bulk.r.duplicate()
         rest.array[:] = np.where(self._inside, -r, 0.0)
-        if rest.norm() > self._problem.noise():
+        forces = self._bulk.to_force * rest.array_r
+        if np.sqrt(self._comm.allreduce(float(forces @ forces))) > self._problem.noise():
             step += self._dofs.gather(self._compliance.solve(rest).array_r)
         moved = np.zeros(self._bulk.num_owned)
         moved[self._bulk.held] = change
