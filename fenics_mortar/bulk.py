@@ -322,9 +322,12 @@ class Bulk:
             corners, own = corners[near.all(axis=1)], labels[self._cells[near.all(axis=1), 0]]
             centres = corners.mean(axis=1)
             radius = np.linalg.norm(corners - centres[:, None], axis=2).max(initial=0.0)
-            for i, close in enumerate(cKDTree(centres).query_ball_point(points, radius)):
-                cells = np.array([c for c in close if own[c] != bodies[i]], np.int64)
-                inside[i] = _contains(corners[cells], points[i]).any()
+            close = cKDTree(centres).query_ball_point(points, radius)
+            point = np.repeat(np.arange(len(points)), [len(cells) for cells in close])
+            cell = np.concatenate([np.asarray(cells, np.int64) for cells in close])
+            other = own[cell] != bodies[point]
+            cell, point = cell[other], point[other]
+            inside[point[_contains(corners[cell], points[point])]] = True
         self.comm.Allreduce(MPI.IN_PLACE, inside, MPI.LOR)
         return inside
 
@@ -355,12 +358,12 @@ def _areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
     return areas
 
 
-def _contains(corners: Array, point: Array) -> npt.NDArray[np.bool_]:
-    """Whether ``point`` lies in each cell ``corners`` (n, nodes, 2), its nodes joined by lines.
+def _contains(corners: Array, points: Array) -> npt.NDArray[np.bool_]:
+    """Whether each of ``points`` (n, 2) lies in its cell ``corners`` (n, nodes, 2), drawn by lines.
 
     A ray from the point meets the outline an odd number of times.
     """
-    x = corners[:, AROUND[corners.shape[1]]] - point
+    x = corners[:, AROUND[corners.shape[1]]] - points[:, None]
     y, after = x, np.roll(x, -1, axis=1)
     meets = (y[..., 1] > 0.0) != (after[..., 1] > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):

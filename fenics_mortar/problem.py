@@ -80,7 +80,8 @@ class ContactProblem:
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
         displacement: Number of the displacement's sub-space, if ``u`` is a mixed function.
         linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
-            see ``reduced``. By default this is seen from ``residual``, and done once it pays.
+            see ``reduced``. By default this is seen from ``residual``, and done once it pays; with
+            solver "iterative" only if asked for.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
@@ -149,6 +150,8 @@ class ContactProblem:
         self.system = SYSTEMS[algorithm](
             self.bulk, self.contacts, petsc_options_prefix, SOLVERS[solver] | (petsc_options or {})
         )
+        if solver == "iterative" and linear_bulk is None:
+            linear_bulk = False  # who iterates may lack the memory for factors
         self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._last_converged = False
         self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []

@@ -10,6 +10,7 @@ the mesh is distributed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from mpi4py import MPI
@@ -67,19 +68,19 @@ class Surface:
         """Polynomial degree of the facets."""
         return self.facets.shape[1] - 1
 
-    @property
+    @cached_property
     def inner(self) -> npt.NDArray[np.bool_]:
         """Whether a node lies inside a facet, shape (n,)."""
         inner = np.zeros(self.num_nodes, bool)
         inner[self.facets[:, 1:-1]] = True
         return inner
 
-    @property
+    @cached_property
     def lengths(self) -> Array:
         """Reference lengths of the facets, shape (m,) [length]."""
         return _measures(self.X[self.facets]).sum(axis=1)
 
-    @property
+    @cached_property
     def nodal_lengths(self) -> Array:
         """Integral of each nodal shape function over the reference surface, shape (n,) [length]."""
         measures = _measures(self.X[self.facets])

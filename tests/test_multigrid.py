@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import two_blocks
 from scenes import linear_elastic, pressed_blocks, read
+from test_obstacles import block_under
 
 import ufl
 from dolfinx import fem
@@ -75,6 +76,24 @@ def test_iterations_do_not_grow_with_the_mesh(upper, lower):
 def test_a_slave_a_thousand_times_stiffer_is_solved():
     counts = [max(pressed(k, 1000.0, 1.0)) for k in (16, 32, 64)]
     assert max(counts) <= 40
+
+
+@pytest.mark.parametrize("options", [{"solver": "iterative"}, {"linear_bulk": True}])
+def test_rigid_obstacle_is_pressed_into_a_block(options):
+    """An obstacle has no dofs: there is nothing that the nodes upon it would follow."""
+    results = []
+    for choice in ({"linear_bulk": False}, options):
+        circle = fm.Circle((0.5, 2.02), 1.0)
+        problem = block_under(circle, material=linear_elastic, **choice)
+        for step in range(1, 4):
+            circle.move(x=0.01 * step, y=-0.02 * step)
+            report = problem.solve()
+            assert not any("led astray" in note for note in report.notes)
+        results.append((problem.bulk.u.x.array.copy(), problem.contacts[0].z, report))
+    (u, z, one), (w, y, other) = results
+    assert one.num_iterations == other.num_iterations
+    assert largest(u - w) < 1e-8 * largest(u) and largest(z - y) < 1e-8 * largest(z)
+    assert largest(z) > 0.0
 
 
 def test_what_it_cannot_do_is_said():

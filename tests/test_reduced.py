@@ -137,6 +137,7 @@ def test_choice_follows_from_the_form():
 
     assert takes(linear_elastic) and not takes(neo_hookean)
     assert not takes(linear_elastic, linear_bulk=False)
+    assert not takes(linear_elastic, solver="iterative")
 
 
 def test_forced_where_the_bulk_is_not_linear_it_notices():
