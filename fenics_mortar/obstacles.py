@@ -317,26 +317,30 @@ class ObstacleOperators(MortarOperators):
         """f_q for multipliers ``z``, shape (3,) [stress length] (collective)."""
         return -np.einsum("kc,kmc->m", self.force(z)[0], self.V)
 
-    def motion_force_derivative(self, z: Array) -> tuple[Array, Array]:
-        """df_q at fixed ``z`` by the slave nodes, (3, slave nodes, 2), and by q, (3, 3) [stress].
+    def motion_force_derivatives(self, z: Array) -> tuple[Array, Array, Array]:
+        """Derivatives of f_q by the slave nodes, the multipliers and q (collective).
 
-        Collective. D and V change with the nodes, V with the motion.
+        The first two of shape (3, slave nodes, 2), the last (3, 3). D and V change with nodes, V
+        with the motions.
         """
-        if self.linearization.frozen:
-            return np.zeros((3, *self.x.shape)), np.zeros((3, 3))
-        nodes = self.facet_nodes
-        change = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], self.V[nodes])
-        near = self.slave.along(nodes[:, 0], range(-self.slave.degree, 2 * self.slave.degree + 1))
+        nodes, degree = self.facet_nodes, self.slave.degree
+        near = self.slave.along(nodes[:, 0], range(-degree, 2 * degree + 1))
         there = near >= 0
-        by_nodes = np.zeros((self.slave.num_nodes, 3, 2))
-        change = np.swapaxes(change.reshape(len(nodes), 3, -1, 2), 1, 2)
+        sums = np.zeros((3, self.slave.num_nodes, 3, 2))
+        by_nodes, by_multipliers, forces = sums[0], sums[1], sums[2, :, 0]
+        change = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], self.V[nodes])
+        change = np.swapaxes(change.reshape(len(nodes), 3, near.shape[1], 2), 1, 2)
         np.add.at(by_nodes, near[there], change[there])
-        self.slave.comm.Allreduce(MPI.IN_PLACE, by_nodes)
-        turned = self.force(z)[0][:, ::-1] * [1.0, -1.0] / self.arm
+        np.add.at(by_multipliers, nodes, -np.einsum("ejk,ekmc->ejmc", self.D, self.V[nodes]))
+        np.add.at(forces, nodes, np.einsum("ejk,ejc->ekc", self.D, z[nodes]))
+        self.slave.comm.Allreduce(MPI.IN_PLACE, sums)
+        turned = forces[:, ::-1] * [1.0, -1.0] / self.arm
         by_nodes[:, 2] -= turned
         by_motions = np.zeros((3, 3))
         by_motions[2, :2] = turned.sum(axis=0)
-        return np.swapaxes(by_nodes, 0, 1), by_motions
+        moves = 0.0 if self.linearization.frozen else 1.0
+        E_d, M_q = np.swapaxes(by_nodes, 0, 1), np.swapaxes(by_multipliers, 0, 1)
+        return moves * E_d, M_q, moves * by_motions
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
         """Feet of the slave nodes on the obstacle, and the forces there."""
