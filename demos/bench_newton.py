@@ -5,6 +5,7 @@
 # evaluations, the certificate, everything in Python. Sizes are numbers of unknowns:
 #
 #     python3 demos/bench_newton.py                     10k, 40k, 160k
+#     python3 demos/bench_newton.py iterative           the same by multigrid
 #     mpirun -n 2 python3 demos/bench_newton.py 640_000 1_000_000
 #
 # Numbers are medians over the load steps, of the slowest rank in each phase. Memory is the peak of
@@ -33,6 +34,7 @@ import fenics_mortar as fm
 comm = MPI.COMM_WORLD
 STEPS = 5
 CONTACT = ("search", "integrals", "assembly")
+SOLVER = "iterative" if "iterative" in sys.argv[1:] else "direct"
 # -
 
 
@@ -57,8 +59,9 @@ def set_up(dofs):
     bcs = [fm.dirichlet(V, data, "lower/bottom", np.zeros(2))]
     bcs += [fm.dirichlet(V, data, "upper/top", top)]
     pair = fm.ContactPair(data, slave="upper/bottom", master="lower/top")
-    prefix = "bench_"
-    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix=prefix)
+    problem = fm.ContactProblem(
+        residual, u, [pair], bcs=bcs, petsc_options_prefix="bench_", solver=SOLVER
+    )
     return problem, 1.0 / k, top
 
 
@@ -90,7 +93,7 @@ def peak():
 
 # +
 sizes, costs = [], []
-for dofs in [int(arg) for arg in sys.argv[1:]] or [10_000, 40_000, 160_000]:
+for dofs in [int(arg) for arg in sys.argv[1:] if arg != SOLVER] or [10_000, 40_000, 160_000]:
     size, iterations, cost = measure(dofs)
     sizes.append(size)
     costs.append(cost)
@@ -99,7 +102,7 @@ for dofs in [int(arg) for arg in sys.argv[1:]] or [10_000, 40_000, 160_000]:
     row += [f"{100 * contact / cost['all']:.1f}", f"{peak():.2f}"]
     if comm.rank == 0:
         if len(sizes) == 1:
-            print(f"ms per Newton iteration, {comm.size} rank{'s' * (comm.size > 1)}\n")
+            print(f"ms per Newton iteration, {SOLVER}, {comm.size} rank{'s' * (comm.size > 1)}\n")
             titles = ["dofs", "iterations", *cost, "contact [%]", "peak [GiB]"]
             print("| " + " | ".join(titles) + " |")
             print("|" + "---:|" * (len(cost) + 4))

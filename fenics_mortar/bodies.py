@@ -105,7 +105,7 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
         held = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
         stiffest = diagonal[dofs[mine]].max(initial=0.0)
         stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), 1e-300)
-        stiff = bulk.units * _apply(bulk.K, motions) / stiffest
+        stiff = bulk.to_force * _apply(bulk.K, motions) / stiffest
         size, directions = resistance(np.hstack([held, stiff]), bulk.comm)
         num_nodes = bulk.comm.allreduce(int(mine.sum()))
         free = directions[size < RESISTED * np.sqrt(num_nodes)]

@@ -49,8 +49,9 @@ class Bulk:
 
     Attributes:
         V: Space of the displacement alone.
-        units: Amount of each unknown owned here that counts like a displacement of one; see
-            ``set_units``, shape (num_owned,).
+        units: Amount of each unknown owned here that counts like a displacement of one, shape
+            (num_owned,); see ``set_units``.
+        to_force: What turns the residual of each equation into a force, shape (num_owned,).
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         num_patterns: How many matrices ``K`` has been so far.
@@ -96,7 +97,7 @@ class Bulk:
         self._gradients = compat.nodal_gradients(self.V)
         self._undeformed_areas = _proper_areas(self._X, dofs, self._gradients)
         self.num_owned, self.first = space.num_owned, space.first
-        self.units: Array = np.ones(self.num_owned)
+        self.units, self.to_force = np.ones((2, self.num_owned))
         self.prescribed: npt.NDArray[np.bool_] = np.zeros(u.x.array.size, bool)
         for bc in self.bcs:
             self.prescribed[bc.dof_indices()[0]] = True
@@ -188,36 +189,27 @@ class Bulk:
         return values
 
     def set_units(self, stiffness: float) -> None:
-        """Set ``units`` from ``K`` as assembled (collective).
+        """Set ``units`` and ``to_force`` from ``K`` as assembled (collective).
 
         One unit of an unknown beside the displacement makes forces of the size of ``stiffness``, or
-        residuals of the others like one unit of them. A residual times its unit is a force, and
-        neither depends on the units of measurement.
+        residuals that are such a force in the other equations; an equation turns one unit of an
+        unknown into such a force. So nothing depends on the units of measurement.
 
         Args:
             stiffness: Force of a displacement of one [stress].
         """
         if not self.space.is_mixed:
             return
-        known = np.zeros(self.num_owned)
-        known[self.space.owned_dofs] = 1.0
+        units, to_force = np.zeros((2, self.num_owned))
+        units[self.space.owned_dofs] = to_force[self.space.owned_dofs] = 1.0
+        transpose = self.K.transpose(PETSc.Mat())
         for _ in range(self.space.whole.num_sub_spaces - 1):
-            sizes = self._row_sizes(known)
-            reached = (known == 0.0) & (sizes > 0.0)
-            known[reached] = stiffness / sizes[reached]
-        self.units = np.where(known > 0.0, known, 1.0)
-
-    def _row_sizes(self, columns: Array) -> Array:
-        """Largest size of an entry in each row of K diag(columns), shape (num_owned,)."""
-        scale = self.K.createVecRight()
-        scale.array[:] = columns
-        scaled = self.K.copy()
-        scaled.diagonalScale(None, scale)
-        starts, _, values = scaled.getValuesCSR()
-        scaled.destroy()
-        sizes = np.zeros(self.num_owned)
-        np.maximum.at(sizes, np.repeat(np.arange(self.num_owned), np.diff(starts)), np.abs(values))
-        return sizes
+            sizes = _row_sizes(transpose, to_force), _row_sizes(self.K, units)
+            for known, size in zip((units, to_force), sizes, strict=True):
+                reached = (known == 0.0) & (size > 0.0)
+                known[reached] = stiffness / size[reached]
+        transpose.destroy()
+        self.units, self.to_force = (np.where(a > 0.0, a, 1.0) for a in (units, to_force))
 
     def largest(self, values: Array) -> float:
         """Largest size of owned ``values`` of the unknowns in their ``units`` (collective)."""
@@ -340,6 +332,20 @@ class Bulk:
         """Number of inverted cells, and the reference place of one (collective)."""
         inverted = (self._areas() <= 0.0).any(axis=1)
         return count_places(self.comm, self._X[self._cells[inverted]].mean(axis=1))
+
+
+def _row_sizes(matrix: PETSc.Mat, columns: Array) -> Array:
+    """Largest size of an entry in each row of matrix diag(columns), shape (owned rows,)."""
+    scale = matrix.createVecRight()
+    scale.array[:] = columns
+    scaled = matrix.copy()
+    scaled.diagonalScale(None, scale)
+    starts, _, values = scaled.getValuesCSR()
+    scaled.destroy()
+    rows = np.repeat(np.arange(columns.size), np.diff(starts))
+    sizes = np.zeros(columns.size)
+    np.maximum.at(sizes, rows, np.abs(values))
+    return sizes
 
 
 def _areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:

@@ -68,9 +68,20 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
 def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
     """Create a space of several unknowns, each with family, degree and, of vectors, the shape.
 
-    As Taylor and Hood, ``mixed_space(mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))`` is for a
-    displacement and a pressure (collective). ``ufl.MixedElement`` was replaced by
-    ``basix.ufl.mixed_element`` in 0.7.
+    Collective. ``ufl.MixedElement`` was replaced by ``basix.ufl.mixed_element`` in 0.7.
+
+    Example:
+        Displacement and pressure after Taylor and Hood, for incompressible bodies::
+
+            W = mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+            w = fem.Function(W)
+            (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
+            F = ufl.Identity(2) + ufl.grad(u)
+            J, inverse = ufl.det(F), ufl.inv(F).T
+            stress = mu * (F - inverse) + p * J * inverse
+            residual = (ufl.inner(stress, ufl.grad(v)) + q * (J - 1)) * ufl.dx
+            bcs = [dirichlet(W.sub(0), data, "base", (0.0, 0.0))]
+            problem = ContactProblem(residual, w, pairs, bcs=bcs, petsc_options_prefix="rubber_")
     """
     if hasattr(ufl, "MixedElement"):
         cell = mesh.ufl_cell()

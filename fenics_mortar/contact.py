@@ -80,7 +80,9 @@ class ContactPair:
             obstacle has its own normals and no ends, so that ``normals`` matters on symmetry planes
             only, ``gap_weights="cover"`` is "basis", and "segments" and "elements" are the same:
             Gauss points on whole slave facets.
-        basis: "dual" (diagonal D, can be condensed) or "standard" multipliers.
+        basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes, or, of
+            quadratic facets, at their "vertices" only: linear functions, which can be condensed,
+            too. They are half as many, and the pressure is less sharp on coarse meshes.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length.
         gap_weights: What the gap of a node is weighted by. "cover": by the multiplier's function if
@@ -293,6 +295,8 @@ class Contact:
         on_plane = half_held & (cosine > PLANE_COSINE)
         self.oblique = half_held & ~on_plane & (cosine > HELD_COSINE)
         self.carries = (self.free.sum(axis=1) == 2.0) | on_plane | self.oblique
+        if self._at_vertices:
+            self.carries &= ~self.slave.inner
         self._plane_normals: Array = np.full_like(normals, np.nan)
         self._plane_normals[on_plane] = (np.sign(normals) * self.free)[on_plane]
 
@@ -313,12 +317,24 @@ class Contact:
         gap = np.full(self.slave.num_nodes, np.nan)
         on = self.covered
         gap[on] = self.operators.gap[on] / self.operators.weight[on]
-        return gap
+        return self._fill_inside(gap)
 
     @property
     def pressure(self) -> Array:
         """Contact pressure z_n of every slave node, shape (slave nodes,) [stress]."""
-        return np.einsum("jc,jc->j", self.operators.n, self.z)
+        return self._fill_inside(np.einsum("jc,jc->j", self.operators.n, self.z))
+
+    @property
+    def _at_vertices(self) -> bool:
+        """Whether nodes inside facets have no multipliers."""
+        return self.pair.basis == "vertices" and self.pair.integration != "nodes"
+
+    def _fill_inside(self, values: Array) -> Array:
+        """Set nodes inside facets to the mean of the ends, if only these have multipliers."""
+        if self._at_vertices:
+            facets = self.slave.facets
+            values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
+        return values
 
     @property
     def active_nodes(self) -> Indices:
@@ -372,7 +388,9 @@ class Contact:
         kappa = self.operators.cover / self.nodal_lengths
         strong = self._may_carry & (kappa > STRONG)
         safe, helped = np.ones(kappa.size, bool), np.zeros(kappa.size, bool)
-        for neighbour in (self.slave.previous, self.slave.following):
+        step = self.slave.degree if self._at_vertices else 1
+        sides = self.slave.along(np.arange(kappa.size), range(-step, step + 1, 2 * step))
+        for neighbour in sides.T:
             there = neighbour >= 0
             safe &= ~there | strong[neighbour] | (kappa[neighbour] == 0.0)
             helped |= there & strong[neighbour]

@@ -35,10 +35,10 @@ from fenics_mortar.kernels import basis, curved, normals, segment
 from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.surfaces import Array, Indices, Surface
 
-Basis = Literal["dual", "standard"]
+Basis = Literal["dual", "standard", "vertices"]
 Weighting = Literal["opposite", "unit", "own"]
 GapWeights = Literal["cover", "basis", "standard"]
-BASES = {"dual": basis.DUAL, "standard": basis.STANDARD}
+BASES = {"dual": basis.DUAL, "standard": basis.STANDARD, "vertices": basis.DUAL}
 GAP_WEIGHTS = {
     "basis": basis.BY_BASIS,
     "cover": basis.BY_COVER,
@@ -83,7 +83,7 @@ class MortarOptions:
     """How one pair is integrated.
 
     Attributes:
-        basis: "dual" (D is diagonal) or "standard" multipliers.
+        basis: "dual" (D is diagonal), "standard" or, dual too, "vertices".
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
         gap_weights: What weighs the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
         integration: "segments", "elements" or "nodes"; see ``segments``.

@@ -354,20 +354,9 @@ class ObstacleOperators(MortarOperators):
 
 def surface_without_nodes(slave: Surface, name: str) -> Surface:
     """The master side of a pair with an obstacle."""
-    none, no_dofs = np.empty(0, np.int64), np.empty((0, 2), np.int64)
-    return Surface(
-        name,
-        X=slave.X[:0],
-        facets=slave.facets[:0],
-        previous=none,
-        following=none,
-        nodes=none,
-        owners=none,
-        owned=none,
-        dofs=no_dofs,
-        local_dofs=no_dofs,
-        comm=slave.comm,
-    )
+    none, dofs, facets = np.empty(0, np.int64), np.empty((0, 2), np.int64), slave.facets[:0]
+    nodes = none, none, none, none, none
+    return Surface(name, slave.X[:0], facets, *nodes, dofs, dofs, slave.comm)
 
 
 @clock("integrals")

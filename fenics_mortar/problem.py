@@ -30,7 +30,13 @@ from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
-from fenics_mortar.system import SYSTEMS, Algorithm, obstacle_to_condensation
+from fenics_mortar.system import (
+    SOLVERS,
+    SYSTEMS,
+    Algorithm,
+    Solver,
+    obstacle_to_condensation,
+)
 from fenics_mortar.tangent import TangentCheck, check_tangent
 
 # Largest c_n after a cycle of the active set.
@@ -64,9 +70,11 @@ class ContactProblem:
         pairs: Contact pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
-        petsc_options: Options of the linear solver; MUMPS LU by default.
+        petsc_options: Options of the linear solver, beside those of ``solver``.
         algorithm: "condensed" (the paper's Alg. 2, dual multipliers only) or "saddle" (Alg. 1);
             condensed by default where D can be inverted node by node.
+        solver: "direct" (MUMPS) or "iterative": GMRES with multigrid, see ``multigrid``; for the
+            condensed system of displacements alone. Less memory, and faster for large meshes.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
@@ -99,6 +107,7 @@ class ContactProblem:
         petsc_options_prefix: str,
         petsc_options: dict[str, Any] | None = None,
         algorithm: Algorithm | None = None,
+        solver: Solver = "direct",
         linearization: str = "full",
         newton: NewtonOptions | None = None,
         jacobian: Any | None = None,
@@ -115,6 +124,10 @@ class ContactProblem:
         if algorithm not in (None, *get_args(Algorithm)):
             allowed = ", ".join(get_args(Algorithm))
             raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
+        if solver not in SOLVERS:
+            raise ValueError(f"solver={solver!r}: allowed are {', '.join(SOLVERS)}")
+        if solver == "iterative" and space.is_mixed:
+            raise ValueError("solver='iterative': mixed functions need solver='direct'")
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
@@ -130,8 +143,11 @@ class ContactProblem:
         self.floating.find()
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(self.contacts) else "condensed"
+        if solver == "iterative" and algorithm != "condensed":
+            why = obstacle_to_condensation(self.contacts) or "algorithm='saddle' is asked for"
+            raise ValueError(f"solver='iterative' needs algorithm='condensed': {why}")
         self.system = SYSTEMS[algorithm](
-            self.bulk, self.contacts, petsc_options_prefix, petsc_options or {}
+            self.bulk, self.contacts, petsc_options_prefix, SOLVERS[solver] | (petsc_options or {})
         )
         self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._last_converged = False
@@ -291,13 +307,13 @@ class ContactProblem:
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
         self.tools.move(part * motion)
-        increment = max(self.bulk.largest(step.array_r), float(np.abs(motion).max(initial=0.0)))
+        increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
         step.destroy()
         return self.step(increment, part, self.floating.remark(loose))
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step taken, by its largest increment [length]."""
-        size = max(self._largest_motion(), 1e-8 * self._facet_length(), 1e-300)
+        size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
         return Step(increment / size, part, note)
 
     def merge_sets(self, period: int) -> str:
@@ -353,7 +369,7 @@ class ContactProblem:
             rows += ((contact.stiffness * gap) ** 2).sum()
             rows += ((contact.operators.diagonal * tangential) ** 2).sum()
         self._total = total = self.bulk.r.array_r[:size] + contact_force
-        free = self.bulk.units * total
+        free = self.bulk.to_force * total
         reactions = free[held]
         free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
         mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
@@ -363,11 +379,11 @@ class ContactProblem:
     def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
-        bulk = np.sqrt(num_dofs) * self._largest_motion()
+        bulk = np.sqrt(num_dofs) * self._largest_displacement()
         contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
         return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
 
-    def _largest_motion(self) -> float:
+    def _largest_displacement(self) -> float:
         return max(self.bulk.largest(self.bulk.u.x.array), self.tools.largest())
 
     def _facet_length(self) -> float:

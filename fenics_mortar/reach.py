@@ -30,8 +30,8 @@ class Reach:
         self._slave, self._master, self._carries = o.slave, o.master, carries.copy()
         self._met = _met(o, MARGIN)
         facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
-        self._first = np.unique(facet)
-        self._facet, self._partner = facet[partner > 0], partner[partner > 0] - 1
+        meets = partner < o.master.num_nodes
+        self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
     def holds(self, o: MortarOperators, carries: npt.NDArray[np.bool_]) -> bool:
         """Whether a state couples nothing else."""
@@ -40,10 +40,10 @@ class Reach:
 
     def derivative_pattern(self) -> Block:
         """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
-        first, degree = self._first, self._slave.degree
-        near = self._slave.along(first, range(-degree, 2 * degree + 1))
+        degree = self._slave.degree
+        near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
         place, which = np.nonzero(near >= 0)
-        facet = np.concatenate([first[place], self._facet])
+        facet = np.concatenate([self._own[place], self._facet])
         dofs = np.concatenate(
             [self._slave.dofs[near[place, which]], self._master.dofs[self._partner]]
         )
@@ -59,7 +59,7 @@ class Reach:
         degree = self._slave.degree
         carriers = self._slave.along(self._facet, range(degree + 1))
         on_master = np.repeat(self._master.dofs[self._partner], degree + 1, axis=0)
-        own = self._slave.along(self._first, range(degree + 1))
+        own = self._slave.along(self._own, range(degree + 1))
         idle, sharer = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
         dofs = np.concatenate([on_master, self._slave.dofs[idle]])
         multiplier = np.concatenate([carriers.ravel(), sharer])
@@ -69,13 +69,17 @@ class Reach:
 
 
 def _met(o: MortarOperators, margin: int) -> Indices:
-    """Pairs of a slave facet, by its first node, and a master node or none, as sorted numbers."""
-    s, degree, master = o.segments, o.master.degree, o.master
-    first = s.slave[:, :1] * (master.num_nodes + 1)
-    if not master.num_nodes:
-        return np.unique(first)
-    masters = master.along(s.master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
-    return np.unique(np.concatenate([first, (first + 1 + masters)[masters >= 0][:, None]]))
+    """Pairs of a slave facet, by its first node, and a master node, as sorted numbers.
+
+    Each facet has a pair with no node too, the number after the last: an obstacle has none.
+    """
+    s, degree, none = o.segments, o.master.degree, o.master.num_nodes
+    masters = np.full((len(s.slave), 1), none)
+    if none:
+        near = o.master.along(s.master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
+        masters = np.hstack([masters, near])
+    pairs = s.slave[:, :1] * (none + 1) + masters
+    return np.unique(pairs[masters >= 0])
 
 
 def _pairs_within(group: Indices) -> tuple[Indices, Indices]:

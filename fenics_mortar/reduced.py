@@ -7,8 +7,9 @@ a step that was taken whole the residual vanishes but for these, r_S = -q, and t
 
     dd_S = d_S - A (K_c dd + B^T z)_S,        C dd + A_z z = rhs,
 
-where d_S is the step without contact force and A = (K^-1)_SS the compliance. This is a small dense
-system with the solutions of the large one. What a step without contact force does is known too:
+where d_S is the step without contact force and A = (K^-1)_SS the compliance. This is a small system
+with the solutions of the large one; A is dense, and on each rank. What a step without contact force
+does is known too:
 
     d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
 
@@ -35,13 +36,15 @@ from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
 from fenics_mortar.sparse import flatten
-from fenics_mortar.surfaces import Array, Indices, Surface
+from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
 
 # Columns of the compliance solved for at a time.
 COLUMNS = 32
 # An iteration of the general path costs as much as about so many of these columns.
-COLUMNS_PER_ITERATION = 64
+COLUMNS_PER_ITERATION = 100
+# More contact dofs are reduced to on demand only: their compliance is a dense matrix.
+MOST_DOFS = 8000
 # A tangent is symmetric up to this part of its size.
 SYMMETRIC = 1e-12
 
@@ -51,14 +54,17 @@ class ContactDofs:
 
     Attributes:
         size: Their number.
+        free: Whether they are not prescribed, shape (size,), bool.
+        free_globals: Their global numbers, -1 for prescribed ones, shape (size,).
     """
 
-    def __init__(self, contacts: Sequence[Contact], num_owned: int) -> None:
+    def __init__(self, contacts: Sequence[Contact], bulk: Bulk) -> None:
         self._surfaces = [side for contact in contacts for side in (contact.slave, contact.master)]
-        none = np.empty(0, np.int64)
-        self._dofs = np.unique(np.concatenate([none, *(s.dofs.ravel() for s in self._surfaces)]))
-        self._num_owned = num_owned
+        self._dofs = np.unique(np.concatenate([surface.dofs for surface in self._surfaces]))
+        self._num_owned = bulk.num_owned
         self.size = self._dofs.size
+        self.free = self.gather(bulk.prescribed.astype(float)) == 0.0
+        self.free_globals: Indices = np.where(self.free, self._dofs, -1)
 
     def number(self, dofs: Indices) -> Indices:
         """Numbers of global dofs, all of them of surfaces; -1 stays -1."""
@@ -68,13 +74,13 @@ class ContactDofs:
         """Values at these dofs of a local array of all dofs, shape (size,) (collective)."""
         result = np.zeros(self.size)
         for surface in self._surfaces:
-            result[self._places(surface)] = surface.gather(values)
+            result[self.number(surface.dofs)] = surface.gather(values)
         return result
 
     def put(self, values: Array, target: Array) -> None:
         """Write ``values`` (size,) into a local array of all dofs (local)."""
         for surface in self._surfaces:
-            target[surface.local_dofs] = values[self._places(surface)[surface.owned]]
+            target[surface.local_dofs] = values[self.number(surface.dofs[surface.owned])]
 
     def owned(self) -> tuple[Indices, Indices]:
         """Numbers of those this rank owns, and their local numbers in the space."""
@@ -82,9 +88,6 @@ class ContactDofs:
         self.put(np.arange(self.size, dtype=float), local)
         dofs = np.flatnonzero(local >= 0.0)
         return local[dofs].astype(np.int64), dofs
-
-    def _places(self, surface: Surface) -> Indices:
-        return np.searchsorted(self._dofs, surface.dofs)
 
 
 class Compliance:
@@ -103,10 +106,13 @@ class Compliance:
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
         self._bulk, comm = bulk, bulk.comm
         bulk.assemble_tangent()
-        held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), comm)
-        K_H = bulk.K.createSubMatrix(
-            held, PETSc.IS().createStride(bulk.num_owned, first=bulk.first, step=1, comm=comm)
+        self._edge = self._find_edge()
+        edge, held = (
+            PETSc.IS().createGeneral((local + bulk.first).astype(PETSc.IntType), comm)
+            for local in (bulk.held[self._edge], bulk.held)
         )
+        everything = PETSc.IS().createStride(bulk.num_owned, first=bulk.first, step=1, comm=comm)
+        K_H = bulk.K.createSubMatrix(edge, everything)
         K = bulk.K.copy()
         K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
         self._pc = PETSc.PC().create(comm)
@@ -118,30 +124,44 @@ class Compliance:
         self._pc.setUp()
         self.A, self._W = self._unit_answers(dofs, K_H)
 
+    def _find_edge(self) -> Indices:
+        """Places among the ``held`` dofs of those that free ones feel."""
+        x, y = self._bulk.K.createVecs()
+        x.array[:] = np.sin(1.0 + np.arange(self._bulk.num_owned, dtype=float) ** 2)
+        x.array[self._bulk.held] = 0.0
+        self._bulk.K.mult(x, y)
+        return np.flatnonzero(y.array_r[self._bulk.held])
+
     def _unit_answers(self, dofs: ContactDofs, K_H: PETSc.Mat) -> tuple[Array, Array]:
-        """A and W, the latter for the dofs held on this rank."""
+        """A and W, the latter for the edge of what is held on this rank."""
         bulk, factor = self._bulk, self._pc.getFactorMatrix()
         numbers, local = dofs.owned()
-        free = ~bulk.prescribed[local]
-        A, W = np.zeros((dofs.size, dofs.size)), np.zeros((bulk.held.size, dofs.size))
-        for first in range(0, dofs.size, COLUMNS):
-            count = min(COLUMNS, dofs.size - first)
-            loads = PETSc.Mat().createDense(((bulk.num_owned, None), (None, count)), comm=bulk.comm)
-            loads.setUp()
-            here = free & (numbers >= first) & (numbers < first + count)
-            loads.getDenseArray()[local[here], numbers[here] - first] = 1.0
-            loads.assemble()
-            answers = loads.duplicate()
+        numbers, local = (part[~bulk.prescribed[local]] for part in (numbers, local))
+        A, W = np.zeros((dofs.size, dofs.size)), np.zeros((self._edge.size, dofs.size))
+        for columns in np.array_split(np.arange(dofs.size), np.arange(0, dofs.size, COLUMNS)[1:]):
+            answers = PETSc.Mat().createDense(
+                ((bulk.num_owned, None), (None, columns.size)), comm=bulk.comm
+            )
+            answers.setUp()
             answers.assemble()
-            factor.matSolve(loads, answers)
-            columns = slice(first, first + count)
-            A[numbers[free], columns] = answers.getDenseArray()[local[free]]
+            loads = self._unit_loads(dofs.free_globals[columns])
+            factor.matSolve(PETSc.Mat().createTranspose(loads), answers)
+            A[np.ix_(numbers, columns)] = answers.getDenseArray()[local]
             reactions = K_H.matMult(answers)
             W[:, columns] = reactions.getDenseArray()
             for matrix in (loads, answers, reactions):
                 matrix.destroy()
         bulk.comm.Allreduce(MPI.IN_PLACE, A)
         return A, W
+
+    def _unit_loads(self, dofs: Indices) -> PETSc.Mat:
+        """Unit loads as rows, all on rank 0 as MUMPS wants them; -1 is none."""
+        rows, columns = (dofs.size, self._bulk.r.getSize()) if self._bulk.comm.rank == 0 else (0, 0)
+        loaded = dofs[dofs >= 0] if rows else np.empty(0)
+        starts = np.concatenate([[0], np.cumsum(dofs >= 0)])[: rows + 1]
+        csr = starts.astype(PETSc.IntType), loaded.astype(PETSc.IntType), np.ones(loaded.size)
+        size = (rows, None), (columns, None)
+        return PETSc.Mat().createAIJ(size, csr=csr, comm=self._bulk.comm)
 
     def solve(self, force: PETSc.Vec) -> PETSc.Vec:
         """The displacement by forces on the free dofs; prescribed ones stay."""
@@ -152,7 +172,7 @@ class Compliance:
 
     def by_prescribed(self, change: Array) -> Array:
         """Change of the contact dofs that are free, by that of the held ones (local part)."""
-        mine = -(change @ self._W)
+        mine = -(change[self._edge] @ self._W)
         self._bulk.comm.Allreduce(MPI.IN_PLACE, mine)
         return mine
 
@@ -168,11 +188,9 @@ class ReducedEquations:
     def __init__(self, problem: Any, prefix: str) -> None:
         self._problem, self._bulk, self._system = problem, problem.bulk, problem.system
         self._comm: MPI.Comm = self._bulk.comm
-        self._dofs = ContactDofs(problem.contacts, self._bulk.num_owned)
+        self._dofs = ContactDofs(problem.contacts, self._bulk)
         self._compliance = Compliance(self._bulk, self._dofs, prefix)
-        free = ~self._bulk.prescribed[: self._bulk.num_owned]
-        self._free: Array = self._dofs.gather(free.astype(float))
-        self._inside: npt.NDArray[np.bool_] = free
+        self._inside: npt.NDArray[np.bool_] = ~self._bulk.prescribed[: self._bulk.num_owned]
         self._inside[self._dofs.owned()[1]] = False
         self._force: Array | None = None
 
@@ -193,8 +211,10 @@ class ReducedEquations:
             parts = self._assemble()
         with clock("solve"):
             step, zeta, self._force = self._solve(without_contact, *parts)
-        self._dofs.put(self._dofs.gather(u) + step, u)
-        u[held] += change
+        moved = np.zeros_like(u)
+        self._dofs.put(step, moved)
+        moved[held] = change
+        u += moved
         r = self._bulk.r.array
         r[self._inside] = 0.0
         kept = r[held]
@@ -202,8 +222,7 @@ class ReducedEquations:
         r[held] = kept
         for contact, place in self._system.numbered():
             contact.z = zeta[place] * self._system.scale(contact)[:, None]
-        largest = np.abs(np.concatenate([step, change])).max(initial=0.0)
-        return self._problem.step(self._comm.allreduce(float(largest), MPI.MAX))
+        return self._problem.step(self._bulk.largest(moved))
 
     def _step_without_contact(self, change: Array) -> Array:
         """d_S, for a ``change`` of the prescribed values."""
@@ -212,11 +231,12 @@ class ReducedEquations:
         step += self._compliance.by_prescribed(change)
         rest = self._bulk.r.duplicate()
         rest.array[:] = np.where(self._inside, -r, 0.0)
-        if rest.norm() > self._problem.noise():
+        forces = self._bulk.to_force * rest.array_r
+        if np.sqrt(self._comm.allreduce(float(forces @ forces))) > self._problem.noise():
             step += self._dofs.gather(self._compliance.solve(rest).array_r)
         moved = np.zeros(self._bulk.num_owned)
         moved[self._bulk.held] = change
-        return self._free * step + self._dofs.gather(moved)
+        return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
 
     def _assemble(self) -> list[csr_array]:
         """K_c, B^T, C and A_z on the contact dofs, complete on rank 0."""
@@ -337,7 +357,8 @@ class LinearBulk:
 
     def __init__(self, problem: Any, wanted: bool | None, prefix: str) -> None:
         self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}compliance_"
-        self._possible = wanted is not False and (wanted or problem.bulk.is_linear)
+        linear = problem.bulk.is_linear if wanted is None else wanted
+        self._possible = linear and bool(problem.contacts)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0
@@ -362,7 +383,8 @@ class LinearBulk:
 
     def _pays(self) -> bool:
         columns = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._problem.contacts)
-        return bool(self._wanted) or self._num_iterations > columns / COLUMNS_PER_ITERATION
+        paid = self._num_iterations > columns / COLUMNS_PER_ITERATION
+        return bool(self._wanted) or (paid and columns <= MOST_DOFS)
 
     def _obstacle(self) -> str:
         floating = self._problem.floating

@@ -43,12 +43,23 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, Rows
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
+from fenics_mortar.multigrid import TouchingBodies
 from fenics_mortar.reach import Reach
 from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
 
 Algorithm = Literal["condensed", "saddle"]
+Solver = Literal["direct", "iterative"]
 DIRECT = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+ITERATIVE = {
+    "ksp_type": "gmres",
+    "ksp_pc_side": "right",
+    "ksp_gmres_restart": 100,
+    "ksp_rtol": 1e-8,
+    "ksp_max_it": 300,
+    "pc_type": "python",
+}
+SOLVERS: dict[Solver, dict[str, Any]] = {"direct": DIRECT, "iterative": ITERATIVE}
 # A direct solver that leaves more than this part of the right-hand side has met a singular matrix.
 LINEAR_TOLERANCE = 1e-5
 # One that leaves more than this is refined.
@@ -159,10 +170,14 @@ class LinearSystem(ABC):
                 dofs, dofs, contact.rows().A_z[mine] * self.scale(contact)[mine, None, None]
             )
 
+    @property
+    def _largest_stiffness(self) -> float:
+        return max((float(c.stiffness.max()) for c in self.contacts), default=1.0)
+
     def _hold(self, matrix: PETSc.Mat, rhs: PETSc.Vec, first_row: int) -> None:
         """Replace the rows of prescribed dofs by k (dd) = k (prescribed - present)."""
         held, distance = self.bulk.held, self.bulk.distance_to_prescribed()
-        scale = max((float(c.stiffness.max()) for c in self.contacts), default=1.0)
+        scale = self._largest_stiffness
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         matrix.zeroRows((held + first_row).astype(PETSc.IntType), diag=scale)
         rhs.array[held] = scale * distance
@@ -216,6 +231,10 @@ class CondensedSystem(LinearSystem):
         if obstacle:
             raise ValueError(f"algorithm='condensed': {obstacle}; use algorithm='saddle'")
         size, mine = bulk.num_owned, 2 * self.num_multipliers
+        self._multigrid: TouchingBodies | None = None
+        if self.ksp.getPC().getType() == "python":
+            self._multigrid = TouchingBodies(bulk, contacts, f"{prefix}cycle_")
+            self.ksp.getPC().setPythonContext(self._multigrid)
         self._R = BlockMatrix(self.comm, size, mine)
         self._K_c = BlockMatrix(self.comm, size, size, bulk.space.block_size)
         self._C = BlockMatrix(self.comm, size, size, bulk.space.block_size)
@@ -234,6 +253,8 @@ class CondensedSystem(LinearSystem):
         new = self._update_pattern()
         self.bulk.add_to_tangent(self._K_c.assemble(self._K_c_blocks(new)), new)
         self._slave_K = self._slave_tangent()
+        if self._multigrid is not None:
+            self._multigrid.set_up(self.bulk.K, self._largest_stiffness)
         R = self._R.assemble(self._R_blocks(laws, new))
         product = R.matMult(self._slave_K)
         self.bulk.add_to_tangent(product, new)
@@ -343,7 +364,7 @@ def obstacle_to_condensation(contacts: Sequence[Contact]) -> str | None:
     """Why D cannot be inverted node by node, or ``None`` if it can."""
     for contact in contacts:
         names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
-        if contact.pair.basis != "dual" and contact.pair.integration != "nodes":
+        if contact.pair.basis == "standard" and contact.pair.integration != "nodes":
             return f"{names} has basis '{contact.pair.basis}', so D is not diagonal"
         if contact.oblique.any():
             where = errors.place(contact.slave.X[contact.oblique][0])

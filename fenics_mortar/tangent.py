@@ -156,7 +156,7 @@ class _Probe:
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
-        bulk, laws = self.bulk.units * force, []
+        bulk, laws = self.bulk.to_force * force, []
         for contact, z0, (normal, tangent, inactive) in zip(
             self.contacts, self.z0, self._frames, strict=True
         ):
@@ -174,7 +174,7 @@ class _Probe:
         for contact in self.contacts:  # only active multipliers act, as in the system
             contact.z = np.where(contact.active[:, None], contact.z, 0.0)
         pushed = self._mine(self.tools.forces().ravel())
-        force = self.bulk.units * force
+        force = self.bulk.to_force * force
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
 
     def derivative(self) -> dict[str, Array]:
@@ -194,7 +194,7 @@ class _Probe:
             change = self._apply(matrices.master_force_derivative(z0, pair))
             found["M"].append(contact.master.gather(change).ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
-        bulk = self.bulk.units * self._apply(self.bulk.K)
+        bulk = self.bulk.to_force * self._apply(self.bulk.K)
         return {"bulk": bulk, **replicated, "whole": self._whole()}
 
     def _by_motions(self, contact: Contact) -> tuple[Array, Array, Array]:
@@ -216,7 +216,7 @@ class _Probe:
             scaled = dz / system.scale(contact)[:, None]
             zeta.array.reshape(-1, 2)[system.local(contact, place)] = scaled[contact.slave.owned]
         force, law = self._apply(K), self._apply(C)
-        force = self.bulk.units * (force + (B_T * zeta).array)
+        force = self.bulk.to_force * (force + (B_T * zeta).array)
         law = law + (A_z * zeta).array
         parts = [
             (

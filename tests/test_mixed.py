@@ -63,6 +63,15 @@ def three_fields(w, nu):
     return ufl.inner(stress, ufl.grad(v)) * dx + (q * (J - 1 - t) + s * (t / compliance - p)) * dx
 
 
+def linear_elastic(w, nu):
+    """The same for small strains."""
+    mu, compliance = shear_and_compliance(nu)
+    (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(w.function_space)
+    stress = 2 * mu * ufl.sym(ufl.grad(u)) + p * ufl.Identity(2)
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    return ufl.inner(stress, ufl.grad(v)) * dx + q * (ufl.div(u) - compliance * p) * dx
+
+
 def blocks(
     residual,
     *,
@@ -72,6 +81,7 @@ def blocks(
     basis="dual",
     comm=comm,
     sides_slide=False,
+    linear_bulk=None,
     **mesh,
 ):
     """Two blocks, the lower one held or sliding, the upper one moved at its top by ``push``."""
@@ -89,7 +99,7 @@ def blocks(
     contact = fm.ContactPair(data, "upper/bottom", "lower/top", basis=basis)
     problem = fm.ContactProblem(
         residual(w), w, [contact], bcs=bcs, algorithm=algorithm, displacement=part,
-        newton=TIGHT, petsc_options_prefix="test_",
+        newton=TIGHT, linear_bulk=linear_bulk, petsc_options_prefix="test_",
     )  # fmt: skip
     return Scene(data, w, problem, {"push": push})
 
@@ -169,10 +179,14 @@ def test_displacement_may_be_another_part():
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_iterations_do_not_depend_on_the_scale_of_the_pressure_equation(scale):
+def test_convergence_does_not_depend_on_the_scale_of_the_pressure_equation(scale):
+    """Residuals are forces and increments lengths, in whatever units the pressure's rows are."""
     plain, report = pressed(partial(neo_hookean, nu=0.4999))
     scaled, again = pressed(partial(neo_hookean, nu=0.4999, scale=scale))
     assert again.num_iterations == report.num_iterations
+    for name in ("residual", "increment"):
+        one, other = ([getattr(i, name) for i in r.iterations[1:4]] for r in (again, report))
+        assert one == pytest.approx(other, rel=1e-3), name
     z, exact = scaled.contact.z, plain.contact.z
     assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
 
@@ -184,6 +198,42 @@ def test_three_fields_give_what_two_give():
     z, exact = three.contact.z, two.contact.z
     assert np.abs(z - exact).max() < 1e-9 * np.abs(exact).max()
     assert report.num_iterations <= 7
+
+
+def test_linear_bulk_is_factored_once():
+    once, each_time = (
+        blocks(partial(linear_elastic, nu=0.5), linear_bulk=reduced) for reduced in (True, False)
+    )
+    for push in (-0.02, -0.04):
+        for scene in (once, each_time):
+            scene.loads["push"].value = push
+            assert not scene.problem.solve().certificate.violations()
+    assert once.problem._linear_bulk.choose()[0] is not None
+    w, exact = once.u.x.array, each_time.u.x.array
+    assert np.abs(w - exact).max() < 1e-9 * np.abs(exact).max()
+    assert np.abs(once.contact.z - each_time.contact.z).max() < 1e-9 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("driven", [False, True])
+def test_rigid_obstacle_presses_an_incompressible_block(driven):
+    data = read(two_blocks.build, width_lower=1.0, gap=3.0, n_lower=4, layers_lower=3)
+    W = fm.mixed_space(data.mesh, *TAYLOR_HOOD)
+    w, obstacle = fem.Function(W), fm.Circle((0.6, 2.0), 1.0)
+    bcs = [fm.dirichlet(W.sub(0), data, name, (0.0, 0.0)) for name in ("lower/bottom", "upper/top")]
+    pair = fm.ContactPair(data, "lower/top", obstacle)
+    problem = fm.ContactProblem(
+        neo_hookean(w, nu=0.5), w, [pair], bcs=bcs, newton=TIGHT, petsc_options_prefix="test_"
+    )
+    if driven:
+        obstacle.push(y=-1.0)
+    else:
+        obstacle.move(y=-0.05)
+    report = problem.solve()
+    assert report.certificate.balance < 1e-10 and not report.certificate.violations()
+    if driven:
+        assert problem.contacts[0].total_force[1] == pytest.approx(-1.0, abs=1e-10)
+    slopes = problem.check_tangent().slopes
+    assert all(slope > 1.9 for slope in slopes.values()), slopes
 
 
 def test_linear_displacements_alone_lock_where_mixed_ones_do_not():

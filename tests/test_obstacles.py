@@ -103,6 +103,7 @@ def test_facets_and_normals_by_complex_step(kind, pair):
 PAIRS = {
     "dual": {},
     "standard": {"basis": "standard"},
+    "vertices": {"basis": "vertices"},
     "petrov": {"gap_weights": "standard"},
     "nodes": {"integration": "nodes"},
 }

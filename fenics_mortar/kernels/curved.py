@@ -32,7 +32,10 @@ dual functions are biorthogonal to N on S, whatever S and J; their sum is one. A
 those of the segments, in D as in M, so that the forces of both sides balance to the last digit.
 
 A node without multiplier hands its function to its neighbours on the facet: C is then multiplied
-by a matrix H of weights whose columns sum to one.
+by a matrix H of weights whose columns sum to one. Dual functions are shared in proportion to d_j,
+so that a neighbour whose d_j vanishes gets nothing and may be left out without a jump. If only the
+ends of a facet carry, they have the linear functions, (1 -+ xi) / 2: those are N_j + N_m / 2 with
+the standard basis, and Phi_j + Phi_m / 2 with the dual one where J is even and the cover full.
 
 T moves with nothing: ``middle`` and ``half`` are numbers, since C T does not depend on them. But J
 varies along a curved facet, so that C depends on all segments of the facet: M on segment i has
@@ -326,10 +329,10 @@ def invert(A, inverse):
 
 
 @kernel
-def multipliers(basis, G, place, weights, B, C, D, d, VG, inverse):
-    """Fill B, C, D (K, K), d (K,), and what the derivative of C needs: V G^-1 and G^-1 (K, K).
+def multipliers(basis, G, place, weights, B, C, D, d, H, VG, inverse):
+    """Fill B, C, D (K, K), d (K,), and what the derivative of C needs: H, V G^-1 and G^-1 (K, K).
 
-    ``weights`` is H; V has the rows T(xi_j).
+    ``weights`` is H as long as nothing is shared; V has the rows T(xi_j).
     """
     count = C.shape[0]
     mass, own, V = np.empty_like(C), np.empty_like(C), np.ones((count, count))
@@ -342,17 +345,46 @@ def multipliers(basis, G, place, weights, B, C, D, d, VG, inverse):
             V[j, p] = t**p
             for q in range(count):
                 mass[p, q] = G[p + q]
+    H[:] = weights
     if basis == DUAL:
         invert(mass, inverse)
         product(V, inverse, VG)
+        share(weights, d, H)
     for j in range(count):
         for p in range(count):
             own[j, p] = d[j] * VG[j, p] if basis == DUAL else B[j, p] + 0.0 * d[j]
-            D[p, j] = weights[p, j] * d[j]
-    product(weights, own, C)
+            D[p, j] = H[p, j] * d[j]
+    product(H, own, C)
     if basis != DUAL:
         product(mass, B.T, own)
         product(C, own, D)
+
+
+@kernel
+def share(weights, d, H):
+    """Fill the columns of ``H`` whose node hands to several others, in proportion to their d."""
+    count = d.size
+    for j in range(count):
+        total = taken(weights, d, j)
+        if total.real > 0.0:
+            for i in range(count):
+                H[i, j] = d[i] / total if takes(weights, d, i, j) else 0.0 * d[i]
+
+
+@kernel
+def takes(weights, d, i, j):
+    """Whether node i takes a part of the function of node j, which others take, too."""
+    return 0.0 < weights[i, j] < 1.0 and d[i].real > 0.0
+
+
+@kernel
+def taken(weights, d, j):
+    """Sum of d of the nodes that share the function of node j."""
+    total = 0.0 * d[0]
+    for i in range(d.size):
+        if takes(weights, d, i, j):
+            total += d[i]
+    return total
 
 
 @kernel
@@ -373,7 +405,7 @@ def accumulate(factor, row, out):
 
 
 @kernel
-def dual_derivative(dG, weights, B, d, VG, inverse, work, dC, dD):
+def dual_derivative(dG, weights, H, B, d, VG, inverse, work, dC, dD):
     """Fill dC and dD (K, K, columns) of the dual basis from dG (2 K - 1, columns)."""
     count = B.shape[0]
     dd, change = work
@@ -387,12 +419,22 @@ def dual_derivative(dG, weights, B, d, VG, inverse, work, dC, dD):
             for r in range(count):
                 accumulate(VG[j, r], dG[p + r], change[p])
         for i in range(count):
-            if weights[i, j] != 0.0:
-                accumulate(weights[i, j], dd[j], dD[i, j])
+            if H[i, j] != 0.0:
+                accumulate(H[i, j], dd[j], dD[i, j])
                 for p in range(count):
-                    accumulate(weights[i, j] * VG[j, p], dd[j], dC[i, p])
+                    accumulate(H[i, j] * VG[j, p], dd[j], dC[i, p])
                     for r in range(count):
-                        accumulate(-weights[i, j] * d[j] * inverse[r, p], change[r], dC[i, p])
+                        accumulate(-H[i, j] * d[j] * inverse[r, p], change[r], dC[i, p])
+    for j in range(count):
+        total = taken(weights, d, j)
+        if total.real > 0.0:
+            for i in range(count):
+                for k in range(count):
+                    if takes(weights, d, i, j) and takes(weights, d, k, j):
+                        slope = d[j] * ((1.0 if i == k else 0.0) - H[i, j]) / total
+                        accumulate(slope, dd[k], dD[i, j])
+                        for p in range(count):
+                            accumulate(slope * VG[j, p], dd[k], dC[i, p])
 
 
 @kernel
@@ -486,7 +528,7 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
     T_g, dT_g = np.empty((most, count), kind), np.empty((most, count, columns), kind)
     dG_y, dM_y = np.empty((size, 6 * count), kind), np.empty((count, count, 6 * count), kind)
     dg_y = np.empty((count, 6 * count), kind)
-    C, VG, inverse = np.empty((3, count, count), kind)
+    C, H, VG, inverse = np.empty((4, count, count), kind)
     B, d = np.empty((count, count)), np.empty(count, kind)
     by_N, C_g = np.empty(count, np.bool_), np.empty((count, count), kind)
     small, dC = np.empty((2, count, columns), kind), np.empty((count, count, columns), kind)
@@ -521,7 +563,7 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
                 chain_normals(dg_y[p], dn_dx, nodes[e], dT_g[i, p])
                 for l in range(count):
                     chain_normals(dM_y[p, l], dn_dx, nodes[e], dT_M[i, p, l])
-        multipliers(basis, sum_G, place, handed[e], B, C, D[e], d, VG, inverse)
+        multipliers(basis, sum_G, place, handed[e], B, C, D[e], d, H, VG, inverse)
         cover[e] = d
         weigh_gap(gap_weights, place, handed[e], B, C, by_N, C_g)
         g[e] = 0.0
@@ -532,7 +574,7 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
             product(C, T_M[i], M[start + i])
         for k in range(number):
             if basis == DUAL:
-                dual_derivative(dG[k], handed[e], B, d, VG, inverse, small, dC, dD[start + k])
+                dual_derivative(dG[k], handed[e], H, B, d, VG, inverse, small, dC, dD[start + k])
             else:
                 standard_derivative(dG[k], B, C, dC, dD[start + k])
             dg[start + k] = 0.0

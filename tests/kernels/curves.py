@@ -147,6 +147,7 @@ class CurvedCurves(Curves):
 
     degree: int = 2
     drop: int | None = None
+    share: bool = False  # whether the node inside a facet hands its function to both ends
     coupled = True
 
     def __post_init__(self):
@@ -164,6 +165,8 @@ class CurvedCurves(Curves):
         if self.drop is not None:
             near = min(self.drop + 1, k) if self.drop < k else k - 1
             self.weights[:, :, self.drop] = np.eye(k + 1)[near]
+        if self.share:
+            self.weights[:, :, 1] = [0.5, 0.0, 0.5]
 
     def normals(self, x):
         n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * self.degree + 2), x.dtype)

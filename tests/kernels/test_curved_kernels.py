@@ -18,6 +18,10 @@ OPTIONS = [
     (basis.STANDARD, None, basis.BY_BASIS),
     (basis.STANDARD, 0, basis.BY_BASIS),
 ]
+SHARED = [
+    {"share": True, "basis": kind, "gap_weights": weights}
+    for kind, weights in product(BASES, (basis.BY_BASIS, basis.BY_COVER))
+]
 COVERS = {
     "full": (-0.05, 1.05),
     "one end": (0.13, 1.05),
@@ -113,15 +117,53 @@ def test_rows_of_D_and_M_sum_to_the_same(cover, kind, drop):
 
 
 @pytest.mark.parametrize("cover", COVERS)
-@pytest.mark.parametrize("kind, drop, gap_weights", OPTIONS)
-def test_all_derivatives_equal_the_complex_step(cover, kind, drop, gap_weights):
+@pytest.mark.parametrize(
+    "options", [*(dict(zip(("basis", "drop", "gap_weights"), o)) for o in OPTIONS), *SHARED]
+)
+def test_all_derivatives_equal_the_complex_step(cover, options):
     start, stop = COVERS[cover]
-    nodes = wavy_curved(1, slaves=4, masters=6, start=start, stop=stop)
-    pair = CurvedCurves(*nodes, basis=kind, drop=drop, gap_weights=gap_weights)
+    pair = CurvedCurves(*wavy_curved(1, slaves=4, masters=6, start=start, stop=stop), **options)
     found, exact = pair.assemble(pair.evaluate(pair.positions)), pair.exact_derivatives()
     for name, array in exact.items():
         error = np.abs(found[name] - array).max()
         assert error < 1e-11 * np.abs(array).max(), name
+
+
+def linear_pair(kind, stop, bulge):
+    """Two slave facets on [0, 1] covered up to ``stop``, with multipliers at their ends only."""
+    x = with_inner_nodes(np.stack([np.linspace(0, 1, 3), np.zeros(3)], axis=1), 0, bulge)
+    m = with_inner_nodes(np.stack([np.linspace(stop, -0.1, 5), np.full(5, -0.1)], axis=1), 1, 0.0)
+    return CurvedCurves(x, m, basis=kind, share=True)
+
+
+@pytest.mark.parametrize("kind", BASES)
+def test_ends_of_a_straight_covered_facet_have_the_linear_functions(kind):
+    values = (pair := linear_pair(kind, 1.1, 0.0)).evaluate(pair.positions)
+    # int (1 - xi) / 2 N_k dgamma with J = 1/4; the mean of 1 -+ xi over a facet is 1
+    exact = np.array([[1 / 3, 2 / 3, 0], [0, 0, 0], [0, 2 / 3, 1 / 3]]) / 4
+    assert np.abs(values["D"] - exact).max() < 1e-16
+    assert np.abs(values["g"] - 0.1 * np.array([0.25, 0, 0.25])).max() < 1e-16
+
+
+@pytest.mark.parametrize("stop", [1.1, 0.93, 0.8])
+def test_shared_dual_functions_leave_the_ends_uncoupled(stop):
+    values = (pair := linear_pair(basis.DUAL, stop, 0.1)).evaluate(pair.positions)
+    D = values["D"]
+    assert np.abs(D[:, [0, 2], [2, 0]]).max() == 0.0
+    assert np.abs(D[:, [0, 2], [0, 2]] - values["cover"][:, [0, 2]]).max() < 1e-16
+    assert np.abs(D.sum(axis=(1, 2)) - values["cover"].sum(axis=1)).max() < 1e-15
+
+
+def test_shared_dual_functions_lose_an_end_without_a_jump():
+    """The far end's d vanishes at three quarters of a straight facet; x = 0.875 is there."""
+    far = []
+    for change in (1e-3, 1e-6, 1e-9):
+        values = (pair := linear_pair(basis.DUAL, 0.875 + change, 0.0)).evaluate(pair.positions)
+        assert values["cover"][1, 2] > 0.0
+        M = values["M"][pair.offsets[1] :]
+        far.append(max(np.abs(M[:, 2]).max(), np.abs(values["D"][1, 2]).max()))
+    assert far[1] == pytest.approx(1e-3 * far[0], rel=0.1)
+    assert far[2] == pytest.approx(1e-6 * far[0], rel=0.1)
 
 
 @pytest.mark.parametrize("seed, kind", product(range(3), BASES))

@@ -1,0 +1,109 @@
+# # Ironing with linear bulk: K factored once, and in every iteration
+#
+# A round indenter is pressed into a block of the same linear elastic material and drawn along it,
+# 0.8 facets per load step. Both paths take the same steps in turn, one after the other, so that the
+# load of the machine is the same for both; the time of 100 steps is extrapolated from those of the
+# slide. The argument is the number of unknowns, 160 000 by default:
+#
+#     python3 demos/bench_linear_bulk.py 40_000
+
+# +
+import resource
+import sys
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+root = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(root), str(root / "meshes")]
+import indenter_on_block
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+dofs = int(sys.argv[1]) if len(sys.argv) > 1 else 160_000
+SLIDES = 10
+# -
+
+
+# +
+def set_up(data, linear_bulk):
+    """The problem, and what moves the indenter."""
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    strain = ufl.sym(ufl.grad(u))
+    stress = 200.0 * strain + 150.0 * ufl.tr(strain) * ufl.Identity(2)
+    residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 2})
+    tool = fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [fm.dirichlet(V, data, "block/bottom", np.zeros(2))]
+    bcs += [fm.dirichlet(V, data, "indenter/top", tool)]
+    pair = fm.ContactPair(data, slave="block/top", master="indenter/arc")
+    problem = fm.ContactProblem(
+        residual, u, [pair], bcs=bcs, petsc_options_prefix="bench_", linear_bulk=linear_bulk
+    )
+    return problem, tool
+
+
+def measure(problem, tool, displacement):
+    """Seconds and iterations of a load step."""
+    tool.value[:] = displacement
+    comm.barrier()
+    start = time.perf_counter()
+    report = problem.solve()
+    return time.perf_counter() - start, report.num_iterations
+
+
+def peak():
+    """Gigabytes so far."""
+    return comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024**2
+
+
+# -
+
+# +
+k = max(round(np.sqrt(dofs / 2616)), 1)
+model = None
+if comm.rank == 0:
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    model = indenter_on_block.build(
+        n_block=60 * k, layers_block=20 * k, n_indenter=12 * k, layers_indenter=9 * k
+    )
+data = fm.read_gmsh(model, comm)
+if comm.rank == 0:
+    gmsh.finalize()
+pressing = [(0.0, -0.2 - depth) for depth in (0.01, 0.03, 0.05)]
+sliding = [(0.16 / k * step, -0.25) for step in range(1, SLIDES + 1)]
+problems = [set_up(data, linear_bulk) for linear_bulk in (False, True)]
+pressed = [[], []]
+for which, (problem, tool) in enumerate(problems):
+    pressed[which] = [measure(problem, tool, displacement) for displacement in pressing]
+    pressed[which].append(peak())
+slid = [[measure(*each, displacement) for each in problems] for displacement in sliding]
+
+u, w = (problem.bulk.u.x.array for problem, _ in problems)
+difference = comm.allreduce(float(np.abs(u - w).max()), MPI.MAX)
+size = problems[0][0].bulk.V.dofmap.index_map.size_global * 2
+if comm.rank == 0:
+    print(f"{size} dofs, {comm.size} ranks; the two end {difference:.1e} apart\n")
+    print(
+        "| K is factored | to press [s] | iterations | a slide [s] | 100 slides [s] | peak [GiB] |"
+    )
+    print("|---|---:|---:|---:|---:|---:|")
+    totals = []
+    for which, name in enumerate(("in every iteration", "once")):
+        press = sum(seconds for seconds, _ in pressed[which][:-1])
+        slide = np.median([step[which][0] for step in slid])
+        count = np.mean([step[which][1] for step in slid])
+        totals.append(press + 100 * slide)
+        cells = [f"{press:.1f}", f"{count:.1f}", f"{slide:.3f}", f"{totals[-1]:.1f}"]
+        print(f"| {name} | {' | '.join(cells)} | {pressed[which][-1]:.2f} |")
+    print(f"\nonce is {totals[0] / totals[1]:.1f} times faster")
+# -

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: MIT
+"""The iterative solver: results of the direct one, iterations that do not grow with the mesh."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import two_blocks
+from scenes import linear_elastic, pressed_blocks, read
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}
+
+
+def largest(values):
+    return comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_results_are_those_of_the_direct_solver(slave, degree):
+    """A corner of the upper block lies beyond the edge of the lower one."""
+    u, z, iterations = [], [], []
+    for solver in ("direct", "iterative"):
+        options = {"solver": solver, "newton": fm.NewtonOptions()}
+        scene = pressed_blocks(slave=slave, degree=degree, problem=options, offset=1.4, **MESH)
+        for push in ((0.02, -0.05), (0.08, -0.1)):
+            scene.loads["push"].value[:] = push
+            iterations.append(scene.problem.solve().num_iterations)
+        u.append(scene.u.x.array.copy())
+        z.append(scene.contact.z)
+    assert iterations[:2] == iterations[2:]
+    assert largest(u[0] - u[1]) < 1e-8 * largest(u[0])
+    assert largest(z[0] - z[1]) < 1e-8 * largest(z[0])
+
+
+def pressed(k, upper, lower):
+    """Linear iterations of each Newton iteration, k facets to the length of the slave."""
+    data = read(two_blocks.build, n_upper=k, n_lower=2 * k, layers_upper=k, layers_lower=k)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": 2})
+    residual = sum(
+        E * ufl.inner(linear_elastic(u, 1.0, 0.3), ufl.grad(v)) * dx(data.bodies[name])
+        for name, E in (("upper", upper), ("lower", lower))
+    )
+    problem = fm.ContactProblem(
+        residual, u, [fm.ContactPair(data, "upper/bottom", "lower/top")],
+        bcs=[
+            fm.dirichlet(V, data, "lower/bottom", np.zeros(2)),
+            fm.dirichlet(V, data, "upper/top", np.array([0.01, -0.01])),
+        ],
+        petsc_options_prefix="test_", solver="iterative", linear_bulk=False,
+    )  # fmt: skip
+    counts = []
+    problem.evaluate(start=True)
+    for _ in range(3):
+        problem.advance()
+        problem.evaluate(start=False)
+        counts.append(problem.system.ksp.getIterationNumber())
+    return counts
+
+
+@pytest.mark.parametrize("upper, lower", [(1.0, 1.0), (1.0, 1000.0)])
+def test_iterations_do_not_grow_with_the_mesh(upper, lower):
+    counts = [max(pressed(k, upper, lower)) for k in (8, 16, 32, 64)]
+    assert max(counts) <= 12 and counts[-1] <= counts[0] + 2
+
+
+def test_a_slave_a_thousand_times_stiffer_is_solved():
+    counts = [max(pressed(k, 1000.0, 1.0)) for k in (16, 32, 64)]
+    assert max(counts) <= 40
+
+
+def test_what_it_cannot_do_is_said():
+    with pytest.raises(ValueError, match="allowed are direct, iterative"):
+        pressed_blocks(problem={"solver": "guess"}, **MESH)
+    with pytest.raises(ValueError, match="algorithm='saddle' is asked for"):
+        pressed_blocks(problem={"solver": "iterative", "algorithm": "saddle"}, **MESH)
+    with pytest.raises(ValueError, match="D is not diagonal"):
+        pressed_blocks(pair={"basis": "standard"}, problem={"solver": "iterative"}, **MESH)
