@@ -52,11 +52,13 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
     assert np.abs(driven.reaction - moved.reaction).max() < 1e-10 * np.abs(moved.reaction).max()
 
 
-@pytest.mark.parametrize("kind", ["plane", "open"])
-def test_newton_is_quadratic(kind):
+@pytest.mark.parametrize(
+    "kind, solver", [("plane", "direct"), ("open", "direct"), ("plane", "iterative")]
+)
+def test_newton_is_quadratic(kind, solver):
     """With the motions' terms left out the factor would be about constant."""
     obstacle = KINDS[kind]()
-    problem = block_under(obstacle)
+    problem = block_under(obstacle, solver=solver)
     obstacle.push(y=-5.0, moment=0.0)
     residuals = problem.solve().residuals
     assert residuals[-1] < 1e-3 * residuals[-2] < 1e-6 * residuals[-3]
