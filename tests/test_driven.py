@@ -22,7 +22,7 @@ SCENES = {
     "hole": ("y",),
     "open": ("x", "y", "moment"),
     "closed": ("y", "moment"),
-    "polygon": ("y", "moment"),
+    "polygon": ("y",),
 }
 
 
