@@ -82,7 +82,7 @@ class ContactPair:
             Gauss points on whole slave facets.
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes, or, of
             quadratic facets, at their "vertices" only: linear functions, which can be condensed,
-            too. They are half as many, and the pressure is less sharp on coarse meshes.
+            too. They are half as many, but the pressure overshoots at the edge of contact.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length.
         gap_weights: What the gap of a node is weighted by. "cover": by the multiplier's function if
