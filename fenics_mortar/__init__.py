@@ -6,7 +6,7 @@ from fenics_mortar.contact import ContactPair
 from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
 from fenics_mortar.newton import NewtonOptions, NewtonReport
-from fenics_mortar.obstacles import Circle, Obstacle, Plane, SignedDistance, Spline
+from fenics_mortar.obstacles import Circle, Obstacle, Plane, Polygon, SignedDistance, Spline
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.results import ResultsWriter, contact_table, plot
 from fenics_mortar.stepping import SteppingOptions, follow_path, load_state, save_state
@@ -23,6 +23,7 @@ __all__ = [
     "NotConvergedError",
     "Obstacle",
     "Plane",
+    "Polygon",
     "ResultsWriter",
     "SignedDistance",
     "Spline",

@@ -67,7 +67,7 @@ def check_slave_nodes(contacts: Sequence[Contact]) -> None:
                 raise SurfaceError(
                     f"{both.size} nodes are slaves in two pairs, '{one.slave.name}' and "
                     f"'{other.slave.name}', one at {place(where)}; make one of the two a "
-                    "master there"
+                    "master there, or one SignedDistance of two obstacles"
                 )
 
 

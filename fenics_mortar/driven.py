@@ -139,12 +139,14 @@ class DrivenObstacles:
         answers = [system.respond(self._columns(*which)) for which in np.argwhere(driven)]
         units = np.eye(motion.size)[driven.ravel()].reshape(-1, *motion.shape)
         springs = self._springs(stiffness, force)
+        parts = self.partial_derivatives()
         columns = [
-            self.derivative(change.array_r, dz, unit) + (springs @ unit.ravel()).reshape(-1, 3)
+            self.derivative(parts, change.array_r, dz, unit)
+            + (springs @ unit.ravel()).reshape(-1, 3)
             for (change, dz), unit in zip(answers, units, strict=True)
         ]
         matrix = np.array([column[driven] for column in columns]).T
-        rhs = (self._push() - self.derivative(dd.array_r, multipliers, 0.0 * motion))[driven]
+        rhs = (self._push() - self.derivative(parts, dd.array_r, multipliers, 0.0 * motion))[driven]
         try:
             motion[driven] = np.linalg.solve(matrix, rhs)
         except np.linalg.LinAlgError as error:
@@ -164,22 +166,31 @@ class DrivenObstacles:
             for c in self._contacts
         ]
 
-    def derivative(self, du: Array, dz: Sequence[Array], dq: Array) -> Array:
+    def partial_derivatives(self) -> list[tuple[Array, Array, Array]]:
+        """E_d (3, slave nodes, 2), M_q (the same) and E_q (3, 3) of each pair (collective)."""
+        return [
+            contact.on_obstacle.motion_force_derivatives(contact.z) for _, contact in self._pairs()
+        ]
+
+    def derivative(
+        self, parts: list[tuple[Array, Array, Array]], du: Array, dz: Sequence[Array], dq: Array
+    ) -> Array:
         """E_d du + M_q dz + E_q dq, the change of f_q, shape (obstacles, 3) (collective).
 
         Args:
+            parts: E_d, M_q and E_q of each pair.
             du: Displacement, the part of this rank.
             dz: Multipliers of every contact, shape (slave nodes, 2); inactive ones do not count.
             dq: Motions, shape (obstacles, 3).
         """
         total = np.zeros(self._scales.shape)
-        for contact, z in zip(self._contacts, dz, strict=True):
-            if contact.obstacle is not None:
-                number, o = self.obstacles.index(contact.obstacle), contact.on_obstacle
-                by_nodes, by_motions = o.motion_force_derivative(contact.z)
-                total[number] += np.einsum("mkc,kc->m", by_nodes, contact.slave.gather(du))
-                total[number] += o.motion_force(np.where(contact.active[:, None], z, 0.0))
-                total[number] += by_motions @ dq[number]
+        multipliers = [z for z, c in zip(dz, self._contacts, strict=True) if c.obstacle is not None]
+        for (number, contact), z, (E_d, M_q, E_q) in zip(
+            self._pairs(), multipliers, parts, strict=True
+        ):
+            total[number] += np.einsum("mkc,kc->m", E_d, contact.slave.gather(du))
+            total[number] += np.einsum("mjc,jc->m", M_q[:, contact.active], z[contact.active])
+            total[number] += E_q @ dq[number]
         return total
 
     def _springs(self, stiffness: float, force: float) -> Array:

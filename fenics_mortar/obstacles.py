@@ -211,9 +211,7 @@ class Spline(Obstacle):
         name: str = "spline",
     ) -> None:
         """Interpolate by chord length."""
-        chain = np.asarray(points, float)
-        if chain.ndim != 2 or chain.shape[1] != 2 or len(chain) < 3 or not np.isfinite(chain).all():
-            raise ValueError(f"points of shape {chain.shape}: at least three finite points (k, 2)")
+        chain = _chain(points)
         super().__init__(name, chain.mean(axis=0) if pivot is None else pivot)
         chain = np.vstack([chain, chain[:1]]) if closed else chain
         chords = np.linalg.norm(np.diff(chain, axis=0), axis=1)
@@ -257,6 +255,75 @@ class Spline(Obstacle):
         beyond = (t - on)[:, None]
         d = self._curve(on, 1)
         return self._curve(on) + beyond * d, d, np.where(beyond == 0.0, self._curve(on, 2), 0.0)
+
+
+class Polygon(Obstacle):
+    """Solid inside a polygon, whose outward corners are rounded by arcs.
+
+    It is the distance to a polygon further inside, less the radius; inward corners stay sharp.
+
+    Args:
+        points: Its corners one after the other, shape (k, 2), at least three [length].
+        rounding: Radius of the arcs [length]; a normal needs one, so it is positive.
+        pivot: Point that rotations turn about; the mean of the corners by default.
+        name: Name used in messages.
+    """
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        rounding: float,
+        *,
+        pivot: npt.ArrayLike | None = None,
+        name: str = "polygon",
+    ) -> None:
+        """Move the edges inwards by the radius."""
+        corners = _chain(points)
+        super().__init__(name, corners.mean(axis=0) if pivot is None else pivot)
+        if not 0.0 < rounding < np.inf:
+            raise ValueError(f"rounding={rounding}: a positive length")
+        after = np.roll(corners, -1, axis=0)
+        if (corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]).sum() < 0.0:
+            corners = corners[::-1]
+        edges = _edges(corners)
+        lengths = np.linalg.norm(edges, axis=1)[:, None]
+        if not lengths.min() > 0.0:
+            raise ValueError("two successive corners of the polygon are at the same place")
+        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths
+        before = np.roll(normals, 1, axis=0)
+        half = 1.0 + (normals * before).sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inner = corners - rounding * (normals + before) / half[:, None]
+        if not ((_edges(inner) * edges).sum(axis=1) > 0.0).all():
+            raise ValueError(f"rounding={rounding}: less than the edges of the polygon bear")
+        self._corners, self._normals, self._radius = inner, normals, float(rounding)
+
+    def local(self, x: Array) -> Fields:
+        """Distance to the nearest edge of the inner polygon, or to its nearest corner."""
+        edges = _edges(self._corners)
+        away = x[:, None] - self._corners
+        along = np.clip((away * edges).sum(axis=2) / (edges**2).sum(axis=1), 0.0, 1.0)
+        rest = away - along[:, :, None] * edges
+        nearest = np.argmin((rest**2).sum(axis=2), axis=1)
+        every = np.arange(len(x))
+        rest, along, n = rest[every, nearest], along[every, nearest], self._normals[nearest]
+        distance = np.sqrt((rest**2).sum(axis=1))
+        round_ = ((along == 0.0) | (along == 1.0)) & (distance > 0.0)
+        sign = np.where(self._is_inside(x), -1.0, 1.0)
+        size = np.where(round_, sign * distance, 1.0)[:, None]
+        gradient = np.where(round_[:, None], rest / size, n)
+        phi = np.where(round_, size[:, 0], (rest * n).sum(axis=1)) - self._radius
+        across = np.eye(2) - np.einsum("ia,ib->iab", gradient, gradient)
+        return phi, gradient, np.where(round_[:, None, None], across / size[:, :, None], 0.0)
+
+    def _is_inside(self, x: Array) -> npt.NDArray[np.bool_]:
+        """Whether a ray from each point meets the inner polygon an odd number of times."""
+        start = self._corners - x[:, None]
+        end = np.roll(start, -1, axis=1)
+        meets = (start[..., 1] > 0.0) != (end[..., 1] > 0.0)
+        turn = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
+        ahead = (turn > 0.0) == (end[..., 1] > start[..., 1])
+        return (meets & ahead).sum(axis=1) % 2 == 1
 
 
 class SignedDistance(Obstacle):
@@ -317,26 +384,30 @@ class ObstacleOperators(MortarOperators):
         """f_q for multipliers ``z``, shape (3,) [stress length] (collective)."""
         return -np.einsum("kc,kmc->m", self.force(z)[0], self.V)
 
-    def motion_force_derivative(self, z: Array) -> tuple[Array, Array]:
-        """df_q at fixed ``z`` by the slave nodes, (3, slave nodes, 2), and by q, (3, 3) [stress].
+    def motion_force_derivatives(self, z: Array) -> tuple[Array, Array, Array]:
+        """Derivatives of f_q by the slave nodes, the multipliers and q (collective).
 
-        Collective. D and V change with the nodes, V with the motion.
+        The first two of shape (3, slave nodes, 2), the last (3, 3). D and V change with nodes, V
+        with the motions.
         """
-        if self.linearization.frozen:
-            return np.zeros((3, *self.x.shape)), np.zeros((3, 3))
-        nodes = self.facet_nodes
-        change = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], self.V[nodes])
-        near = self.slave.along(nodes[:, 0], range(-self.slave.degree, 2 * self.slave.degree + 1))
+        nodes, degree = self.facet_nodes, self.slave.degree
+        near = self.slave.along(nodes[:, 0], range(-degree, 2 * degree + 1))
         there = near >= 0
-        by_nodes = np.zeros((self.slave.num_nodes, 3, 2))
-        change = np.swapaxes(change.reshape(len(nodes), 3, -1, 2), 1, 2)
+        sums = np.zeros((3, self.slave.num_nodes, 3, 2))
+        by_nodes, by_multipliers, forces = sums[0], sums[1], sums[2, :, 0]
+        change = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], self.V[nodes])
+        change = np.swapaxes(change.reshape(len(nodes), 3, near.shape[1], 2), 1, 2)
         np.add.at(by_nodes, near[there], change[there])
-        self.slave.comm.Allreduce(MPI.IN_PLACE, by_nodes)
-        turned = self.force(z)[0][:, ::-1] * [1.0, -1.0] / self.arm
+        np.add.at(by_multipliers, nodes, -np.einsum("ejk,ekmc->ejmc", self.D, self.V[nodes]))
+        np.add.at(forces, nodes, np.einsum("ejk,ejc->ekc", self.D, z[nodes]))
+        self.slave.comm.Allreduce(MPI.IN_PLACE, sums)
+        turned = forces[:, ::-1] * [1.0, -1.0] / self.arm
         by_nodes[:, 2] -= turned
         by_motions = np.zeros((3, 3))
         by_motions[2, :2] = turned.sum(axis=0)
-        return np.swapaxes(by_nodes, 0, 1), by_motions
+        moves = 0.0 if self.linearization.frozen else 1.0
+        E_d, M_q = np.swapaxes(by_nodes, 0, 1), np.swapaxes(by_multipliers, 0, 1)
+        return moves * E_d, M_q, moves * by_motions
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
         """Feet of the slave nodes on the obstacle, and the forces there."""
@@ -525,6 +596,19 @@ def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> 
         spread=np.tile([0.0, rule[1] @ rule[0] ** 2 / 2.0], (count, 1)),
         pairs=np.empty((0, 2), np.int64),
     )
+
+
+def _edges(corners: Array) -> Array:
+    """Vectors from each corner of a polygon to the next."""
+    return np.roll(corners, -1, axis=0) - corners
+
+
+def _chain(points: npt.ArrayLike) -> Array:
+    """Three or more points of the plane."""
+    chain = np.asarray(points, float)
+    if chain.ndim != 2 or chain.shape[1] != 2 or len(chain) < 3 or not np.isfinite(chain).all():
+        raise ValueError(f"points of shape {chain.shape}: at least three finite points (k, 2)")
+    return chain
 
 
 def _number(name: str, value: float) -> float:

@@ -26,6 +26,7 @@ from fenics_mortar import compat
 from fenics_mortar.bulk import AROUND
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError, raise_together
+from fenics_mortar.obstacles import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array, Indices
 
@@ -239,6 +240,8 @@ def contact_table(problem: ContactProblem) -> str:
 # Picture
 
 INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
+# Obstacles are drawn as far beyond the bodies, by the size of these.
+AROUND_BODIES = 0.15
 
 
 def plot(
@@ -289,6 +292,7 @@ def plot(
         if field is not None:
             bar = figure.colorbar(bodies, cax=axes.inset_axes((1.03, 0.0, 0.025, 1.0)), label=label)
             bar.outline.set_visible(False)
+        _draw_obstacles(axes, problem.tools.obstacles, low, high)
         _draw_pressure(axes, problem.contacts, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
         if scale != 1.0:
             axes.plot([], [], " ", color=INK, label=f"displacement x {scale:g}")
@@ -320,6 +324,18 @@ def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | Non
     axes.add_collection(cells)
     axes.add_collection(LineCollection(ends[first[count == 1]], colors=INK, linewidths=0.8))
     return cells
+
+
+def _draw_obstacles(axes: Any, obstacles: list[Obstacle], low: Array, high: Array) -> None:
+    """The solid parts of obstacles, phi < 0, in and somewhat around the box of the bodies."""
+    margin = AROUND_BODIES * float((high - low).max())
+    x, y = (np.linspace(a - margin, b + margin, 400) for a, b in zip(low, high, strict=True))
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    for obstacle in obstacles:
+        phi = obstacle.evaluate(points.reshape(-1, 2))[0].reshape(points.shape[:2])
+        if phi.min() < 0.0:
+            axes.contourf(x, y, phi, [phi.min(), 0.0], colors=[GREY], alpha=0.35, zorder=0)
+            axes.contour(x, y, phi, [0.0], colors=[INK], linewidths=0.8)
 
 
 def _draw_pressure(axes: Any, contacts: list[Contact], scale: float, height: float) -> None:

@@ -225,7 +225,8 @@ class _Probe:
             ).ravel()
             for contact, place in zip(self.contacts, system.places, strict=True)
         ]
-        pushed = self.tools.derivative(self.du, self.dz, self.dq)
+        parts_q = self.tools.partial_derivatives()
+        pushed = self.tools.derivative(parts_q, self.du, self.dz, self.dq)
         return np.concatenate([force, *parts, self._mine(pushed.ravel())])
 
     def _apply(self, matrix: PETSc.Mat) -> Array:

@@ -8,6 +8,7 @@ import pytest
 from scenes import TIGHT, internal, neo_hookean, read, rectangles
 from test_obstacles import KINDS, block_under
 
+import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
@@ -21,6 +22,7 @@ SCENES = {
     "hole": ("y",),
     "open": ("x", "y", "moment"),
     "closed": ("y", "moment"),
+    "polygon": ("y",),
 }
 
 
@@ -51,11 +53,13 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
     assert np.abs(driven.reaction - moved.reaction).max() < 1e-10 * np.abs(moved.reaction).max()
 
 
-@pytest.mark.parametrize("kind", ["plane", "open"])
-def test_newton_is_quadratic(kind):
+@pytest.mark.parametrize(
+    "kind, solver", [("plane", "direct"), ("open", "direct"), ("plane", "iterative")]
+)
+def test_newton_is_quadratic(kind, solver):
     """With the motions' terms left out the factor would be about constant."""
     obstacle = KINDS[kind]()
-    problem = block_under(obstacle)
+    problem = block_under(obstacle, solver=solver)
     obstacle.push(y=-5.0, moment=0.0)
     residuals = problem.solve().residuals
     assert residuals[-1] < 1e-3 * residuals[-2] < 1e-6 * residuals[-3]
@@ -136,6 +140,49 @@ def test_contact_adds_no_energy():
     assert rests[0] / rests[1] == pytest.approx(4.0, rel=0.1)
 
 
+def test_forces_and_moments_of_supports_and_obstacle_cancel():
+    """About the origin; those of the supports are the residual at prescribed dofs."""
+    obstacle = KINDS["open"]()
+    problem = block_under(obstacle)
+    obstacle.push(x=0.01, y=-6.0, moment=0.5)
+    problem.solve()
+    bulk, contact, _ = problem.forces()
+    held = np.zeros(bulk.size)
+    held[problem.bulk.held] = (bulk + contact)[problem.bulk.held]
+    on_nodes = held.reshape(-1, 2)
+    x = problem.bulk.positions()[: len(on_nodes)]
+    mine = [*on_nodes.sum(axis=0), (x[:, 0] * on_nodes[:, 1] - x[:, 1] * on_nodes[:, 0]).sum()]
+    supports = comm.allreduce(np.array(mine))
+    pivot = obstacle.pivot + obstacle.place[:2]
+    fx, fy, moment = np.array([0.01, -6.0, 0.5])
+    loads = np.array([fx, fy, moment + pivot[0] * fy - pivot[1] * fx])
+    assert np.abs(supports + loads).max() < 1e-10 * np.abs(loads).max()
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+def test_body_falls_on_a_rigid_floor(algorithm):
+    """Nothing holds the block but the floor: it is let down by its weight, and lies evenly."""
+    data = read(rectangles, size=0.25, block=(0.0, 0.3, 1.0, 1.0))
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    floor = fm.Plane((0.0, 0.0), (0.0, 1.0))
+    weight = ufl.inner(ufl.as_vector((0.0, -0.5)), ufl.TestFunction(V)) * ufl.dx
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)) - weight,
+        u,
+        [fm.ContactPair(data, "block/bottom", floor)],
+        newton=TIGHT,
+        algorithm=algorithm,
+        petsc_options_prefix="falls_",
+    )
+    report = problem.solve()
+    assert report.certificate.violations() == []
+    moment = -0.5 * (ufl.SpatialCoordinate(data.mesh)[0] + u[0]) * ufl.dx
+    moment = comm.allreduce(fem.assemble_scalar(fem.form(moment)))
+    assert floor.reaction == pytest.approx((0.0, -0.5, moment), abs=1e-9)
+    assert moment == pytest.approx(-0.25, rel=0.01)  # it hardly moves sideways
+
+
 def test_block_between_a_floor_and_a_lid():
     """Nothing holds the block but two planes: one at rest, one driven."""
     data = read(rectangles, size=0.25, block=(0.0, 0.0, 1.0, 1.0))
@@ -170,10 +217,18 @@ def test_block_between_a_floor_and_a_lid():
 )
 def test_obstacle_that_nothing_stops_is_refused(loads, message):
     """A round one turns about its centre, whatever touches it; the same error on all ranks."""
-    kind = "circle" if "moment" in loads else "plane"
-    obstacle = {"circle": fm.Circle((0.5, 2.1), 1.0), "plane": fm.Plane((0.5, 1.1), (0.0, -1.0))}
-    problem = block_under(obstacle[kind])
-    obstacle[kind].push(**loads)
+    plane, circle = fm.Plane((0.5, 1.1), (0.0, -1.0)), fm.Circle((0.5, 2.1), 1.0)
+    refuse(circle if "moment" in loads else plane, loads, message)
+
+
+def test_obstacle_that_no_facet_faces_is_refused():
+    """The solid is below: the block's top looks away from its surface."""
+    refuse(fm.Plane((0.5, 1.1), (0.0, 1.0)), {"y": -1.0}, "can move along (0, -1) freely")
+
+
+def refuse(obstacle, loads, message):
+    problem = block_under(obstacle)
+    obstacle.push(**loads)
     with pytest.raises(fm.MortarError) as error:
         problem.solve()
     assert message in str(error.value)
@@ -190,6 +245,18 @@ def test_loaded_obstacle_that_slides_away_is_named():
     with pytest.raises(fm.NotConvergedError) as error:
         problem.solve()
     assert "obstacle 'plane' can move along" in str(error.value)
+
+
+def test_two_obstacles_on_one_slave_are_refused():
+    """Its nodes would have two multipliers; the error says what to do."""
+    data = read(rectangles, size=0.5, block=(0.0, 0.0, 1.0, 1.0))
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    obstacles = [fm.Plane((0.0, 1.0), (0.0, -1.0)), fm.Circle((0.5, 1.5), 0.5)]
+    pairs = [fm.ContactPair(data, "block/top", obstacle) for obstacle in obstacles]
+    residual = internal(u, neo_hookean(u, E, NU))
+    with pytest.raises(fm.SurfaceError, match="one SignedDistance of two obstacles"):
+        fm.ContactProblem(residual, u, pairs, petsc_options_prefix="two_")
 
 
 def test_bad_loads():

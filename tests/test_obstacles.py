@@ -34,6 +34,7 @@ KINDS = {
     "closed": lambda: fm.Spline(
         [*np.stack([0.6 + np.cos(ARC), 2 + np.sin(ARC)], 1).tolist(), (0.6, 3.0)], closed=True
     ),
+    "polygon": lambda: fm.Polygon([(-0.2, 2.0), (0.4, 0.96), (0.7, 0.99), (1.2, 2.0)], 0.1),
     "function": lambda: fm.SignedDistance(ellipse),
 }
 
@@ -100,6 +101,22 @@ def test_facets_and_normals_by_complex_step(kind, pair):
             assert np.abs(exact[..., q] - found).max() < 1e-13
 
 
+@pytest.mark.serial
+def test_polygon_by_hand():
+    """An L, clockwise: beside an edge, off a rounded corner, in the inward one, deep inside."""
+    corners = [(0, 0), (0, 2), (1, 2), (1, 1), (2, 1), (2, 0)]
+    x = np.array([[0.5, -0.3], [2.3, -0.4], [1.2, 1.1], [0.9, 0.4], [0.8, 0.8]])
+    phi, gradient, hessian = fm.Polygon(corners, 0.1).evaluate(x)
+    corner = np.array([0.4, -0.5]) / np.hypot(0.4, 0.5)
+    deep = np.array([1.0, 1.0]) / np.sqrt(2.0)
+    far = np.hypot(0.4, 0.5), np.hypot(0.1, 0.1)
+    assert np.allclose(phi, [0.3, far[0] - 0.1, 0.1, -0.4, -far[1] - 0.1], atol=1e-14)
+    assert np.allclose(gradient, [(0, -1), corner, (0, 1), (0, -1), deep], atol=1e-14)
+    flat, edgewise = np.zeros((2, 2)), (np.eye(2) - np.outer(corner, corner)) / far[0]
+    inward = -(np.eye(2) - np.outer(deep, deep)) / far[1]
+    assert np.allclose(hessian, [flat, edgewise, flat, flat, inward], atol=1e-13)
+
+
 PAIRS = {
     "dual": {},
     "standard": {"basis": "standard"},
@@ -147,6 +164,9 @@ def test_balance_and_algorithms(kind):
         lambda: fm.Plane((0, 0), (0, 0)),
         lambda: fm.Circle((0, 0), -1.0),
         lambda: fm.Spline([(0, 0), (1, 0)]),
+        lambda: fm.Polygon([(0, 0), (1, 0), (0, 1)], 0.0),
+        lambda: fm.Polygon([(0, 0), (1, 0), (0, 1)], 0.5),
+        lambda: fm.Polygon([(0, 0), (0, 0), (0, 1)], 0.1),
         lambda: fm.Spline([(0, 0), (0, 0), (1, 0)]),
         lambda: fm.Plane((0, np.nan), (0, 1)),
         lambda: fm.Plane((0, 0), (0, 1)).move(x=(1.0,)),

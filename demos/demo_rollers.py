@@ -1,0 +1,107 @@
+# # Three-point bending between rigid rollers, by force and beyond the largest force
+#
+# A beam lies on two rollers and is bent by a third one. Rigid bodies need no mesh.
+#
+# ## Problem
+# A beam of height 1 mm, large deflections, neo-Hookean, plane strain, no friction. By symmetry one
+# half is computed. The force that bends it rises to a largest value; then the beam slips through
+# between the rollers. So the punch is driven by a force first, and by displacement beyond.
+#
+# ## Implementation
+
+# +
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+
+import ufl
+from dolfinx import fem, mesh
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+length, span, radius = 10.0, 7.0, 1.0  # of half the beam, of half the supports
+# -
+
+# A mesh of dolfinx; its surfaces are known by tags.
+
+# +
+corners = [(0.0, 0.0), (length, 1.0)]
+domain = mesh.create_rectangle(comm, corners, (60, 6), mesh.CellType.quadrilateral)
+middle, bottom, top = 1, 2, 3
+places = {
+    middle: lambda x: np.isclose(x[0], 0.0),
+    bottom: lambda x: np.isclose(x[1], 0.0),
+    top: lambda x: np.isclose(x[1], 1.0),
+}
+found = {tag: mesh.locate_entities_boundary(domain, 1, at) for tag, at in places.items()}
+facets = np.concatenate(list(found.values()))
+tags = np.repeat(list(found), [len(f) for f in found.values()]).astype(np.int32)
+order = np.argsort(facets)
+data = fm.MeshData(domain, None, mesh.meshtags(domain, 1, facets[order], tags[order]))
+
+V = fm.vector_space(domain, 2)
+u, v = fem.Function(V), ufl.TestFunction(V)
+E, nu = 1000.0, 0.3
+mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+F = ufl.variable(ufl.Identity(2) + ufl.grad(u))
+J = ufl.det(F)
+psi = mu / 2 * (ufl.tr(F.T * F) - 2) - mu * ufl.ln(J) + lmbda / 2 * ufl.ln(J) ** 2
+P = ufl.diff(psi, F)
+residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
+# -
+
+# The rollers, and what each of them touches.
+
+support = fm.Circle((span, -radius), radius, name="support")
+punch = fm.Circle((0.0, 1.0 + radius), radius, name="punch")
+pairs = [fm.ContactPair(data, bottom, support), fm.ContactPair(data, top, punch)]
+bcs = [fm.dirichlet(V, data, middle, 0.0, component=0)]
+problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="rollers_")
+
+# ## By force, then by displacement
+# What `move` prescribes and `push` drives may change: first the place of the punch follows from
+# the force, later the force from its place.
+
+# +
+rows = []
+
+
+def note(_time: float, _report: fm.NewtonReport) -> None:
+    rows.append((-punch.place[1], punch.reaction[1]))
+
+
+def follow(set_loads: Callable[[float], None]) -> None:
+    fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.125), on_step=note)
+
+
+follow(lambda time: punch.push(y=-1.6 * time))
+start = punch.place[1]
+fm.plot(problem, "results/rollers.png", stress=(P * F.T / J)[0, 0], label="horizontal stress [MPa]")
+follow(lambda time: punch.move(y=start - 4.0 * time))
+# -
+
+# ## Comparison
+# Small deflections are those of a beam: deflection = force span^3 / (3 EI) for the half.
+
+# +
+depth, force = np.array(rows).T
+table = fm.contact_table(problem)
+beam = 3 * E / (1 - nu**2) / 12 / span**3 * depth
+if comm.rank == 0:
+    print("| deflection [mm] | force [N/mm] | beam theory |\n|---:|---:|---:|")
+    for row in zip(depth, force, beam, strict=True):
+        print("| " + " | ".join(f"{number:.3f}" for number in row) + " |")
+    print(f"\n{table}")
+# -
+
+# ## Check
+
+balance = support.reaction[1] + punch.reaction[1]
+assert abs(balance) < 1e-6 * force.max()
+assert abs(force[0] / beam[0] - 1) < 0.02 and force[-1] < 0.95 * force.max() > 1.6
