@@ -257,7 +257,8 @@ class DrivenObstacles:
     def _next_move(self, number: int) -> Array:
         """Motion of one obstacle towards contact, shape (3,); zero if it is there, or not driven.
 
-        It is the one closest to the push that no node overlaps by more than touching.
+        It is the one closest to the push that no node overlaps by more than touching, and that the
+        push does work in: its potential is linear in the motions, so no move is ever taken back.
         """
         contacts = [contact for i, contact in self._pairs() if i == number]
         driven, push = self.driven[number], self._push()[number]
@@ -265,10 +266,13 @@ class DrivenObstacles:
         if loaded or not push.any():
             return np.zeros(3)
         motions = np.eye(3)[driven]
-        wanted = LARGEST_MOVE * contacts[0].arm * (motions @ push) / np.linalg.norm(push)
+        along = (motions @ push) / np.linalg.norm(push)
         closing = np.concatenate([-contact.gap_by_motions() for contact in contacts])
         room = [np.nan_to_num(c.gap) + TOUCH * c.nodal_lengths for c in contacts]
-        move = closest_below(wanted, closing @ motions.T, np.maximum(np.concatenate(room), 0.0))
+        rows = np.vstack([closing @ motions.T, -along])
+        room.append(np.zeros(1))
+        wanted = LARGEST_MOVE * contacts[0].arm * along
+        move = closest_below(wanted, rows, np.maximum(np.concatenate(room), 0.0))
         shortest = min(float(c.slave.lengths.min()) for c in contacts)
         return move @ motions if np.linalg.norm(move) > TOUCH**2 * shortest else np.zeros(3)
 
