@@ -88,8 +88,8 @@ class Certificate:
         balance: Largest sum of reactions, loads and contact forces of a body or obstacle, over the
             sum of the sizes of all forces.
         inverted: Cells that are inverted.
-        springs: Largest sum of the forces of springs on a body, over the sum of the sizes of all
-            other forces on it; zero but where the record of the solve tells of them.
+        springs: Largest sum of the forces of springs on a body, over the contact force on it; zero
+            but where the record of the solve tells of them.
     """
 
     pairs: list[PairCertificate]
@@ -98,7 +98,7 @@ class Certificate:
     springs: float = 0.0
 
     def violations(
-        self, tolerance: float = 1e-6, penetration: float = 0.5, springs: float = 0.02
+        self, tolerance: float = 1e-6, penetration: float = 0.5, springs: float = 0.005
     ) -> list[str]:
         """What does not hold, in words; empty for a sound state.
 
@@ -111,7 +111,9 @@ class Certificate:
         if not self.balance <= tolerance:
             found.append(f"balance of a body {self.balance:.1e} (allowed {tolerance:.1e})")
         if not self.springs <= springs:
-            found.append(f"springs hold {self.springs:.1e} of the forces (allowed {springs:.1e})")
+            found.append(
+                f"springs hold {self.springs:.1e} of the contact force (allowed {springs:.1e})"
+            )
         if self.inverted:
             found.append(f"{self.inverted} cells are inverted")
         return found

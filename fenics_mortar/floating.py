@@ -150,12 +150,11 @@ class FloatingBodies:
         diagonal.array[:] += springs
         self._bulk.K.setDiagonal(diagonal)
 
-    def hold(self, total: Array, sizes: Array, travel: float) -> None:
+    def hold(self, total: Array, travel: float) -> None:
         """Tie the bodies to where they are by springs of their own; see ``release``.
 
         Args:
             total: Sum of all forces (owned part).
-            sizes: Sum of their sizes.
             travel: How far the forces that drive a body, or what facets may err of all on it, would
                 strain its springs, in shortest facets.
         """
@@ -163,7 +162,7 @@ class FloatingBodies:
         stiffness = {}
         for body in self.bodies:
             drive = float(np.linalg.norm(self._resultant(body, total)))
-            drive = max(drive, FACETS_ERR * self._size_of_forces(body, sizes))
+            drive = max(drive, FACETS_ERR * self._contact_force(body))
             stiffness[body.label] = max(drive / length, LEAST_SPRING * body.stiffest)
         self._springs, self._anchor = self._spread(stiffness), self._bulk.u.x.array.copy()
 
@@ -189,20 +188,29 @@ class FloatingBodies:
         """Displacement since ``hold`` (owned part)."""
         return (self._bulk.u.x.array - self._anchor)[: self._bulk.num_owned]
 
-    def part_held(self, sizes: Array) -> float:
-        """Largest force of springs on a body, over the sum of the sizes of all others on it."""
-        return max((self._part_held(body, sizes) for body in self.bodies), default=0.0)
+    def part_held(self) -> float:
+        """Largest force of springs on a body, over the contact force on it."""
+        return max((self._part_held(body) for body in self.bodies), default=0.0)
 
-    def _part_held(self, body: FloatingBody, sizes: Array) -> float:
-        size = self._size_of_forces(body, sizes)
+    def _part_held(self, body: FloatingBody) -> float:
         force = np.linalg.norm(self._resultant(body, self._spring_forces()))
-        return float(force) / max(size, 1e-300)
+        return float(force) / max(self._contact_force(body), 1e-300)
 
-    def describe_springs(self, sizes: Array) -> str:
+    def _contact_force(self, body: FloatingBody) -> float:
+        """Integral of the size of the pressure over all pairs of a body [stress length]."""
+        total = 0.0
+        for contact in self._contacts:
+            on_slave = self._labels_of(contact.slave) == body.label
+            on_master = bool((self._labels_of(contact.master) == body.label).any())
+            forces = contact.operators.cover * np.abs(contact.pressure)
+            total += float(forces[on_slave | on_master].sum())
+        return total
+
+    def describe_springs(self) -> str:
         """What the springs of ``hold`` hold, in words."""
         energy = 0.5 * self._bulk.comm.allreduce(float(self._strain() @ self._spring_forces()))
         parts = [
-            f"{self.name_of(body.label)} with {self._part_held(body, sizes):.1e} of its forces"
+            f"{self.name_of(body.label)} with {self._part_held(body):.1e} of its contact force"
             for body in self.bodies
         ]
         return (
@@ -331,7 +339,8 @@ class FloatingBodies:
 
     def _drive(self, body: FloatingBody, total: Array, sizes: Array) -> Array:
         """Direction in which the forces drive the body, of size one; zero if they do not."""
-        drive, size = self._resultant(body, total), self._size_of_forces(body, sizes)
+        drive = self._resultant(body, total)
+        size = self._bulk.comm.allreduce(float(sizes[self._dofs_of(body)].sum()))
         norm = float(np.linalg.norm(drive))
         return drive / norm if norm > DRIVEN * size else np.zeros(len(drive))
 
@@ -339,10 +348,6 @@ class FloatingBodies:
         """Resultant of the forces along the body's motions, shape (motions,)."""
         dofs, motions = self._motions(body)
         return self._bulk.comm.allreduce(-motions @ total[dofs].ravel())
-
-    def _size_of_forces(self, body: FloatingBody, sizes: Array) -> float:
-        """Sum of the sizes of all forces on a body."""
-        return self._bulk.comm.allreduce(float(sizes[self._dofs_of(body)].sum()))
 
     def _move(self, body: FloatingBody, coefficients: Array) -> None:
         """Add a rigid motion; its rotation is a true one, so nothing is strained."""

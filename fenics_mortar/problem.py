@@ -233,7 +233,7 @@ class ContactProblem:
             self.floating.let_go()
         else:
             bulk, contact, _ = self.forces()
-            self.floating.hold(bulk + contact, np.abs(bulk) + np.abs(contact), travel)
+            self.floating.hold(bulk + contact, travel)
 
     def travel(self) -> float:
         """How far bodies have moved since ``hold``, in shortest facets."""
@@ -241,8 +241,7 @@ class ContactProblem:
 
     def remaining(self) -> tuple[float, str]:
         """Part of the forces that springs hold, and that in words."""
-        sizes = self._sizes()
-        return self.floating.part_held(sizes), self.floating.describe_springs(sizes)
+        return self.floating.part_held(), self.floating.describe_springs()
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
@@ -280,11 +279,6 @@ class ContactProblem:
         self._evaluate_contacts(start=True)
         bulk, contact, _ = self.forces()
         return bulk + contact, np.abs(bulk) + np.abs(contact)
-
-    def _sizes(self) -> Array:
-        """Sum of the sizes of all forces at each owned dof, without springs."""
-        bulk, contact, _ = self.forces()
-        return np.abs(bulk) + np.abs(contact)
 
     @clock("assembly")
     def _contact_force(self) -> Array:
@@ -453,7 +447,7 @@ class ContactProblem:
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
         if not self.floating.held:
             return certificate
-        return replace(certificate, springs=self.floating.part_held(self._sizes()))
+        return replace(certificate, springs=self.floating.part_held())
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).

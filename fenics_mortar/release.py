@@ -28,7 +28,7 @@ MOST_SOLVES, MOST_FAILURES = 12, 3
 # Springs that stay are tied anew so often: what contact can carry it does then.
 REPEATS = 3
 # Springs may hold this part of the forces on a body, about what averaged normals err.
-MOST_HELD = 0.02
+MOST_HELD = 0.005
 # Accuracy of the solves with springs: the last one has that of the user.
 ROUGH = 1e-6
 

@@ -111,7 +111,7 @@ def test_linear_pressure_passes_a_flat_interface(angle, basis):
         assert np.abs(scene.u.x.array - scene.loads["exact"].x.array).max() < 1e-12
 
 
-@pytest.mark.parametrize("slave, cell", product(SLAVES, CELLS))
+@pytest.mark.parametrize("slave, cell", [*product(SLAVES, CELLS)])
 def test_multipliers_at_vertices_can_be_condensed(slave, cell):
     """The lower block is wider: as the slave it has facets that are covered in part."""
     multipliers = []
@@ -174,7 +174,7 @@ def press_fit_pressure():
     return -traction(INNER, radius, u) * radius / (radius + u)
 
 
-@pytest.mark.parametrize("slave, cell", product(("inner", "outer"), CELLS))
+@pytest.mark.parametrize("slave, cell", [*product(("inner", "outer"), CELLS)])
 def test_press_fit_of_curved_cells_converges_to_the_exact_pressure(slave, cell):
     """At least second order; straight cells do not converge at all, their corners carry all."""
     exact, errors = press_fit_pressure(), []
