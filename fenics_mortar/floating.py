@@ -50,7 +50,7 @@ MOST_MOVES = 200
 # A body is driven if the loads' resultant is above this part of the sum of their sizes.
 DRIVEN = 1e-6
 # Averaged normals of facets err by about this part of the forces.
-FACETS_ERR = 0.02
+FACETS_ERR = 0.05
 # A node is loaded if its pressure is above this part of the stiffness there.
 LOADED = 1e-12
 # A rigid motion below this part of the body's size is rounding.

@@ -124,7 +124,6 @@ def test_disk_that_may_roll_falls_in_one_solve(size):
     assert force[1] == pytest.approx(0.5 * np.pi * 0.25, rel=0.02)
     told = any("springs hold" in note for note in report.notes)
     assert told == (certificate.springs > 0.0)
-    assert certificate.springs < 2e-3
     assert problem.solve().certificate.violations() == []  # and on from there
 
 
