@@ -5,7 +5,8 @@
     python3 demos/accuracy/chart.py --quick    the four elements with the default choices
 
 Writes ``rates.md`` and ``chart.png`` to ``results/accuracy``. Times are medians of repeated solves
-in one process after a warm-up; the clock of a solve starts with the finished mesh.
+in one process after a warm-up; set-up includes the mesh; bulk, contact and solve are the
+phases of Newton's method by the clocks of its report.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ COLOURS = {"P1": "#0072b2", "Q1": "#56b4e9", "P2": "#d55e00", "Q2": "#e69f00"}
 
 def measure(n: int, choice: Choice, graded: bool, repeats: int) -> Row:
     """Solve ``repeats`` times and take the medians of the times; raises if it does not converge."""
+    forget_peak()
     begin = time.perf_counter()
     posed = hertz(n, choice, graded=graded)
     setup, start, seconds = time.perf_counter() - begin, posed.problem.state(), []
@@ -46,8 +48,26 @@ def measure(n: int, choice: Choice, graded: bool, repeats: int) -> Row:
     row = {"n": n, "choice": choice, "graded": graded, "dofs": posed.u.x.array.size}
     row |= {"iterations": report.num_iterations, "set-up": setup}
     row |= dict(zip(PHASES, np.median(seconds, axis=0)))
+    row["MB"] = peak_memory()
     row["seconds"] = sum(row[phase] for phase in PHASES)
     return row | errors(posed)
+
+
+def forget_peak() -> None:
+    """Let the peak of memory start anew, where the system can (Linux)."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        print("peaks of memory are those since the start of the process")
+
+
+def peak_memory() -> float:
+    """Peak of this process's memory [MB]; nan where the system does not tell."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return np.nan
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM")), np.nan)
 
 
 def measure_all(
@@ -74,19 +94,24 @@ def series(rows: Sequence[Row]) -> dict[tuple[Choice, bool], list[Row]]:
 
 
 def rate(rows: Sequence[Row], name: str) -> float:
-    """Slope of the straight line through log(error) over log(number of facets)."""
-    return float(-np.polyfit(np.log([r["n"] for r in rows]), np.log([r[name] for r in rows]), 1)[0])
+    """Rate of an error over the last two halvings of the facets.
+
+    Over one halving it depends on where in its facet the end of the contact lies; over two it comes
+    back to its place.
+    """
+    coarse, fine = rows[-3], rows[-1]
+    return float(np.log(coarse[name] / fine[name]) / np.log(fine["n"] / coarse["n"]))
 
 
 def table(rows: Sequence[Row]) -> str:
     """Fitted rates beside predicted ones, and what the finest mesh costs, in Markdown."""
     lines = [
         "| element | mesh | basis | integration | tangent | energy | pressure L2 | pressure max "
-        "| finest: energy error | dofs | iterations | set-up [s] | bulk | contact | solve |",
-        "|---|---|---|---|---|" + "---:|" * 10,
+        "| finest: energy | dofs | iterations | set-up [s] | bulk | contact | solve | peak [MB] |",
+        "|---|---|---|---|---|" + "---:|" * 11,
     ]
     for (choice, graded), mine in series(rows).items():
-        if len(mine) < 2:
+        if len(mine) < 3:
             continue
         predicted = PREDICTED[ELEMENTS[choice.element][1]]
         # no rate is predicted here for graded meshes
@@ -99,6 +124,7 @@ def table(rows: Sequence[Row]) -> str:
         cells += [choice.basis, choice.integration, choice.linearization, *rates]
         cells += [f"{last['energy']:.1e}", str(last["dofs"]), str(last["iterations"])]
         cells += [f"{last[phase]:.3f}" for phase in ("set-up", *PHASES)]
+        cells.append(f"{last['MB']:.0f}")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -109,6 +135,9 @@ def draw(rows: Sequence[Row]) -> Figure:
     axes = figure.subplots(2, 2, sharey="row")
     for (choice, graded), mine in series(rows).items():
         if choice != Choice(choice.element):
+            for row, name in enumerate(("energy", "pressure")):
+                x, y = [r["seconds"] for r in mine], [r[name] for r in mine]
+                axes[row, 1].loglog(x, y, ".", ms=3, alpha=0.4, color=COLOURS[choice.element])
             continue
         style = {"color": COLOURS[choice.element], "ls": "--" if graded else "-", "marker": "o"}
         label = f"{choice.element}{', graded' if graded else ''}"
@@ -119,11 +148,14 @@ def draw(rows: Sequence[Row]) -> Figure:
     for row, name in enumerate(("energy", "pressure, L2")):
         axes[row, 0].set_ylabel(f"relative error: {name}")
     axes[1, 0].set_xlabel("unknown displacements")
-    axes[1, 1].set_xlabel("seconds of a solve, set-up aside")
+    axes[1, 1].set_xlabel("seconds of a solve, mesh and set-up aside")
     for axis in axes.ravel():
         axis.grid(True, which="major", color="#dddddd", lw=0.6)
     axes[0, 0].legend(frameon=False, ncols=2, fontsize=8)
-    figure.suptitle("Hertz on boxes with the exact loads: dual basis, segments, full tangent")
+    figure.suptitle(
+        "Hertz on boxes with the exact loads. Lines: dual basis, segments, full tangent;\n"
+        "dots: all other choices of basis, integration and tangent"
+    )
     return figure
 
 
@@ -131,6 +163,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="default choices, coarse meshes")
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--finest", type=int, help="facets of the slave: 64, 128, ...")
     options = parser.parse_args()
     parts = (
         [("dual",), ("segments",), ("full",)]
@@ -142,7 +175,8 @@ def main() -> None:
         ]
     )
     choices = [Choice(*names) for names in product(ELEMENTS, *parts)]
-    sizes = (16, 32, 64) if options.quick else (16, 32, 64, 128)
+    finest = options.finest or (64 if options.quick else 128)
+    sizes = [n for n in (16, 32, 64, 128, 256, 512) if n <= finest]
     rows = measure_all(choices, sizes, (False, True), options.repeats)
     folder = Path("results/accuracy")
     folder.mkdir(parents=True, exist_ok=True)

@@ -164,13 +164,13 @@ def spread(count: int, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarra
     return np.interp(np.arange(count + 1) / count, share, np.linspace(0, 1, share.size))
 
 
-# Hertz: on uniform meshes +-a lie a third of a facet beside a node, on each mesh, so that the rates
-# are steady. Half the side of the boxes:
+# Hertz: on uniform meshes the ends of the contact lie a third and two thirds of a facet beyond a node
+# by turns, never on one: rates are steady over two halvings. Half the side of the boxes:
 HALF_SIDE = 3.0  # half-widths
 
 
 def hertz(n: int, choice: Choice, *, graded: bool = False) -> Posed:
-    """A body with a parabola as its lower side on a flat one; n facets of the slave, of degree 1."""
+    """A parabola above, the slave, on a flat body; n facets of degree 1, n / 2 of degree 2."""
     cell, degree = ELEMENTS[choice.element]
     exact = HalfPlanes()
     side, height = HALF_SIDE * exact.a, HALF_SIDE * exact.a
