@@ -164,8 +164,8 @@ def spread(count: int, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarra
     return np.interp(np.arange(count + 1) / count, share, np.linspace(0, 1, share.size))
 
 
-# Hertz: on uniform meshes the ends of the contact lie a third and two thirds of a facet beyond a node
-# by turns, never on one: rates are steady over two halvings. Half the side of the boxes:
+# Hertz: on uniform meshes the ends of the contact lie a third and two thirds of a facet beyond a
+# node by turns, never on one: rates are steady over two halvings. Half the side of the boxes:
 HALF_SIDE = 3.0  # half-widths
 
 
