@@ -12,11 +12,14 @@ phases of Newton's method by the clocks of its report.
 from __future__ import annotations
 
 import argparse
+import gc
 import time
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
+
+from petsc4py import PETSc
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -37,8 +40,10 @@ COLOURS = {"P1": "#0072b2", "Q1": "#56b4e9", "P2": "#d55e00", "Q2": "#e69f00"}
 
 def measure(n: int, choice: Choice, graded: bool, repeats: int) -> Row:
     """Solve ``repeats`` times and take the medians of the times; raises if it does not converge."""
+    gc.collect()
+    PETSc.garbage_cleanup()
     forget_peak()
-    begin = time.perf_counter()
+    before, begin = memory("VmRSS"), time.perf_counter()
     posed = hertz(n, choice, graded=graded)
     setup, start, seconds = time.perf_counter() - begin, posed.problem.state(), []
     for _ in range(repeats):
@@ -48,7 +53,7 @@ def measure(n: int, choice: Choice, graded: bool, repeats: int) -> Row:
     row = {"n": n, "choice": choice, "graded": graded, "dofs": posed.u.x.array.size}
     row |= {"iterations": report.num_iterations, "set-up": setup}
     row |= dict(zip(PHASES, np.median(seconds, axis=0)))
-    row["MB"] = peak_memory()
+    row["MB"] = memory("VmHWM") - before
     row["seconds"] = sum(row[phase] for phase in PHASES)
     return row | errors(posed)
 
@@ -61,13 +66,13 @@ def forget_peak() -> None:
         print("peaks of memory are those since the start of the process")
 
 
-def peak_memory() -> float:
-    """Peak of this process's memory [MB]; nan where the system does not tell."""
+def memory(what: str) -> float:
+    """Memory of this process, "VmRSS" now or "VmHWM" at its peak [MB]; nan if not told."""
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
     except OSError:
         return np.nan
-    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM")), np.nan)
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith(what)), np.nan)
 
 
 def measure_all(
@@ -107,7 +112,7 @@ def table(rows: Sequence[Row]) -> str:
     """Fitted rates beside predicted ones, and what the finest mesh costs, in Markdown."""
     lines = [
         "| element | mesh | basis | integration | tangent | energy | pressure L2 | pressure max "
-        "| finest: energy | dofs | iterations | set-up [s] | bulk | contact | solve | peak [MB] |",
+        "| finest: energy | dofs | iterations | set-up [s] | bulk | contact | solve | adds [MB] |",
         "|---|---|---|---|---|" + "---:|" * 11,
     ]
     for (choice, graded), mine in series(rows).items():
