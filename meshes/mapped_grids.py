@@ -15,8 +15,24 @@ from typing import Any
 import gmsh
 import numpy as np
 from _shared import check_cell, name_group, write
+from numpy.lib.stride_tricks import sliding_window_view
 
 SIDES = ("bottom", "right", "top", "left")
+# The nodes of a facet, and those of the cells that a square of nodes is made into, by order and as
+# gmsh counts them.
+LINE = {1: [0, 1], 2: [0, 2, 1]}
+EDGES = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1)]
+NODES: dict[str, dict[int, list[list[tuple[int, int]]]]] = {
+    "quadrilateral": {1: [[(0, 0), (1, 0), (1, 1), (0, 1)]], 2: [[*EDGES, (1, 1)]]},
+    "triangle": {
+        1: [[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]],
+        2: [
+            [(0, 0), (2, 0), (2, 2), (1, 0), (2, 1), (1, 1)],
+            [(0, 0), (2, 2), (0, 2), (1, 1), (1, 2), (0, 1)],
+        ],
+    },
+}
+GMSH_FAMILIES = {"triangle": "Triangle", "quadrilateral": "Quadrangle"}
 
 
 @dataclass(frozen=True)
@@ -25,7 +41,7 @@ class Grid:
 
     Attributes:
         name: Name of the body.
-        x: Positions of the nodes, shape (columns + 1, rows + 1, 2) [length].
+        x: Positions of the nodes, shape (order columns + 1, order rows + 1, 2) [length].
         joined: Names of boundaries, by side, where they are not ``name/side``; sides of the same
             name, of other bodies too, are one boundary.
         closed: Whether the right side is joined to the left one, as in a ring.
@@ -80,12 +96,13 @@ def sector(
     return mapped(columns, rows, position)
 
 
-def build(grids: Sequence[Grid], *, cell: str = "quadrilateral") -> Any:
+def build(grids: Sequence[Grid], *, cell: str = "quadrilateral", order: int = 1) -> Any:
     """Build all bodies as a new model of the running gmsh session; return ``gmsh.model``.
 
     Args:
         grids: The bodies.
         cell: ``"triangle"`` or ``"quadrilateral"``.
+        order: Order of the cells; of order 2, whose sides bend, each takes 3 x 3 nodes of a grid.
     """
     check_cell(cell)
     gmsh.model.add("mapped_grids")
@@ -94,32 +111,35 @@ def build(grids: Sequence[Grid], *, cell: str = "quadrilateral") -> Any:
     for grid in grids:
         numbers = first + grid.numbers()
         first = int(numbers.max()) + 1
-        add_cells(grid, numbers, cell)
+        add_cells(grid, numbers, cell, order)
         sides = (numbers[:, 0], numbers[-1], numbers[::-1, -1], numbers[0, ::-1])
-        for side, ends in zip(SIDES, sides):
+        for side, nodes in zip(SIDES, sides):
             if not grid.closed or side in ("bottom", "top"):
-                lines.setdefault(grid.boundary(side), []).append(np.stack([ends[:-1], ends[1:]], 1))
-    for name, ends in lines.items():
+                facets = sliding_window_view(nodes, order + 1)[::order]
+                lines.setdefault(grid.boundary(side), []).append(facets[:, LINE[order]])
+    for name, facets in lines.items():
         curve = gmsh.model.addDiscreteEntity(1)
-        gmsh.model.mesh.addElementsByType(curve, 1, [], np.concatenate(ends).ravel())
+        kind = gmsh.model.mesh.getElementType("Line", order)
+        gmsh.model.mesh.addElementsByType(curve, kind, [], np.concatenate(facets).ravel())
         name_group(1, [curve], name)
     return gmsh.model
 
 
-def add_cells(grid: Grid, numbers: np.ndarray, cell: str) -> None:
+def add_cells(grid: Grid, numbers: np.ndarray, cell: str, order: int) -> None:
     """Add nodes and cells of one body."""
     surface = gmsh.model.addDiscreteEntity(2)
     tags, place = np.unique(numbers, return_index=True)
     x = np.zeros((tags.size, 3))
     x[:, :2] = grid.x.reshape(-1, 2)[place]
     gmsh.model.mesh.addNodes(2, surface, tags, x.ravel())
-    quads = np.stack([numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:]], 2)
-    quads = quads.reshape(-1, 4)
-    if turns_left(x[:, :2], quads - tags[0]) < 0.0:
-        quads = quads[:, ::-1]
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    kind, nodes = {"quadrilateral": (3, quads), "triangle": (2, triangles)}[cell]
-    gmsh.model.mesh.addElementsByType(surface, kind, [], nodes.ravel())
+    cells = sliding_window_view(numbers, (order + 1, order + 1))[::order, ::order]
+    cells = cells.reshape(-1, order + 1, order + 1)
+    corners = cells[:, ::order, ::order].reshape(-1, 4)[:, [0, 2, 3, 1]]
+    if turns_left(x[:, :2], corners - tags[0]) < 0.0:
+        cells = cells[:, :, ::-1]
+    nodes = [cells[:, i, j] for piece in NODES[cell][order] for i, j in piece]
+    kind = gmsh.model.mesh.getElementType(GMSH_FAMILIES[cell], order)
+    gmsh.model.mesh.addElementsByType(surface, kind, [], np.stack(nodes, axis=1).ravel())
     name_group(2, [surface], grid.name)
 
 

@@ -66,6 +66,22 @@ def test_mapped_grids_have_their_areas_and_boundaries(cell):
     }
 
 
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_mapped_grids_of_order_2_bend(cell):
+    """Parabolas through three points of each arc; a chord of arc t lacks t^2 / 6 of the area.
+
+    A parabola's sagitta is that of the arc, so that area is missing only from order t^4 on.
+    """
+    ring = mapped_grids.sector(24, 4, radii=(0.5, 1.0))
+    for x in (ring, ring[::-1]):
+        grids = [mapped_grids.Grid("ring", x, closed=True)]
+        data = read(mapped_grids.build, grids=grids, cell=cell, order=2)
+        area = fem.assemble_scalar(fem.form(fem.Constant(data.mesh, 1.0) * ufl.dx))
+        arc = np.pi / 6
+        assert area == pytest.approx(0.75 * np.pi, rel=arc**4 / 100)
+        assert len(data.boundary_facets("ring/bottom")) == 12
+
+
 # The runner
 
 

@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: MIT
+"""Contact problems with a known solution, posed on meshes of any fineness and element."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "meshes")]
+import mapped_grids
+from exact_flat import FlatInterface
+from exact_hertz import HalfPlanes
+from exact_rings import PressFit, linear
+from mapped_grids import Grid
+
+import fenics_mortar as fm
+
+Field = Callable[[np.ndarray, np.ndarray], np.ndarray]
+# Element by name: shape of the cells, degree
+ELEMENTS = {
+    "P1": ("triangle", 1),
+    "Q1": ("quadrilateral", 1),
+    "P2": ("triangle", 2),
+    "Q2": ("quadrilateral", 2),
+}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a user may choose.
+
+    Attributes:
+        element: One of ``ELEMENTS``.
+        basis: "dual" or "standard".
+        integration: "segments" or "elements".
+        linearization: "full" or "frozen" (fixed point).
+    """
+
+    element: str = "P1"
+    basis: str = "dual"
+    integration: str = "segments"
+    linearization: str = "full"
+
+
+@dataclass
+class Posed:
+    """A problem and what is known of its solution.
+
+    Attributes:
+        data: The mesh.
+        u: Displacement.
+        problem: To be solved.
+        slave: Name of the body with the slave surface, for which fields take ``True``.
+        displacement: Exact displacement (2, n) at reference places (2, n) of the body said.
+        gradient: Its gradient, shape (2, 2, n).
+        pressure: Exact pressure (n,) at reference places (2, n) of the slave surface.
+        lame: Lame's parameters [stress], of the energy norm.
+        half_width: Exact half-width of the contact [length], if it has one.
+    """
+
+    data: Any
+    u: Any
+    problem: Any
+    slave: str
+    displacement: Field
+    gradient: Field
+    pressure: Callable[[np.ndarray], np.ndarray]
+    lame: tuple[float, float]
+    half_width: float = field(default=np.nan)
+
+
+def read(grids: list[Grid], cell: str, order: int) -> Any:
+    """Make a mesh of grids."""
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    model = mapped_grids.build(grids, cell=cell, order=order)
+    data = fm.read_gmsh(model, MPI.COMM_SELF)
+    gmsh.finalize()
+    return data
+
+
+def linear_elastic(u: Any, mu: float, lmbda: float) -> Any:
+    """Cauchy stress of linear elasticity."""
+    strain = ufl.sym(ufl.grad(u))
+    return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
+
+
+def neo_hookean(u: Any, mu: float, lmbda: float) -> Any:
+    """First Piola-Kirchhoff stress of the compressible neo-Hookean law."""
+    F = ufl.Identity(2) + ufl.grad(u)
+    inverse = ufl.inv(F).T
+    return mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
+
+
+def held(V: Any, data: Any, places: dict[str, bool], exact: Field) -> list[Any]:
+    """Prescribe the exact displacement; ``places`` says which boundaries are of the slave body."""
+    bcs = []
+    for name, of_slave in places.items():
+        value = fem.Function(V)
+        value.interpolate(lambda x, on=of_slave: exact(x[:2], np.full(x.shape[1], on)))
+        bcs.append(fm.dirichlet(V, data, name, value))
+    return bcs
+
+
+def pose(
+    data: Any,
+    choice: Choice,
+    law: Any,
+    exact: Any,
+    slave: str,
+    master: str,
+    *,
+    displacement: Field,
+    held_on: dict[str, bool],
+    loads: Any = None,
+) -> tuple[Any, Any]:
+    """Set up the problem; ``loads`` makes the work of the loads of x, v, dx, ds."""
+    degree = ELEMENTS[choice.element][1]
+    V = fm.vector_space(data.mesh, degree)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.Measure("dx", data.mesh, metadata={"quadrature_degree": 2 * degree})
+    ds = ufl.Measure(
+        "ds", data.mesh, subdomain_data=data.facet_tags, metadata={"quadrature_degree": 6}
+    )
+    residual = ufl.inner(law(u, *lame(exact)), ufl.grad(v)) * dx
+    if loads is not None:
+        residual -= loads(ufl.SpatialCoordinate(data.mesh), v, dx, ds)
+    pair = fm.ContactPair(data, slave, master, basis=choice.basis, integration=choice.integration)
+    problem = fm.ContactProblem(
+        residual,
+        u,
+        [pair],
+        bcs=held(V, data, held_on, displacement),
+        petsc_options_prefix="accuracy_",
+        linearization=choice.linearization,
+        newton=fm.NewtonOptions(max_iterations=100),
+    )
+    return u, problem
+
+
+def lame(exact: Any) -> tuple[float, float]:
+    """Lame's parameters of plane strain [stress]."""
+    mu = exact.E / (2 * (1 + exact.nu))
+    return mu, 2 * mu * exact.nu / (1 - 2 * exact.nu)
+
+
+def spread(count: int, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Divide [0, 1] into ``count`` parts with so many of them in each place; (count + 1,)."""
+    middles = (np.arange(200_000) + 0.5) / 200_000
+    share = np.cumsum(density(middles))
+    share = np.append(0.0, share / share[-1])
+    return np.interp(np.arange(count + 1) / count, share, np.linspace(0, 1, share.size))
+
+
+# Hertz: on uniform meshes the ends of the contact lie a third and two thirds of a facet beyond a
+# node by turns, never on one: rates are steady over two halvings. Half the side of the boxes:
+HALF_SIDE = 3.0  # half-widths
+
+
+def hertz(n: int, choice: Choice, *, graded: bool = False) -> Posed:
+    """A parabola above, the slave, on a flat body; n facets of degree 1, n / 2 of degree 2."""
+    cell, degree = ELEMENTS[choice.element]
+    exact = HalfPlanes()
+    side, height = HALF_SIDE * exact.a, HALF_SIDE * exact.a
+
+    def grid(n: int, sign: float) -> np.ndarray:
+        columns, rows = n // degree * degree, n // 2 // degree * degree
+        s, t = np.linspace(0, 1, columns + 1), np.linspace(0, 1, rows + 1)
+        if graded:
+            s = spread(columns, lambda s: edge_density(2 * s - 1))
+            t = t**2
+            if degree == 2:
+                s[1::2], t[1::2] = (s[:-1:2] + s[2::2]) / 2, (t[:-1:2] + t[2::2]) / 2
+        s, t = np.meshgrid(s, t, indexing="ij")
+        x = side * (2 * s - 1)
+        bottom = x**2 / (2 * exact.R) if sign > 0 else 0 * x
+        return np.stack([x, bottom + t * (sign * height - bottom)], axis=2)
+
+    upper, lower = grid(n, 1.0), grid(5 * n // 8, -1.0)[:, ::-1]
+    data = read([Grid("upper", upper), Grid("lower", lower)], cell, degree)
+
+    def displacement(x: np.ndarray, on_slave: np.ndarray) -> np.ndarray:
+        y = np.where(on_slave, 1.0, -1.0) * np.maximum(np.abs(x[1]), 1e-30)
+        return exact.displacement(np.stack([x[0], y]))
+
+    def loads(x: Any, v: Any, dx: Any, ds: Any) -> Any:
+        names = [f"{body}/{side}" for body in ("upper", "lower") for side in ("left", "right")]
+        normal = ufl.as_vector([ufl.sign(x[0]), 0])
+        traction = ufl.dot(exact.ufl_stress(x), normal)
+        return sum(ufl.inner(traction, v) * ds(data.boundary_tag(name)) for name in names)
+
+    u, problem = pose(
+        data,
+        choice,
+        linear_elastic,
+        exact,
+        "upper/bottom",
+        "lower/top",
+        displacement=displacement,
+        held_on={"upper/top": True, "lower/bottom": False},
+        loads=loads,
+    )
+    mu, lmbda = lame(exact)
+
+    def gradient(x: np.ndarray, on_slave: np.ndarray) -> np.ndarray:
+        stress = exact.stress(np.stack([x[0], np.where(on_slave, 1, -1) * np.abs(x[1])]))
+        trace = (stress[0, 0] + stress[1, 1]) * lmbda / (2 * (mu + lmbda))
+        return (stress - trace * np.eye(2)[:, :, None]) / (2 * mu)
+
+    return Posed(
+        data,
+        u,
+        problem,
+        "upper",
+        displacement,
+        gradient,
+        lambda x: exact.pressure(x[0]),
+        (mu, lmbda),
+        exact.a,
+    )
+
+
+def edge_density(x: np.ndarray) -> np.ndarray:
+    """Density of nodes over [-1, 1]: facets are like the root of the distance from the edge."""
+    distance = np.abs(np.abs(x) - 1 / HALF_SIDE)
+    return 1 / np.sqrt(distance + 1e-6)
+
+
+def press_fit(n: int, choice: Choice, *, law: str = "neo_hookean") -> Posed:
+    """Two rings, n facets of the outer circle of the inner one; the outer ring is the slave."""
+    cell, degree = ELEMENTS[choice.element]
+    exact = PressFit(law=linear, interference=0.1) if law == "linear" else PressFit()
+    (a, outside), (inside, c) = exact.rings
+
+    def ring(n: int, radii: tuple[float, float]) -> np.ndarray:
+        return mapped_grids.sector(n // degree * degree, n // 6 // degree * degree, radii=radii)
+
+    grids = [
+        Grid("inner", ring(n, (a, outside)), closed=True),
+        Grid("outer", ring(4 * n // 3, (inside, c)), closed=True),
+    ]
+    data = read(grids, cell, degree)
+    u, problem = pose(
+        data,
+        choice,
+        linear_elastic if law == "linear" else neo_hookean,
+        exact,
+        "outer/top",
+        "inner/bottom",
+        displacement=lambda x, on: exact.displacement(x, ~on),
+        held_on={"inner/top": False, "outer/bottom": True},
+    )
+    return Posed(
+        data,
+        u,
+        problem,
+        "outer",
+        lambda x, on: exact.displacement(x, ~on),
+        lambda x, on: exact.gradient(x, ~on),
+        lambda x: np.full(x.shape[1], exact.contact_pressure),
+        lame(exact),
+    )
+
+
+def flat(n: int, choice: Choice) -> Posed:
+    """The smooth manufactured solution; n facets of the slave, which is below."""
+    cell, degree = ELEMENTS[choice.element]
+    exact = FlatInterface()
+
+    def square(n: int, y: float) -> np.ndarray:
+        n = n // degree * degree
+        return mapped_grids.block(n, n, width=1.0, height=1.0, corner=(0.0, y))
+
+    grids = [Grid("upper", square(2 * n // 3, 0.0)), Grid("lower", square(n, -1.0))]
+    data = read(grids, cell, degree)
+
+    def loads(x: Any, v: Any, dx: Any, ds: Any) -> Any:
+        P = neo_hookean(exact.ufl_displacement(x), *lame(exact))
+        return -ufl.inner(ufl.div(P), v) * dx(metadata={"quadrature_degree": 4})
+
+    sides = {False: ("top", "left", "right"), True: ("bottom", "left", "right")}
+    bodies = {False: "upper", True: "lower"}
+    u, problem = pose(
+        data,
+        choice,
+        neo_hookean,
+        exact,
+        "lower/top",
+        "upper/bottom",
+        displacement=lambda x, on: exact.displacement(x, ~on),
+        held_on={f"{bodies[on]}/{side}": on for on in sides for side in sides[on]},
+        loads=loads,
+    )
+    return Posed(
+        data,
+        u,
+        problem,
+        "lower",
+        lambda x, on: exact.displacement(x, ~on),
+        lambda x, on: exact.gradient(x, ~on),
+        lambda x: exact.pressure(x[0]),
+        lame(exact),
+    )
+
+
+SCENES = {"hertz": hertz, "press fit": press_fit, "flat": flat}

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: MIT
+"""Rates of convergence to exact solutions, within 0.15 of what theory says."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
+from exact_hertz import HalfPlanes
+from exact_rings import PressFit, linear
+from norms import errors
+from scenes_exact import ELEMENTS, Choice, flat, hertz, press_fit
+
+pytestmark = pytest.mark.serial
+
+
+def rates(scene, element, sizes):
+    """Rate of each error from the first mesh to the second."""
+    found = []
+    for n in sizes:
+        posed = scene(n, Choice(element))
+        posed.problem.solve()
+        found.append(errors(posed))
+    factor = np.log(sizes[1] / sizes[0])
+    return {name: np.log(found[0][name] / found[1][name]) / factor for name in found[0]}
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_smooth_solutions_have_full_rates(element):
+    degree = ELEMENTS[element][1]
+    found = rates(flat, element, (12, 24))
+    assert found["energy"] == pytest.approx(degree, abs=0.15)
+    assert found["displacement"] == pytest.approx(degree + 1, abs=0.15)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_press_fit_on_a_curved_interface_has_full_rates_of_energy(element):
+    degree = ELEMENTS[element][1]
+    found = rates(press_fit, element, (96 // degree, 192 // degree))
+    assert found["energy"] == pytest.approx(degree, abs=0.15)
+
+
+@pytest.mark.parametrize("element, rate", [("P1", 1.0), ("Q1", 1.0), ("P2", 1.5), ("Q2", 1.5)])
+def test_hertz_has_the_rates_that_the_ends_of_the_contact_allow(element, rate):
+    """Over two halvings, after which the ends lie at the same place of a facet again."""
+    assert rates(hertz, element, (32, 128))["energy"] == pytest.approx(rate, abs=0.15)
+
+
+def test_press_fit_is_lames_for_a_small_interference():
+    """Lame's formula for radii 1, 2, 3, E = 1, nu = 0.3; its error is of order interference / b."""
+    a, b, c, nu, interference = 1.0, 2.0, 3.0, 0.3, 1e-5
+    inner = ((1 - 2 * nu) * b**2 + a**2) / (b**2 - a**2)
+    outer = ((1 - 2 * nu) * b**2 + c**2) / (c**2 - b**2)
+    lame = interference / (b * (1 + nu) * (inner + outer))
+    for law in (linear, PressFit.law):
+        found = PressFit(law=law, interference=interference).contact_pressure
+        assert found == pytest.approx(lame, rel=3 * interference / b)
+
+
+def test_potentials_of_hertz_agree_with_the_displacement():
+    """Hooke's law of central differences; their error is about the step squared, 1e-10."""
+    exact, step = HalfPlanes(R=4.0), 1e-5
+    x = np.random.default_rng(0).uniform(-2, 2, (2, 50))
+    gradient = np.stack(
+        [
+            (exact.displacement(x + h) - exact.displacement(x - h)) / (2 * step)
+            for h in step * np.eye(2)[:, :, None]
+        ],
+        axis=1,
+    )
+    strain = (gradient + gradient.transpose(1, 0, 2)) / 2
+    lmbda = 2 * exact.mu * exact.nu / (1 - 2 * exact.nu)
+    stress = 2 * exact.mu * strain + lmbda * np.trace(strain) * np.eye(2)[:, :, None]
+    assert np.abs(stress - exact.stress(x)).max() < 1e-7 * np.abs(stress).max()
