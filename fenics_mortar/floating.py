@@ -47,8 +47,9 @@ TOUCH = 0.01
 # Largest rigid motion in one move over the size of the body: gaps are linear in less than that.
 LARGEST_MOVE = 0.2
 MOST_MOVES = 200
-# A body is driven if the loads' resultant is above this part of the sum of their sizes.
-DRIVEN = 1e-6
+# A body is driven if the loads' resultant is above this part of the sum of their sizes; one that
+# springs have held, above the second.
+DRIVEN, DRIVEN_HELD = 1e-6, 0.005
 # Averaged normals of facets err by about this part of the forces.
 FACETS_ERR = 0.05
 # A node is loaded if its pressure is above this part of the stiffness there.
@@ -342,7 +343,8 @@ class FloatingBodies:
         drive = self._resultant(body, total)
         size = self._bulk.comm.allreduce(float(sizes[self._dofs_of(body)].sum()))
         norm = float(np.linalg.norm(drive))
-        return drive / norm if norm > DRIVEN * size else np.zeros(len(drive))
+        least = (DRIVEN_HELD if self.held else DRIVEN) * size
+        return drive / norm if norm > least else np.zeros(len(drive))
 
     def _resultant(self, body: FloatingBody, total: Array) -> Array:
         """Resultant of the forces along the body's motions, shape (motions,)."""

@@ -176,14 +176,15 @@ class ContactProblem:
         """
         clock.read()
         self.bulk.check_finite()
-        self.floating.let_go()
         try:
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
             moved += self.floating.settle(self._evaluate_forces)
+            self.floating.let_go()
             report = self._solve()
             moved += self.floating.check()
         except MortarError:
             self._last_converged = False
+            self.floating.let_go()
             raise
         self._last_converged = True
         report.certificate = self.certificate()
