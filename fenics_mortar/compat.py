@@ -345,3 +345,12 @@ def evaluate_expression(expression: fem.Expression, mesh: dmesh.Mesh, cells: Ind
     """
     takes_mesh = "mesh" in inspect.signature(expression.eval).parameters
     return expression.eval(mesh, cells) if takes_mesh else expression.eval(cells)
+
+
+def free_petsc_garbage(comm: MPI.Comm) -> None:
+    """Free the PETSc objects that Python has let go of on all ranks (collective).
+
+    petsc4py keeps them until then, since to destroy them is collective: in each iteration of a long
+    run some vectors, and with a problem its matrices and factors.
+    """
+    PETSc.garbage_cleanup(comm)

@@ -15,6 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
@@ -117,6 +118,7 @@ class ContactProblem:
     ) -> None:
         if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
+        compat.free_petsc_garbage(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)
         if linearization not in LINEARIZATIONS:
@@ -187,6 +189,7 @@ class ContactProblem:
             self.floating.let_go()
             raise
         self._last_converged = True
+        compat.free_petsc_garbage(self.comm)
         report.certificate = self.certificate()
         violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
         reactions = self.tools.record()
@@ -307,6 +310,7 @@ class ContactProblem:
         self.tools.move(part * motion)
         increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
         step.destroy()
+        compat.free_petsc_garbage(self.comm)
         return self.step(increment, part, self.floating.remark(loose))
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Both linear systems: equal iterates, Dirichlet conditions on contact surfaces, several pairs."""
 
+import gc
+import resource
+from pathlib import Path
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -253,3 +257,19 @@ def test_petsc_options_of_the_prefix_reach_the_solver():
     assert scene.problem.system.ksp.getOptionsPrefix() == "mine_"
     scene.loads["push"].value[1] = -0.05
     assert scene.problem.solve().converged
+
+
+@pytest.mark.serial
+def test_problems_that_are_gone_leave_no_memory_behind():
+    """Matrices and factors of one take 5 MB here; the pages in use hardly grow."""
+
+    def solve_and_forget():
+        scene = pressed_blocks(n_upper=60, n_lower=80)
+        scene.loads["push"].value[1] = -0.02
+        scene.problem.solve()
+        del scene
+        gc.collect()
+        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+    first, *_, last = [solve_and_forget() for _ in range(8)][2:]
+    assert last - first < 5 * 2e6
