@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -28,6 +29,10 @@ from dolfinx import mesh as dmesh
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
+
+# Communicators of earlier problems, by the ranks in them, whose garbage is looked through.
+MOST_KEPT = 8
+_kept: dict[tuple[int, ...], deque[PETSc.IS]] = {}
 
 
 def scalar_is_complex() -> bool:
@@ -354,3 +359,16 @@ def free_petsc_garbage(comm: MPI.Comm) -> None:
     run some vectors, and with a problem its matrices and factors.
     """
     PETSc.garbage_cleanup(comm)
+
+
+def free_petsc_garbage_of_earlier(comm: MPI.Comm) -> None:
+    """The same for the last communicators of the same ranks (collective).
+
+    Each mesh has a communicator of its own; what is left when mesh and problem are gone can be
+    reached only through an object that was made with it, which is kept here.
+    """
+    ranks = tuple(comm.allgather(MPI.COMM_WORLD.rank))
+    kept = _kept.setdefault(ranks, deque(maxlen=MOST_KEPT))
+    for earlier in kept:
+        PETSc.garbage_cleanup(earlier.comm)
+    kept.append(PETSc.IS().createGeneral(np.empty(0, PETSc.IntType), comm))

@@ -118,7 +118,7 @@ class ContactProblem:
     ) -> None:
         if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
-        compat.free_petsc_garbage(u.function_space.mesh.comm)
+        compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)
         if linearization not in LINEARIZATIONS:
