@@ -50,7 +50,13 @@ from fenics_mortar.surfaces import Array, Indices
 
 Algorithm = Literal["condensed", "saddle"]
 Solver = Literal["direct", "iterative"]
-DIRECT = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+# The order of elimination is kept while values change: MUMPS then needs more room than it foresees.
+DIRECT = {
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 50,
+}
 ITERATIVE = {
     "ksp_type": "gmres",
     "ksp_pc_side": "right",
@@ -188,6 +194,21 @@ class LinearSystem(ABC):
         A direct solution that leaves more than rounding is refined once: pivots of a saddle point
         are chosen for sparsity, too, and cost digits.
         """
+        solution, relative = self._attempt(matrix, rhs)
+        if not relative <= LINEAR_TOLERANCE:  # an order that was right for other values may not be
+            self.ksp.reset()
+            solution, relative = self._attempt(matrix, rhs)
+        reason = self.ksp.getConvergedReason()
+        if reason < 0 or not relative <= LINEAR_TOLERANCE:
+            self.ksp.reset()  # MUMPS does not factor again after it has failed
+            raise MortarError(
+                f"the linear system was not solved, it may be singular: PETSc's reason {reason}, "
+                f"remaining part of the right-hand side {relative:.1e}"
+            )
+        return solution
+
+    def _attempt(self, matrix: PETSc.Mat, rhs: PETSc.Vec) -> tuple[PETSc.Vec, float]:
+        """A solution, and the part of the right-hand side that it leaves."""
         solution = rhs.duplicate()
         self.ksp.setOperators(matrix)
         with self._in_database():
@@ -198,14 +219,7 @@ class LinearSystem(ABC):
             self.ksp.solve(defect, correction)
             solution.axpy(1.0, correction)
             defect, relative = self._defect(matrix, rhs, solution)
-        reason = self.ksp.getConvergedReason()
-        if reason < 0 or not relative <= LINEAR_TOLERANCE:
-            self.ksp.reset()  # MUMPS does not factor again after it has failed
-            raise MortarError(
-                f"the linear system was not solved, it may be singular: PETSc's reason {reason}, "
-                f"remaining part of the right-hand side {relative:.1e}"
-            )
-        return solution
+        return solution, relative
 
     def _defect(
         self, matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec
