@@ -148,6 +148,14 @@ def homogeneous_blocks(
     return Scene(data, u, problem_, {"exact": exact})
 
 
+def nodal(problem) -> np.ndarray:
+    """Displacement of all nodes in the order of the mesh's input, equal on all ranks.
+
+    Two meshes of the same input may be shared out among the ranks in different ways.
+    """
+    return problem.bulk.by_input_node()[1]
+
+
 def rotation(angle: float) -> np.ndarray:
     """Matrix of a rotation by ``angle`` [radian]."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
