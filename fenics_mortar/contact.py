@@ -19,7 +19,7 @@ modulus), l_j its length and c a plain number: nothing depends on units.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from mpi4py import MPI
 
@@ -29,6 +29,7 @@ import numpy.typing as npt
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
+    LINEARIZATIONS,
     Basis,
     Block,
     GapWeights,
@@ -49,6 +50,7 @@ from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
+Sliding = Literal["finite", "small"]
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
 # A node of which less than the first part is covered hands its multiplier to a neighbour with more
@@ -108,6 +110,9 @@ class ContactPair:
             where the problem is set up, whatever the facets of curved surfaces leave between them:
             0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
             and overlaps as they are meshed. See also ``Contact.offset``.
+        sliding: "finite", or "small": D, M and normals stay those of the undeformed mesh, and the
+            gap is linear in the displacement. It suffices where slip is small beside a facet and
+            normals hardly turn; with linear bulk the matrix is factored once, see ``reduced``.
         c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
             it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
             that a nonlinear step leaves behind.
@@ -134,6 +139,7 @@ class ContactPair:
         search_radius: float | None = None,
         max_angle: float = 70.0,
         initial_gap: float | None = None,
+        sliding: Sliding = "finite",
         c_n: float = 1e-3,
     ) -> None:
         for what, value, allowed in (
@@ -141,6 +147,7 @@ class ContactPair:
             ("normals", normals, get_args(Weighting)),
             ("gap_weights", gap_weights, get_args(GapWeights)),
             ("integration", integration, get_args(Integration)),
+            ("sliding", sliding, get_args(Sliding)),
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
@@ -171,6 +178,7 @@ class ContactPair:
         self.integration: Integration = integration
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
         self.initial_gap = initial_gap
+        self.sliding: Sliding = sliding
 
     def __repr__(self) -> str:
         """The two sides."""
@@ -190,6 +198,14 @@ class Rows:
     blocks: list[Block]
     A_z: Array
     rhs: Array
+
+
+class _Reference(NamedTuple):
+    """Frozen operators of the undeformed mesh, and what they were evaluated with."""
+
+    operators: Any
+    carries: npt.NDArray[np.bool_]
+    place: Array
 
 
 class Contact:
@@ -249,6 +265,7 @@ class Contact:
         self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self.operators: MortarOperators
+        self._reference: _Reference | None = None
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
@@ -350,18 +367,36 @@ class Contact:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""
         x = self.slave.X + self.slave.gather(u)
         m = self.master.X + self.master.gather(u)
+        if self.pair.sliding == "small":
+            operators = self._after_small_motion(x, m)
+        else:
+            operators = self._evaluate(x, m, linearization)
+        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+
+    def _evaluate(self, x: Array, m: Array, linearization: Linearization) -> MortarOperators:
+        """The operators where the nodes are at ``x`` and ``m`` (collective)."""
         planes = self._plane_normals
-        operators: MortarOperators
         if self.obstacle is None:
-            operators = evaluate_mortar(
+            return evaluate_mortar(
                 self.slave, self.master, x, m, self.carries, planes, self.options, linearization
             )
-        else:
-            operators = evaluate_obstacle(
-                self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
-                self.options, linearization,
-            )  # fmt: skip
-        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+        return evaluate_obstacle(
+            self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
+            self.options, linearization,
+        )  # fmt: skip
+
+    def _after_small_motion(self, x: Array, m: Array) -> MortarOperators:
+        """The operators of the undeformed mesh, with the gap of the present positions."""
+        kept = self._reference
+        if kept is None or not np.array_equal(kept.carries, self.carries):
+            X, frozen = (self.slave.X, self.master.X), LINEARIZATIONS["frozen"]
+            operators = self._evaluate(*X, frozen).freeze()
+            place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
+            kept = self._reference = _Reference(operators, self.carries.copy(), place)
+        if self.obstacle is None:
+            return kept.operators.after_small_motion(x, m)
+        dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
+        return kept.operators.after_small_motion(x, m, dq)
 
     def intersections(self) -> Segments:
         """Where the facets of this rank's share meet the master, whatever integrates the pair."""
