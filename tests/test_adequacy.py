@@ -59,7 +59,8 @@ def test_a_check_leaves_the_state_and_later_steps_as_they_are():
     assert problem.contacts[0].operators.linearization.frozen
     one, other = problem.solve(), alone.solve()
     assert other.adequacy is None and one.num_iterations == other.num_iterations
-    assert np.array_equal(nodal(problem), nodal(alone))
+    u, w = nodal(problem), nodal(alone)
+    assert np.abs(u - w).max() < 1e-10 * np.abs(u).max()  # MUMPS on ranks rounds as it likes
 
 
 def test_the_table_says_enough_and_not_enough():
