@@ -8,7 +8,14 @@ from scenes import internal, linear_elastic, neo_hookean, nodal, pressed_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.adequacy import ENERGY, QUANTITIES, Snapshot, differences, largest_strain
+from fenics_mortar.adequacy import (
+    ENERGY,
+    QUANTITIES,
+    Snapshot,
+    differences,
+    largest_strain,
+    strained,
+)
 
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
 
@@ -107,6 +114,18 @@ def test_strain_and_rotation_of_a_known_state():
     H = turn @ np.diag([1.03, 1.0]) - np.eye(2)
     problem.bulk.u.interpolate(lambda X: H @ X[:2])
     assert largest_strain(problem) == pytest.approx((0.1, 0.03), rel=1e-10)
+
+
+def test_rigid_motions_of_the_bodies_are_no_strain():
+    """Both are stretched by 2 % and turned by 0.4 radian; what is left is the stretch, turned."""
+    problem, _ = blocks((0.0, 0.0), strain="finite", solve=False)
+    bulk = problem.bulk
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    bulk.u.interpolate(lambda X: turn @ np.diag([1.02, 1.0]) @ X[:2] - X[:2])
+    rest = strained(problem, bulk.u.x.array[: bulk.num_owned])[bulk.space.owned_dofs] @ turn
+    X = bulk.V.tabulate_dof_coordinates()[: len(rest), 0]
+    assert rest[:, 0] == pytest.approx(0.02 * (X - 1.1), abs=1e-12)  # 1.1: the middle of both
+    assert np.abs(rest[:, 1]).max(initial=0.0) < 1e-12
 
 
 @pytest.mark.parametrize(
