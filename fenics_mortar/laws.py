@@ -161,6 +161,7 @@ class Coulomb(Friction):
 
     Args:
         mu: Coefficient of friction.
+        most: Shear that the surface bears at most, whatever the pressure [stress].
         c_t: Weight of the slip, see ``Friction``.
         limit_by: What bounds the shear while Newton's method iterates: "trial", the positive part
             of z_n - c_n g as in the active-set test, or "pressure", that of z_n. Both are the same
@@ -174,34 +175,40 @@ class Coulomb(Friction):
         self,
         mu: float,
         *,
-        c_t: float = 1e-3,
+        most: float = np.inf,
+        c_t: float = 1.0,
         limit_by: Literal["trial", "pressure"] = "trial",
     ) -> None:
         super().__init__(c_t)
         if not 0.0 <= mu < np.inf:
             raise ValueError(f"mu={mu}: zero or a positive number")
+        if not most > 0.0:
+            raise ValueError(f"most={most}: a positive stress, or infinity")
         if limit_by not in ("trial", "pressure"):
             raise ValueError(f"limit_by={limit_by!r}: allowed are trial, pressure")
-        self.mu, self.limit_by = mu, limit_by
+        self.mu, self.most, self.limit_by = mu, most, limit_by
 
     def __repr__(self) -> str:
         """The coefficient."""
         return f"Coulomb({self.mu:g})"
 
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """Mu times the positive part of the trial pressure."""
+        """Mu times the positive part of the trial pressure, at most ``most``."""
         c_n = node.c_n if self.limit_by == "trial" else np.zeros_like(node.c_n)
         trial = node.z_n - c_n * node.gap
-        factor = np.where(trial > 0.0, self.mu, 0.0)
-        return factor * trial, -factor * c_n, factor
+        factor = np.where((trial > 0.0) & (self.mu * trial < self.most), self.mu, 0.0)
+        return np.clip(self.mu * trial, 0.0, self.most), -factor * c_n, factor
 
     def bound(self, pressure: Array) -> Array:
         """Mu times the pressure."""
-        return self.mu * np.maximum(pressure, 0.0)
+        return np.clip(self.mu * pressure, 0.0, self.most)
 
 
 class Tresca(Friction):
     """Tresca's law, a shear of at most ``stress`` wherever there is contact.
+
+    That is so however small the pressure: an edge that peels off under its shear may find no place
+    between open and closed. ``Coulomb(mu, most=stress)`` has none of this.
 
     Args:
         stress: The bound [stress].
@@ -211,7 +218,7 @@ class Tresca(Friction):
         ValueError: If a number is not allowed.
     """
 
-    def __init__(self, stress: float, *, c_t: float = 1e-3) -> None:
+    def __init__(self, stress: float, *, c_t: float = 1.0) -> None:
         super().__init__(c_t)
         if not 0.0 <= stress < np.inf:
             raise ValueError(f"stress={stress}: zero or a positive number")
