@@ -3,7 +3,7 @@
 # This demo compares shear and sticking zone with the theory of Cattaneo and Mindlin.
 #
 # ## Problem
-# The half cylinder of the Hertz demo is pressed on the block, now with Coulomb's friction, mu = 0.2,
+# The half cylinder of the Hertz demo is pressed on the block, with Coulomb's friction, mu = 0.2,
 # and then drawn sideways by a force Q < mu P. The rim |x| > c slides, the middle sticks:
 #
 # c = a sqrt(1 - Q / (mu P)),   q = mu p(x) - mu p0 c / a sqrt(1 - (x/c)^2) within c, else mu p(x),
