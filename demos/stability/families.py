@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from model import Body, Grid, Pose, Posed, Scene, Support, block, legs, mapped, sector
+from model import Body, Grid, Pose, Posed, Scene, Support, Tool, block, fm, legs, mapped, sector
 
 
 @dataclass(frozen=True)
@@ -717,6 +717,30 @@ def unit_of_length(scale: float) -> Scene:
 def unit_of_stress(scale: float) -> Scene:
     """The same in other units."""
     return punch_on_ground(steps=4, depth=0.12).scaled(1.0, scale)
+
+
+TOOLS = {
+    "roller": lambda: fm.Circle((0.0, 0.55), 0.5, name="tool"),
+    "corner": lambda: fm.Polygon([(0.9, 0.85), (0.0, 0.05), (-0.6, 0.85)], 0.05, name="tool"),
+    "loose plate": lambda: fm.Plane((0.15, 0.05), (0.1, -1.0), name="tool"),
+}
+
+
+@family("rigid tool by force: tool, force / (E width)", *(
+    f"{tool}, {force}" for tool in TOOLS for force in (0.01, 0.05, 0.2)
+))  # fmt: skip
+def rigid_tool(value: str) -> Scene:
+    """It comes from a distance; the loose plate is tilted, pushed aside of its middle, may turn."""
+    tool, part = value.split(", ")
+    force = {"y": -float(part) * 1.6, **({"moment": 0.0} if tool == "loose plate" else {})}
+    return Scene(
+        bodies=[ground(24, 9, width=1.6, height=0.8)],
+        pairs=[("ground/top", "tool")],
+        supports=[HELD],
+        steps=4,
+        tools=[Tool("tool", TOOLS[tool], force)],
+        check=lambda posed: expect("force", posed.forces[0, 1], force["y"], 1e-8),
+    )
 
 
 @family("few facets on a round master: facets", 3, 5)

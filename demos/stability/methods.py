@@ -148,6 +148,13 @@ REMEDIES = {
         "default",
         Method("gaps as meshed", pair={"initial_gap": None}),
     ),
+    "no_cover_weights": Remedy(
+        "beyond the edge of the master the gap is that of the edge",
+        "near_miss",
+        "0.01",
+        "default",
+        Method("gaps by the basis", pair={"gap_weights": "basis"}),
+    ),
     "no_hand_over": Remedy(
         "hardly covered nodes hand their multiplier to a neighbour",
         "corner_on_flat",
