@@ -141,6 +141,13 @@ REMEDIES = {
         "plain",
         Method("not held", adaptive=False, override=without((problem, "release_slowly", give_up))),
     ),
+    "no_holding": Remedy(
+        "springs hold rigid tools that roll, and let go",
+        "rigid_tool",
+        "free egg, 0.01",
+        "default",
+        Method("not held", override=without((problem, "release_slowly", give_up))),
+    ),
     "meshed_gaps": Remedy(
         "gaps can be set, whatever the facets leave",
         "press_fit",
