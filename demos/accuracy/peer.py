@@ -103,7 +103,7 @@ def prescribed(posed: Posed) -> np.ndarray:
 def measure(
     name: str, solve: Callable[[Given], Answer], n: int, element: str, graded: bool, repeats: int
 ) -> Row:
-    """Solve ``repeats`` times after a warm-up; errors, and the median of the processor's seconds."""
+    """Solve ``repeats`` times after a warm-up; errors, and median seconds of the processor."""
     posed = hertz(n, Choice(element), graded=graded)
     problem = given(posed)
     answer, seconds = solve(problem), []

@@ -17,8 +17,9 @@ import KratosMultiphysics as Kratos
 import KratosMultiphysics.ContactStructuralMechanicsApplication as Contact
 import KratosMultiphysics.StructuralMechanicsApplication as Structural
 import numpy as np
+from KratosMultiphysics.ContactStructuralMechanicsApplication import alm_contact_process
 from KratosMultiphysics.ContactStructuralMechanicsApplication import (
-    alm_contact_process,
+    contact_structural_mechanics_static_solver as static_solver,
 )
 from peer import Answer, Given, run
 

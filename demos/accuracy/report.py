@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 # One solve: ``code``, ``element``, ``graded``, ``n``, ``dofs``, ``seconds``, the errors by name;
 # ours have ``basis``, ``integration`` and ``linearization``, too.
@@ -185,11 +186,10 @@ def draw_chart(rows: Sequence[Row]) -> Figure:
     left.set_title("against time, with peers on the same meshes", fontsize=10)
     right.set_xlabel("unknown displacements")
     right.set_title("against size, with graded meshes", fontsize=10)
-    uniform = [row for row in rows if row["code"] == OURS and not row["graded"]]
-    for element, text in (("P1", "order 1"), ("P2", "order 3/2")):
-        mine = [row for row in uniform if row["element"] == element and choice(row) == DEFAULT]
-        if len(mine) >= 3:
-            triangle(right, mine[-3], mine[-2], predicted(element)["energy"], text)
+    first = min((row for row in rows if row["code"] == OURS), key=lambda row: row["dofs"])
+    triangle(right, 4 * first["dofs"], 0.2, 1.0, "order 1", above=True)
+    triangle(right, 1.3 * first["dofs"], 0.013, 1.5, "order 3/2", above=False)
+    right.margins(x=0.12)
     handles = [left.plot([], [], "-o", color=COLOURS[name], label=name)[0] for name in COLOURS]
     for code, marker in zip(peers, MARKERS):
         handles += left.plot([], [], ":", marker=marker, mfc="white", color="#444444", label=code)
@@ -204,18 +204,21 @@ def plot(axis: Axes, rows: Sequence[Row], over: str, name: str = "energy", **sty
     """Draw an error over a cost, both logarithmic."""
     axis.loglog([row[over] for row in rows], [row[name] for row in rows], **style)
     axis.grid(True, which="major", color="#dddddd", lw=0.6)
+    axis.yaxis.set_major_formatter(lambda value, _: f"{100 * value:g} %")
+    if over == "seconds":
+        axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_locator(NullLocator())
 
 
-def triangle(axis: Axes, coarse: Row, fine: Row, order: float, text: str) -> None:
-    """Draw the slope of an order in h, which is half as much in dofs, above the line."""
-    x = np.array([coarse["dofs"], fine["dofs"]])
-    high = 1.25 * coarse["energy"]
-    low = high * (x[0] / x[1]) ** (order / 2)
-    axis.fill([x[0], x[1], x[1]], [high, high, low], fc="#eeeeee", ec="#888888", lw=0.8)
-    axis.annotate(
-        text, (np.sqrt(x[0] * x[1]), high), xytext=(0, 3), textcoords="offset points",
-        ha="center", color="#444444", fontsize=9,
-    )  # fmt: skip
+def triangle(axis: Axes, x: float, y: float, order: float, text: str, *, above: bool) -> None:
+    """Draw the slope of an order in h, half as much in dofs; its corner is above or below it."""
+    x, y = np.array([x, 4 * x]), y * np.array([1.0, 0.5**order])
+    axis.fill([*x, x[int(above)]], [*y, y[int(not above)]], fc="#eeeeee", ec="#888888", lw=0.8)
+    offset = {"xytext": (0, 3 if above else -3), "textcoords": "offset points"}
+    place = (np.sqrt(x[0] * x[1]), y[int(not above)])
+    style = {"ha": "center", "va": "bottom" if above else "top", "fontsize": 9}
+    axis.annotate(text, place, color="#444444", **offset, **style)
 
 
 def draw_choices(rows: Sequence[Row]) -> Figure:
