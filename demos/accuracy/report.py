@@ -29,6 +29,7 @@ PREDICTED = {
 }
 COLOURS = {"P1": "#0072b2", "Q1": "#56b4e9", "P2": "#d55e00", "Q2": "#e69f00"}
 MARKERS = "^sDv"
+DASHES = {"segments": "-", "elements": "--"}
 
 
 def write(name: str, rows: Sequence[Row]) -> None:
@@ -222,7 +223,7 @@ def triangle(axis: Axes, x: float, y: float, order: float, text: str, *, above: 
 
 
 def draw_choices(rows: Sequence[Row]) -> Figure:
-    """Pressure error over seconds: one panel for each element, one line for each choice."""
+    """Pressure error over seconds, graded meshes: a panel for each element, a line a choice."""
     figure = Figure((9.6, 6.4), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
     colours = {"dual": "#0072b2", "standard": "#d55e00", "vertices": "#009e73"}
@@ -230,21 +231,18 @@ def draw_choices(rows: Sequence[Row]) -> Figure:
         axis.set_title(element, fontsize=10)
         for (code, name, names, graded), mine in series(rows).items():
             basis, integration, tangent = names
-            if (code, name, tangent) != (OURS, element, "full"):
+            if (code, name, tangent, graded) != (OURS, element, "full", True):
                 continue
             style = {"color": colours[basis], "marker": "o", "ms": 3.5}
-            style |= {"ls": "-" if integration == "segments" else "--"}
-            style |= {"lw": 0.9, "mfc": "white"} if not graded else {"lw": 2.0}
+            style |= {"ls": DASHES[integration], "lw": 1.6}
             plot(axis, mine, "seconds", "pressure", **style)
     for axis in axes[:, 0]:
         axis.set_ylabel("relative error of the pressure, L2")
     for axis in axes[1]:
         axis.set_xlabel("seconds of one core, from the mesh to the answer")
-    lines = [axes[0, 0].plot([], [], "-", lw=2.0, color=c, label=b)[0] for b, c in colours.items()]
-    kinds = {"segments": ("-", 2.0), "elements": ("--", 2.0), "uniform mesh": ("-", 0.9)}
-    kinds["graded mesh"] = ("-", 2.0)
-    for label, (dash, width) in kinds.items():
-        lines += axes[0, 0].plot([], [], dash, lw=width, color="#444444", label=label)
+    lines = [axes[0, 0].plot([], [], color=c, label=name)[0] for name, c in colours.items()]
+    for name, dash in DASHES.items():
+        lines += axes[0, 0].plot([], [], dash, color="#444444", label=name)
     axes[0, 0].legend(handles=lines, frameon=False, fontsize=8, ncols=2, loc="lower left")
     return figure
 
