@@ -6,7 +6,9 @@
     kratos/bin/python demos/accuracy/peer_kratos.py
 
 Kratos' contact in the plane has facets of two nodes: triangles and quadrilaterals of degree 1.
-Settings are its defaults, but for a sparse direct solver and tolerances for this small load.
+Settings are its defaults, but for tolerances that suit this small load. The linear solver is its
+fastest direct one in the package. Multigrid (AMGCL) takes a fifth less time on the finest uniform
+mesh, but ends with a wrong solution on graded ones.
 """
 
 from __future__ import annotations
