@@ -29,6 +29,8 @@ PREDICTED = {
 }
 COLOURS = {"P1": "#0072b2", "Q1": "#56b4e9", "P2": "#d55e00", "Q2": "#e69f00"}
 MARKERS = "^sDv"
+# Elements of which the peers are drawn; the tables have all
+DRAWN = ("Q1", "Q2")
 DASHES = {"segments": "-", "elements": "--"}
 
 
@@ -70,13 +72,15 @@ def rate(rows: Sequence[Row], name: str) -> float:
 def cost(rows: Sequence[Row], target: float, what: str) -> str:
     """Seconds or dofs at which the energy error is ``target``, along the line through the rows.
 
-    With "~" where no mesh was so fine: the line of the last two is continued.
+    With "~" where no mesh was so fine: the line of the last two is continued; "-" if it is far.
     """
     error, spent = (np.log([row[name] for row in rows]) for name in ("energy", what))
+    if error[-1] > np.log(3 * target):
+        return "-"
     last = int(np.clip(np.searchsorted(-error, -np.log(target)), 1, len(rows) - 1))
     part = (np.log(target) - error[last - 1]) / (error[last] - error[last - 1])
     value = np.exp(spent[last - 1] + part * (spent[last] - spent[last - 1]))
-    return ("" if target >= np.exp(error[-1]) else "~") + f"{value:.2g}"
+    return ("~" if error[-1] > np.log(target) else "") + f"{float(f'{value:.2g}'):,g}"
 
 
 def markdown(head: str, left: int, lines: Sequence[Sequence[str]]) -> str:
@@ -167,7 +171,9 @@ def draw_chart(rows: Sequence[Row]) -> Figure:
     for (code, element, names, graded), mine in series(rows).items():
         style = {"color": COLOURS[element], "ms": 4.5}
         if code != OURS:
-            style |= {"marker": MARKERS[peers.index(code)], "mfc": "white", "lw": 0.8, "ls": ":"}
+            if element not in DRAWN:
+                continue
+            style |= {"marker": MARKERS[peers.index(code)], "mfc": "white", "lw": 1.0, "ls": ":"}
         elif names == DEFAULT:
             style |= {"marker": "o", "lw": 2.0, "ls": "--" if graded else "-"}
         else:
