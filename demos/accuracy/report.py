@@ -200,7 +200,16 @@ def draw_chart(rows: Sequence[Row]) -> Figure:
     handles = [left.plot([], [], "-o", color=COLOURS[name], label=name)[0] for name in COLOURS]
     for code, marker in zip(peers, MARKERS):
         handles += left.plot([], [], ":", marker=marker, mfc="white", color="#444444", label=code)
-    left.legend(handles=handles, frameon=False, fontsize=9, ncols=2, loc="lower left")
+    left.legend(
+        handles=handles,
+        frameon=False,
+        fontsize=9,
+        ncols=2,
+        loc="lower left",
+        title="lines: fenics_mortar; dotted: peers",
+        alignment="left",
+        title_fontsize=9,
+    )
     line = right.plot([], [], "-", color="#444444", label="uniform")
     line += right.plot([], [], "--", color="#444444", label="graded")
     right.legend(handles=line, frameon=False, fontsize=9, loc="lower left")
