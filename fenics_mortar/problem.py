@@ -189,14 +189,14 @@ class ContactProblem:
         try:
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
             moved += self.floating.settle(self._evaluate_forces)
-            self.floating.let_go()
+            self.hold(None)
             if moved:  # bodies that nothing held were moved to each other: that is no slip
                 self.accept()
             report = self._solve()
             moved += self.floating.check()
         except MortarError:
             self._last_converged = False
-            self.floating.let_go()
+            self.hold(None)
             raise
         self._last_converged = True
         for contact in self.contacts:
@@ -244,26 +244,38 @@ class ContactProblem:
         try:
             return solve(self, self.newton)
         except NotConvergedError as error:
-            if not self.floating.bodies:
+            if not self.floating.bodies and not self.tools.driven.any():
                 raise
             self.restore(start)
             return release_slowly(self, self.newton, error)
 
     def hold(self, travel: float | None) -> None:
-        """Tie floating bodies to where they are by springs, or let them go; see ``release``."""
+        """Tie floating bodies and driven obstacles by springs, or let them go; see ``release``."""
         if travel is None:
             self.floating.let_go()
+            self.tools.let_go()
         else:
             bulk, contact, _ = self.forces()
             self.floating.hold(bulk + contact, travel)
+            self.tools.hold(travel, self.stiffest)
 
     def travel(self) -> float:
-        """How far bodies have moved since ``hold``, in shortest facets."""
-        return self.floating.travel()
+        """How far what ``hold`` ties has moved since, in shortest facets."""
+        return max(self.floating.travel(), self.tools.travel())
 
     def remaining(self) -> tuple[float, str]:
         """Part of the forces that springs hold, and that in words."""
-        return self.floating.part_held(), self.floating.describe_springs()
+        parts = self._parts_held()
+        energy = self.floating.spring_energy() + self.tools.spring_energy()
+        each = [f"{name} with {part:.1e} of its contact force" for name, part in parts]
+        return max(part for _, part in parts), (
+            f"springs hold {', '.join(each)}, with an energy of {energy:.3e}: contact does not "
+            "resist its motion more than the facets' corners drive it; prescribe it, or refine"
+        )
+
+    def _parts_held(self) -> list[tuple[str, float]]:
+        """What springs of ``hold`` hold, and which part of the contact force on it."""
+        return self.floating.parts_held() + self.tools.parts_held()
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
@@ -483,7 +495,7 @@ class ContactProblem:
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
         if not self.floating.held:
             return certificate
-        return replace(certificate, springs=self.floating.part_held())
+        return replace(certificate, springs=max(part for _, part in self._parts_held()))
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).
