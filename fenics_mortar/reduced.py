@@ -35,6 +35,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError
+from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
 from fenics_mortar.sparse import flatten
@@ -542,7 +543,8 @@ class LinearBulk:
 
     @property
     def _slides_little(self) -> bool:
-        return all(contact.pair.sliding == "small" for contact in self._problem.contacts)
+        pairs = [contact.pair for contact in self._problem.contacts]
+        return all(p.sliding == "small" and isinstance(p.law, Frictionless) for p in pairs)
 
     def _pays(self) -> bool:
         if self._slides_little:
