@@ -15,6 +15,14 @@ does is known too:
 
 F being the dofs that are not held, I those of F not in S. Only new loads need the last term. Inside
 the bodies the displacement is found where Newton has ended.
+
+Where all pairs slide little and without friction, D, M and n stay too: contact pushes along
+B_n = B^T n, one column per slave node, and the gap is linear. With the displacement without contact
+force, of gap g_0, what is left is a linear complementarity problem of the pressures,
+
+    g = g_0 + S p >= 0,    p >= 0,    p . g = 0,    S = B_n^T K^-1 B_n,
+
+and columns of S are solved for as nodes become active.
 """
 
 from __future__ import annotations
@@ -397,7 +405,7 @@ class ReducedEquations:
 
 
 class SmallSlidingEquations(ReducedEquations):
-    """The same where all pairs slide little: the pressures of the active nodes alone are unknown.
+    """The same where all pairs slide little: pressures of active nodes alone are unknown.
 
     Args:
         problem: A ``ContactProblem`` with linear bulk; none of its bodies floats.

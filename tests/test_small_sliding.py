@@ -139,6 +139,20 @@ def test_obstacles(obstacle):
     assert largest(found[0] - found[1]) < 1e-9 * largest(found[0])
 
 
+def test_friction_on_undeformed_operators():
+    """On the contact dofs and on all dofs; the pressures alone would not do."""
+    law = {"law": fm.Coulomb(0.2)}
+    scenes = [small_blocks(pair=law, problem={"linear_bulk": reduced}) for reduced in (True, False)]
+    for step in PATH[:2]:
+        for scene in scenes:
+            scene.loads["push"].value[:] = step
+            assert not scene.problem.solve().notes
+    first, other = (nodal(scene.problem) for scene in scenes)
+    assert largest(first - other) < 1e-8 * largest(first)
+    shear = scenes[0].contact.shear_force
+    assert np.abs(shear).max() > 0.01 * np.abs(scenes[0].contact.total_force).max()
+
+
 def test_word_is_checked():
     with pytest.raises(ValueError, match="sliding='none': allowed are finite, small"):
         small_blocks(pair={"sliding": "none"})
