@@ -35,9 +35,10 @@ from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
-from fenics_mortar.sparse import flatten
+from fenics_mortar.sparse import flatten, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
+from fenics_mortar.tied import Tie
 
 # Columns of the compliance solved for at a time.
 COLUMNS = 32
@@ -45,8 +46,6 @@ COLUMNS = 32
 COLUMNS_PER_ITERATION = 100
 # More contact dofs are reduced to on demand only: their compliance is a dense matrix.
 MOST_DOFS = 8000
-# A tangent is symmetric up to this part of its size.
-SYMMETRIC = 1e-12
 
 
 class ContactDofs:
@@ -346,7 +345,8 @@ class ReducedEquations:
 class LinearBulk:
     """Chooses how a problem is solved, again before each solve.
 
-    Obstacles that forces drive take the general path.
+    Obstacles that forces drive and tied pairs, without which K may be singular, take the general
+    path.
 
     Args:
         problem: A ``ContactProblem``.
@@ -358,7 +358,8 @@ class LinearBulk:
     def __init__(self, problem: Any, wanted: bool | None, prefix: str) -> None:
         self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}compliance_"
         linear = problem.bulk.is_linear if wanted is None else wanted
-        self._possible = linear and bool(problem.contacts)
+        tied = any(isinstance(contact, Tie) for contact in problem.contacts)
+        self._possible = linear and bool(problem.contacts) and not tied
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0
@@ -399,15 +400,3 @@ class LinearBulk:
         before, self._data = self._data, self._problem.bulk.tangent_data()
         same = len(before) == len(self._data) and all(map(np.array_equal, before, self._data))
         return self._problem.comm.allreduce(not same, MPI.LOR)
-
-
-def is_symmetric(K: PETSc.Mat) -> bool:
-    """Whether x . K y = y . K x for two vectors without structure (collective)."""
-    x, y = K.createVecs()
-    Kx, Ky = x.duplicate(), x.duplicate()
-    start = K.getOwnershipRange()[0]
-    places = np.arange(start, start + x.getLocalSize(), dtype=float)
-    x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
-    K.mult(x, Kx)
-    K.mult(y, Ky)
-    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SYMMETRIC * x.norm() * Ky.norm())
