@@ -345,8 +345,7 @@ class ReducedEquations:
 class LinearBulk:
     """Chooses how a problem is solved, again before each solve.
 
-    Obstacles that forces drive and tied pairs, without which K may be singular, take the general
-    path.
+    Obstacles that forces drive take the general path, and tied bodies, whose K may be singular.
 
     Args:
         problem: A ``ContactProblem``.
@@ -358,8 +357,7 @@ class LinearBulk:
     def __init__(self, problem: Any, wanted: bool | None, prefix: str) -> None:
         self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}compliance_"
         linear = problem.bulk.is_linear if wanted is None else wanted
-        tied = any(isinstance(contact, Tie) for contact in problem.contacts)
-        self._possible = linear and bool(problem.contacts) and not tied
+        self._possible = linear and bool(problem.contacts)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0
@@ -388,6 +386,8 @@ class LinearBulk:
         return bool(self._wanted) or (paid and columns <= MOST_DOFS)
 
     def _obstacle(self) -> str:
+        if any(isinstance(contact, Tie) for contact in self._problem.contacts):
+            return "bodies are tied"
         floating = self._problem.floating
         if floating.bodies:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))

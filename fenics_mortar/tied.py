@@ -177,7 +177,8 @@ class Tie(Interface):
             where = place(self.slave.X[np.flatnonzero(nodes)[0]])
             raise SurfaceError(
                 f"{self._names} cannot be tied: every slave node that has a partner is prescribed "
-                f"or lies on the surface of another pair, as the one at {where}"
+                f"or lies on the surface of another pair, as the one at {where}; change the roles, "
+                "or refine the slave"
             )
         self._integrate()
 
