@@ -34,6 +34,7 @@ from fenics_mortar.bodies import (
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError, place
+from fenics_mortar.mesh import MeshData
 from fenics_mortar.surfaces import Array, Indices, Surface
 from fenics_mortar.tied import Tie
 
@@ -75,6 +76,7 @@ class FloatingBodies:
     def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
         self._bulk = bulk
         self._contacts = [contact for contact in contacts if not isinstance(contact, Tie)]
+        self._data: list[MeshData] = [contact.pair.data for contact in contacts]
         self.labels, count = label_bodies(bulk.V)
         links = [self._links(tie) for tie in contacts if isinstance(tie, Tie)]
         self.labels, self._num_bodies = join_bodies(self.labels, count, links)
@@ -308,7 +310,7 @@ class FloatingBodies:
         """Name of a body from the cell tags, or where it is."""
         bulk = self._bulk
         first = compat.dofmap(bulk.V)[:, 0]
-        for data in (contact.pair.data for contact in self._contacts):
+        for data in self._data:
             if data.cell_tags is None:
                 continue
             for name, tag in data.bodies.items():
@@ -332,11 +334,11 @@ class FloatingBodies:
         if not driven:
             return [], []
         wanted = np.concatenate([LARGEST_MOVE * body.size * drive for body, drive in driven])
-        closing = [
+        closing = [np.empty((0, wanted.size))] + [
             np.vstack([self._closing(contact, body) for body, _ in driven]).T
             for contact in self._contacts
         ]
-        room = [
+        room = [np.empty(0)] + [
             np.maximum(np.nan_to_num(contact.gap) + TOUCH * contact.nodal_lengths, 0.0)
             for contact in self._contacts
         ]
@@ -413,7 +415,8 @@ class FloatingBodies:
         return False
 
     def _shortest_facet(self) -> float:
-        return min(float(contact.slave.lengths.min()) for contact in self._contacts)
+        facets = (float(contact.slave.lengths.min()) for contact in self._contacts)
+        return min(facets, default=self.bodies[0].size)
 
     def _labels_of(self, surface: Surface) -> Array:
         return surface.gather(self._bulk.spread(self.labels))[:, 0]

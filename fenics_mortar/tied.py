@@ -17,7 +17,9 @@ a |g| over their size, and the torques of the two sides differ by g x z.
 
 A node would be constrained twice if it is prescribed or lies on another pair's surface, too, as
 where several tied interfaces meet. Then it carries no multiplier, and its neighbours take over its
-function (Wohlmuth 2000): constants are still met on all of the interface.
+function (Wohlmuth 2000): constants are still met on all of the interface. So where a joint ends in
+a contact surface, its two corners may part by what a facet resolves; let such a surface be the
+slave of the contact, whose master is then smooth.
 """
 
 from __future__ import annotations
@@ -160,6 +162,7 @@ class Tie(Interface):
         self.carries = self.free.sum(axis=1) == 2.0
         if self._at_vertices:
             self.carries &= ~self.slave.inner
+        self._check_carriers(~self.carries)
         self._integrate()
         if not (self.operators.cover > 0.0).any():
             raise SurfaceError(
@@ -170,17 +173,19 @@ class Tie(Interface):
 
     def release(self, nodes: npt.NDArray[np.bool_]) -> None:
         """Let the neighbours take over the functions of ``nodes`` (slave nodes,) (collective)."""
-        if not (nodes & self.carries).any():
-            return
-        self.carries = self.carries & ~nodes
+        if (nodes & self.carries).any():
+            self.carries = self.carries & ~nodes
+            self._check_carriers(nodes)
+            self._integrate()
+
+    def _check_carriers(self, released: npt.NDArray[np.bool_]) -> None:
         if not self.carries.any():
-            where = place(self.slave.X[np.flatnonzero(nodes)[0]])
+            where = place(self.slave.X[np.flatnonzero(released)[0]])
             raise SurfaceError(
                 f"{self._names} cannot be tied: every slave node that has a partner is prescribed "
                 f"or lies on the surface of another pair, as the one at {where}; change the roles, "
                 "or refine the slave"
             )
-        self._integrate()
 
     @property
     def _names(self) -> str:

@@ -49,9 +49,7 @@ def solve(n, degree, interface, *, slave="upper/bottom", cell="quadrilateral", *
     load = -ufl.div(neo_hookean(exact, 1.0, 0.3))
     residual = (ufl.inner(neo_hookean(u, 1.0, 0.3), ufl.grad(v)) - ufl.inner(load, v)) * dx
     given = fem.Function(V)
-    given.interpolate(
-        lambda X: 0.1 * np.stack([np.sin(2 * X[0] + X[1]), np.cos(X[0] - 2 * X[1])])
-    )
+    given.interpolate(lambda X: 0.1 * np.stack([np.sin(2 * X[0] + X[1]), np.cos(X[0] - 2 * X[1])]))
     outside = ["lower/left", "lower/bottom", "lower/right", "upper/left", "upper/top"]
     bcs = [fm.dirichlet(V, data, [*outside, "upper/right"], given)]
     master = {"upper/bottom": "lower/top", "lower/top": "upper/bottom"}[slave]
