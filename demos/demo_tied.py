@@ -77,8 +77,9 @@ arc, kappa = problem.contacts[0], 3 - 4 * nu
 mean = G["inclusion"] * (kappa + 1) / (2 * G["inclusion"] + G["plate"] * (kappa - 1)) / 2
 deviator = G["inclusion"] * (kappa + 1) / (kappa * G["inclusion"] + G["plate"]) / 2
 exact = np.array([mean + deviator, mean - deviator])
+table = fm.contact_table(problem)
 if comm.rank == 0:
-    print(fm.contact_table(problem))
+    print(table)
     print(f"\nstress in the inclusion over T: {arc.total_force.round(4)}, exact {exact.round(4)}")
 # -
 
