@@ -42,7 +42,8 @@ class PairCertificate:
         moment: Sum of their moments over forces times lever arms. Of third order in the facets; of
             a tied pair without gap rounding.
         tension: Largest tension, -z_n, over the largest pressure.
-        shear: Largest tangential multiplier over the largest pressure.
+        shear: By how much the tangential multiplier exceeds what the contact law allows at most,
+            over the largest pressure (or what the law allows, where that is more).
         overlap: Largest negative mean gap of a slave node over its length; of a tied pair how far
             the sides have moved apart.
         complementarity: Largest |z_n g| over largest pressure and length.
@@ -191,13 +192,14 @@ def _certify_pair(
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes that have a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
-    shear = np.einsum("jc,jc->j", contact.operators.tau, contact.z)
+    bound = np.where(contact.active, contact.pair.law.bound(pressure), 0.0)
+    excess = np.abs(np.einsum("jc,jc->j", contact.operators.tau, contact.z)) - bound
     largest = max(float(pressure.max()), ROUNDING * float(contact.stiffness.max()))
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
     return PairCertificate(
         **_action_and_reaction(contact),
         tension=max(-float(pressure.min()), 0.0) / largest,
-        shear=float(np.abs(shear).max()) / largest,
+        shear=max(float(excess.max()), 0.0) / max(largest, float(bound.max())),
         overlap=max(-float(gap.min()), 0.0),
         complementarity=float(np.abs(pressure * gap).max()) / largest,
         penetration=_deepest(contact),

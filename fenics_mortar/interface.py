@@ -42,6 +42,7 @@ class Interface(ABC):
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it still carries a multiplier, shape (slave nodes,), bool.
+        piece: Piece of its law that each slave node is on, shape (slave nodes,).
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress].
         operators: D, M and what follows from them at the last evaluated state.
     """
@@ -61,6 +62,9 @@ class Interface(ABC):
         self.stiffness: Array = np.ones(self.slave.num_nodes)
         self.carries = self._may_carry = ~self.active
         self.oblique = self.active.copy()
+        self.piece = np.zeros(self.slave.num_nodes, np.int64)
+        self.partners: Any = None
+        self.accepted: Any = None
         self.operators: MortarOperators
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
@@ -97,6 +101,28 @@ class Interface(ABC):
         Plus or minus the dyads of the directions in which it follows its partners, shape (slave
         nodes, 2, 2).
         """
+
+    @abstractmethod
+    def accept(self) -> None:
+        """Note what the next step needs of the last evaluated state (collective)."""
+
+    @abstractmethod
+    def start_step(self) -> None:
+        """Begin a step at the accepted state."""
+
+    def faced(self) -> tuple[Indices, Indices]:
+        """Slave nodes, and the master nodes that they are coupled to beside those of M."""
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+
+    @property
+    def slip(self) -> Array:
+        """Slip along tau since the last accepted step, shape (slave nodes,) [length]."""
+        return np.zeros(self.slave.num_nodes)
+
+    @property
+    def shear_force(self) -> Array:
+        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length]."""
+        return self.operators.weight * np.einsum("ja,ja->j", self.operators.tau, self.z)
 
     @property
     def nodal_lengths(self) -> Array:

@@ -306,6 +306,12 @@ class Tie(Interface):
 
     # What of a contact is nothing here
 
+    def accept(self) -> None:
+        """Nothing slips."""
+
+    def start_step(self) -> None:
+        """Nothing slips."""
+
     def begin(self) -> None:
         """Nothing changes in a solve."""
 

@@ -298,7 +298,7 @@ def force_on(problem, height):
     return comm.allreduce(float((bulk + contact)[dofs[np.abs(X[:, 1] - height) < 1e-9, 1]].sum()))
 
 
-def tool_on_halves(comm=comm, slave="tool", joined=True):
+def tool_on_halves(comm=comm, slave="tool", joined=True, law=None):
     """A tool pressed on a base of two tied halves, and slid over the joint of these."""
     names = {"top": "ground", "bottom": "floor"}
     tool = block(10, 4, width=1.0, height=0.5, corner=(-0.5, 0.0))
@@ -310,7 +310,7 @@ def tool_on_halves(comm=comm, slave="tool", joined=True):
     V = fm.vector_space(data.mesh, 1)
     u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
     sides = ("tool/bottom", "ground") if slave == "tool" else ("ground", "tool/bottom")
-    pairs = [fm.ContactPair(data, *sides)]
+    pairs = [fm.ContactPair(data, *sides, law=law)]
     if joined:
         pairs.append(fm.TiedPair(data, "left/right", "right/left"))
     bcs = [
@@ -340,6 +340,14 @@ def test_a_tool_slides_over_the_joint_of_tied_halves_as_over_one_base(slave, sys
     assert contact.total_force[1] == pytest.approx(one.total_force[1], rel=0.01)
     slopes = problem.check_tangent(print_table=False).slopes
     assert min(slopes.values()) > 1.95, slopes
+
+
+def test_friction_passes_through_the_joint():
+    problem, reports = tool_on_halves(law=fm.Coulomb(0.2))
+    assert reports[-1].certificate.violations() == []
+    force = np.abs(problem.contacts[0].total_force)
+    assert force[0] == pytest.approx(0.2 * force[1], rel=0.02)  # the surface is about level
+    assert min(problem.check_tangent(print_table=False).slopes.values()) > 1.95
 
 
 def test_a_body_that_only_a_tie_holds_does_not_float():
