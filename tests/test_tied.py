@@ -343,7 +343,7 @@ def test_a_tool_slides_over_the_joint_of_tied_halves_as_over_one_base(slave, sys
 
 
 def test_friction_passes_through_the_joint():
-    problem, reports = tool_on_halves(law=fm.Coulomb(0.2))
+    problem, reports = tool_on_halves(slave="ground", law=fm.Coulomb(0.2))
     assert reports[-1].certificate.violations() == []
     force = np.abs(problem.contacts[0].total_force)
     assert force[0] == pytest.approx(0.2 * force[1], rel=0.02)  # the surface is about level
