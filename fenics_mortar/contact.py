@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.errors import SurfaceError, place
-from fenics_mortar.interface import Interface, Rows
+from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.laws import STICK, Frictionless, Law, Nodal, Pieces, Row
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
@@ -218,11 +218,15 @@ class Contact(Interface):
     """
 
     def __init__(
-        self, pair: ContactPair, space: DisplacementSpace, prescribed: npt.NDArray[np.bool_]
+        self,
+        pair: ContactPair,
+        space: DisplacementSpace,
+        prescribed: npt.NDArray[np.bool_],
+        welds: Indices = NO_WELDS,
     ) -> None:
-        """Extract the surfaces (collective); ``prescribed``: local dofs with Dirichlet values."""
+        """Extract the surfaces (collective); see ``Interface``."""
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
-        super().__init__(pair, space, prescribed)
+        super().__init__(pair, space, prescribed, welds)
         self._check_points()
         self._classify_nodes()
         self._may_carry = self.carries

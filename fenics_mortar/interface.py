@@ -15,6 +15,8 @@ from fenics_mortar.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
+NO_WELDS: Indices = np.empty((0, 2), np.int64)
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -48,13 +50,25 @@ class Interface(ABC):
     """
 
     def __init__(
-        self, pair: Any, space: DisplacementSpace, prescribed: npt.NDArray[np.bool_]
+        self,
+        pair: Any,
+        space: DisplacementSpace,
+        prescribed: npt.NDArray[np.bool_],
+        welds: Indices = NO_WELDS,
     ) -> None:
-        """Extract the surfaces (collective); ``prescribed``: local dofs with Dirichlet values."""
+        """Extract the surfaces (collective).
+
+        Args:
+            pair: The pair.
+            space: The displacement's space.
+            prescribed: Local dofs with Dirichlet values.
+            welds: Pairs of nodes that are one, see ``Surface.welded``.
+        """
         self.pair = pair
         tags = pair.data.facet_tags
-        self.slave: Surface = extract_surface(space, tags, pair.slave_tag, pair.slave_name)
-        self.master: Surface = self._master_surface(space)
+        slave = extract_surface(space, tags, pair.slave_tag, pair.slave_name)
+        self.slave: Surface = slave.welded(welds)
+        self.master: Surface = self._master_surface(space).welded(welds)
         self._check_sides()
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self.z: Array = np.zeros((self.slave.num_nodes, 2))

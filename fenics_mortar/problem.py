@@ -41,7 +41,7 @@ from fenics_mortar.system import (
     obstacle_to_condensation,
 )
 from fenics_mortar.tangent import TangentCheck, check_tangent
-from fenics_mortar.tied import BOUND, TiedPair, bind
+from fenics_mortar.tied import TiedPair, bind
 
 # Largest c_n after a cycle of the active set.
 LESS_WEIGHT = 1e-3
@@ -122,7 +122,9 @@ class ContactProblem:
         displacement: int = 0,
         linear_bulk: bool | None = None,
     ) -> None:
-        if not isinstance(pairs, Sequence) or not all(type(pair) in BOUND for pair in pairs):
+        if not isinstance(pairs, Sequence) or not all(
+            isinstance(p, (ContactPair, TiedPair)) for p in pairs
+        ):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
         compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)

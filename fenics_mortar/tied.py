@@ -17,9 +17,10 @@ a |g| over their size, and the torques of the two sides differ by g x z.
 
 A node would be constrained twice if it is prescribed or lies on another pair's surface, too, as
 where several tied interfaces meet. Then it carries no multiplier, and its neighbours take over its
-function (Wohlmuth 2000): constants are still met on all of the interface. So where a joint ends in
-a contact surface, its two corners may part by what a facet resolves; let such a surface be the
-slave of the contact, whose master is then smooth.
+function (Wohlmuth 2000): constants are still met on all of the interface.
+
+Where a joint ends in a contact surface, the corners of the two bodies are one node of that surface,
+the master's: contact sees a surface that goes on across the joint.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import SurfaceError, place
-from fenics_mortar.interface import Interface, Rows
+from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
     Basis,
@@ -48,13 +49,15 @@ from fenics_mortar.mortar import (
 )
 from fenics_mortar.segments import Integration, Segments
 from fenics_mortar.space import DisplacementSpace
-from fenics_mortar.surfaces import Array, Indices
+from fenics_mortar.surfaces import Array, Indices, Surface
 
 Gap = Literal["removed", "kept"]
 # A slave node of which less than this part is covered hands its function to its neighbours.
 LEAST_COVER = 0.05
 # Partners are looked for within this part of the longest facet, unless a radius is given.
 NEAR = 0.5
+# Ends of both sides are one corner of the outline within this part of the node's length.
+SAME_PLACE = 1e-6
 # A gap is rounding below this part of the interface's size and place.
 CLOSED = 1e-14
 
@@ -233,6 +236,18 @@ class Tie(Interface):
             [self.slave.nodes[self.operators.cover > 0.0], self.master.nodes[met]]
         )
 
+    def welds(self) -> Indices:
+        """Ends of the slave and of the master at the same place: global nodes (k, 2)."""
+        ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in self._sides]
+        apart = self.slave.X[ends[0], None] - self.master.X[ends[1]]
+        near = np.linalg.norm(apart, axis=2) < SAME_PLACE * self.nodal_lengths[ends[0], None]
+        j, l = np.nonzero(near)
+        return np.stack([self.slave.nodes[ends[0][j]], self.master.nodes[ends[1][l]]], axis=1)
+
+    @property
+    def _sides(self) -> tuple[Surface, Surface]:
+        return self.slave, self.master
+
     @property
     def gap(self) -> Array:
         """Mean distance that the two sides have moved apart, nan without multiplier [length]."""
@@ -333,9 +348,6 @@ class Tie(Interface):
         return ""
 
 
-BOUND = {ContactPair: Contact, TiedPair: Tie}
-
-
 def bind(
     pairs: Sequence[ContactPair | TiedPair],
     space: DisplacementSpace,
@@ -351,12 +363,18 @@ def bind(
     Raises:
         SurfaceError: If a surface is of no use, or a gap cannot be removed; on all ranks.
     """
-    bound = [BOUND[type(pair)](pair, space, prescribed) for pair in pairs]
-    ties = [tie for tie in bound if isinstance(tie, Tie)]
-    give_way(ties, bound)
-    if not close_gaps(ties, space):
-        return bound
-    return [c if isinstance(c, Tie) else Contact(c.pair, space, prescribed) for c in bound]
+    ties = {pair: Tie(pair, space, prescribed) for pair in pairs if isinstance(pair, TiedPair)}
+    welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in ties.values())])
+
+    def all_bound() -> list[Contact | Tie]:
+        return [
+            ties[pair] if isinstance(pair, TiedPair) else Contact(pair, space, prescribed, welds)
+            for pair in pairs
+        ]
+
+    bound = all_bound()
+    give_way(list(ties.values()), bound)
+    return all_bound() if close_gaps(list(ties.values()), space) else bound
 
 
 def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:

@@ -342,8 +342,15 @@ def test_a_tool_slides_over_the_joint_of_tied_halves_as_over_one_base(slave, sys
     assert min(slopes.values()) > 1.95, slopes
 
 
-def test_friction_passes_through_the_joint():
-    problem, reports = tool_on_halves(slave="ground", law=fm.Coulomb(0.2))
+@pytest.mark.parametrize("slave", ["tool", "ground"])
+def test_a_contact_surface_goes_on_across_the_joint(slave):
+    """With friction, too: one curve, on which the two corners are one node."""
+    problem, reports = tool_on_halves(slave=slave, law=fm.Coulomb(0.2))
+    contact = problem.contacts[0]
+    ground = contact.master if slave == "tool" else contact.slave
+    assert ground.num_nodes == 8 + 6 + 1
+    assert np.count_nonzero(ground.following < 0) == np.count_nonzero(ground.previous < 0) == 1
+    assert max(report.num_iterations for report in reports) <= 8
     assert reports[-1].certificate.violations() == []
     force = np.abs(problem.contacts[0].total_force)
     assert force[0] == pytest.approx(0.2 * force[1], rel=0.02)  # the surface is about level
