@@ -154,6 +154,11 @@ class Interface(ABC):
         return self.slave.nodes[self._may_carry]
 
     @property
+    def idle_nodes(self) -> Indices:
+        """Global numbers of the other slave nodes: they bear forces of their neighbours."""
+        return self.slave.nodes[~self._may_carry]
+
+    @property
     def pressure(self) -> Array:
         """Normal part z_n of the multiplier of every slave node, shape (slave nodes,) [stress]."""
         return self._fill_inside(np.einsum("jc,jc->j", self.operators.n, self.z))

@@ -389,6 +389,8 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
         for other in contacts:
             if np.intersect1d(contact.multiplier_nodes, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"
+            if np.intersect1d(contact.multiplier_nodes, other.idle_nodes).size:
+                return f"slave nodes of {names} are nodes of '{other.slave.name}' as well"
     return None
 
 

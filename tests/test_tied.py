@@ -300,7 +300,7 @@ def force_on(problem, height):
 
 def tool_on_halves(comm=comm, slave="tool", joined=True, law=None):
     """A tool pressed on a base of two tied halves, and slid over the joint of these."""
-    names = {"top": "ground", "bottom": "floor"}
+    names = {"top": "ground", "bottom": "floor"} if slave != "left/top" else {"bottom": "floor"}
     tool = block(10, 4, width=1.0, height=0.5, corner=(-0.5, 0.0))
     left = block(8 if joined else 16, 6, width=2.0 if joined else 4.0, height=1.0, corner=(-2, -1))
     grids = [Grid("tool", tool), Grid("left", left, names)]
@@ -309,7 +309,7 @@ def tool_on_halves(comm=comm, slave="tool", joined=True, law=None):
     data = read(build, comm=comm, grids=grids)
     V = fm.vector_space(data.mesh, 1)
     u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
-    sides = ("tool/bottom", "ground") if slave == "tool" else ("ground", "tool/bottom")
+    sides = ("tool/bottom", "ground") if slave == "tool" else (slave, "tool/bottom")
     pairs = [fm.ContactPair(data, *sides, law=law)]
     if joined:
         pairs.append(fm.TiedPair(data, "left/right", "right/left"))
@@ -355,6 +355,17 @@ def test_a_contact_surface_goes_on_across_the_joint(slave):
     force = np.abs(problem.contacts[0].total_force)
     assert force[0] == pytest.approx(0.2 * force[1], rel=0.02)  # the surface is about level
     assert min(problem.check_tangent(print_table=False).slopes.values()) > 1.95
+
+
+def test_a_contact_surface_may_end_at_the_joint():
+    """The corner has a multiplier in contact only, and bears what the tie's neighbour passes on."""
+    problem, reports = tool_on_halves(slave="left/top")
+    contact, tie = problem.contacts
+    corner = np.intersect1d(contact.slave.nodes, tie.slave.nodes)
+    assert np.isin(corner, contact.multiplier_nodes).all() and corner.size == 1
+    assert not np.isin(corner, tie.multiplier_nodes).any()
+    assert type(problem.system).__name__ == "SaddleSystem"
+    assert max(report.num_iterations for report in reports) <= 8
 
 
 def test_a_body_that_only_a_tie_holds_does_not_float():
