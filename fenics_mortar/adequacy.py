@@ -154,7 +154,7 @@ class AdequacyCheck:
         if self._finite_strain is not None:
             richer["linear strain"] = {"residual": self._finite_strain}
             indicators["linear strain"] = describe_strain
-        if any(contact.pair.sliding == "small" for contact in problem.contacts):
+        if _sliding_little(problem):
             richer["small sliding"] = {"sliding": "finite"}
             indicators["small sliding"] = describe_sliding
         for name, model in richer.items():
@@ -297,9 +297,14 @@ def largest_strain(problem: ContactProblem) -> tuple[float, float]:
 
 def describe_sliding(problem: ContactProblem) -> str:
     """Largest slip and turn of the normals of all pairs that slide little, in words."""
-    pairs = [contact for contact in problem.contacts if contact.pair.sliding == "small"]
-    slip, turn = np.max([largest_slip(contact) for contact in pairs], axis=0)
+    slip, turn = np.max([largest_slip(contact) for contact in _sliding_little(problem)], axis=0)
     return f"slip {slip:.2g} facets, normals turn by {np.degrees(turn):.2g}°"
+
+
+def _sliding_little(problem: ContactProblem) -> list[Contact]:
+    """The contacts that keep the operators of the undeformed mesh."""
+    contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
+    return [contact for contact in contacts if contact.pair.sliding == "small"]
 
 
 def largest_slip(contact: Contact) -> tuple[float, float]:

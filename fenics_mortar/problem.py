@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar import compat
-from fenics_mortar.bulk import Bulk
+from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
@@ -42,6 +42,7 @@ from fenics_mortar.system import (
     obstacle_to_condensation,
 )
 from fenics_mortar.tangent import TangentCheck, check_tangent
+from fenics_mortar.tied import TiedPair, bind
 
 # Largest c_n after a cycle of the active set.
 LESS_WEIGHT = 1e-3
@@ -74,7 +75,7 @@ class ContactProblem:
             its measures a ``quadrature_degree``.
         u: Displacement, alone or with other unknowns (as a pressure) in a mixed function; its
             present value is the start of the next solve.
-        pairs: Contact pairs.
+        pairs: Contact and tied pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver, beside those of ``solver``.
@@ -111,7 +112,7 @@ class ContactProblem:
         self,
         residual: Any,
         u: Any,
-        pairs: Sequence[ContactPair],
+        pairs: Sequence[ContactPair | TiedPair],
         *,
         bcs: Sequence[Any] = (),
         petsc_options_prefix: str,
@@ -125,8 +126,19 @@ class ContactProblem:
         linear_bulk: bool | None = None,
         adequacy: Any | None = None,
     ) -> None:
-        if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
-            raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
+        if not isinstance(pairs, Sequence) or not all(
+            isinstance(p, (ContactPair, TiedPair)) for p in pairs
+        ):
+            raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
+        if not isinstance(bcs, Sequence):
+            raise ValueError(
+                f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions"
+            )
+        if len(residual.arguments()) != 1:
+            raise ValueError(
+                "the residual has to hold one test function and no trial function; of an energy, "
+                "it is ufl.derivative(energy, u, v)"
+            )
         compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)
@@ -149,9 +161,9 @@ class ContactProblem:
             "displacement": displacement, "linear_bulk": linear_bulk,
         }  # fmt: skip
         self.linearization = LINEARIZATIONS[linearization]
+        self.contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
-        self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
         self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
@@ -229,11 +241,12 @@ class ContactProblem:
 
         Args:
             residual: UFL form in the place of this problem's.
-            pair_options: Attributes of the pairs in the place of theirs, as ``sliding="finite"``.
+            pair_options: Attributes of contact pairs instead, as ``sliding="finite"``.
         """
         pairs = [copy(contact.pair) for contact in self.contacts]
         for pair in pairs:
-            vars(pair).update(pair_options)
+            if isinstance(pair, ContactPair):
+                vars(pair).update(pair_options)
         given = {**self._given, "pairs": pairs}
         if residual is not None:
             given.update(residual=residual, jacobian=None)
@@ -248,7 +261,8 @@ class ContactProblem:
     def adopt(self, other: ContactProblem) -> None:
         """Go to the present state of a variant."""
         for contact, theirs in zip(self.contacts, other.contacts, strict=True):
-            contact.adopt(theirs)
+            if isinstance(contact, Contact) and isinstance(theirs, Contact):
+                contact.adopt(theirs)
         self.restore(other.state())
 
     def accept(self) -> None:
@@ -447,11 +461,7 @@ class ContactProblem:
         """
         size, held = self.bulk.num_owned, self.bulk.held
         contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
-        for contact in self.contacts:
-            tangential = np.where(contact.active, contact.tangential_row().residual, 0.0)
-            gap = np.where(contact.active, np.nan_to_num(contact.gap), 0.0)
-            rows += ((contact.stiffness * gap) ** 2).sum()
-            rows += ((contact.operators.diagonal * tangential) ** 2).sum()
+        rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = self.bulk.to_force * total
         reactions = free[held]

@@ -41,14 +41,15 @@ from scipy.sparse import coo_array, csr_array, eye
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact
+from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MortarError
 from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
-from fenics_mortar.sparse import flatten
+from fenics_mortar.sparse import flatten, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
+from fenics_mortar.tied import Tie
 
 # Columns of the compliance solved for at a time.
 COLUMNS = 32
@@ -56,8 +57,6 @@ COLUMNS = 32
 COLUMNS_PER_ITERATION = 100
 # More contact dofs are reduced to on demand only: their compliance is a dense matrix.
 MOST_DOFS = 8000
-# A tangent is symmetric up to this part of its size.
-SYMMETRIC = 1e-12
 
 
 class ContactDofs:
@@ -513,7 +512,7 @@ class SmallSlidingEquations(ReducedEquations):
 class LinearBulk:
     """Chooses how a problem is solved, again before each solve.
 
-    Obstacles that forces drive take the general path.
+    Obstacles that forces drive take the general path, and tied bodies, whose K may be singular.
 
     Args:
         problem: A ``ContactProblem``.
@@ -551,8 +550,12 @@ class LinearBulk:
 
     @property
     def _slides_little(self) -> bool:
-        pairs = [contact.pair for contact in self._problem.contacts]
-        return all(p.sliding == "small" and isinstance(p.law, Frictionless) for p in pairs)
+        return all(
+            isinstance(pair, ContactPair)
+            and pair.sliding == "small"
+            and isinstance(pair.law, Frictionless)
+            for pair in (contact.pair for contact in self._problem.contacts)
+        )
 
     def _pays(self) -> bool:
         if self._slides_little:
@@ -562,6 +565,8 @@ class LinearBulk:
         return bool(self._wanted) or (paid and columns <= MOST_DOFS)
 
     def _obstacle(self) -> str:
+        if any(isinstance(contact, Tie) for contact in self._problem.contacts):
+            return "bodies are tied"
         floating = self._problem.floating
         if floating.bodies:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
@@ -574,15 +579,3 @@ class LinearBulk:
         before, self._data = self._data, self._problem.bulk.tangent_data()
         same = len(before) == len(self._data) and all(map(np.array_equal, before, self._data))
         return self._problem.comm.allreduce(not same, MPI.LOR)
-
-
-def is_symmetric(K: PETSc.Mat) -> bool:
-    """Whether x . K y = y . K x for two vectors without structure (collective)."""
-    x, y = K.createVecs()
-    Kx, Ky = x.duplicate(), x.duplicate()
-    start = K.getOwnershipRange()[0]
-    places = np.arange(start, start + x.getLocalSize(), dtype=float)
-    x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
-    K.mult(x, Kx)
-    K.mult(y, Ky)
-    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SYMMETRIC * x.norm() * Ky.norm())
