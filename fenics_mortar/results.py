@@ -46,8 +46,9 @@ class ResultsWriter:
 
     The bulk has the displacement at its nodes and the values of ``fields`` at the midpoints of its
     cells. The slave surface has at its nodes the displacement, the contact pressure, the tangential
-    traction tau . z [stress], the mean gap [length], nan where there is no partner, the status
-    (0 open, 1 active) and the normal. Positions are those of the reference: warp by displacement.
+    traction tau . z [stress], the mean gap [length], nan where there is no partner, the slip of the
+    last step [length], the status (0 open, 1 active), whether it is sticking and the normal.
+    Positions are those of the reference: warp by displacement.
 
     Args:
         path: Where to write, of the first rank; missing folders are made.
@@ -102,7 +103,9 @@ def _surface_data(contact: Contact, u: Array) -> dict[str, Array]:
         "contact_pressure": contact.pressure,
         "tangential_traction": np.einsum("jc,jc->j", o.tau, contact.z),
         "gap": contact.gap,
+        "slip": contact.slip,
         "status": contact.active.astype(np.int32),
+        "sticking": contact.sticking.astype(np.int32),
         "normal": _pad(o.n),
     }
 
