@@ -11,6 +11,7 @@ from fenics_mortar.obstacles import Circle, Obstacle, Plane, Polygon, SignedDist
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.results import ResultsWriter, contact_table, plot
 from fenics_mortar.stepping import SteppingOptions, follow_path, load_state, save_state
+from fenics_mortar.tied import TiedPair
 
 __all__ = [
     "Circle",
@@ -33,6 +34,7 @@ __all__ = [
     "Spline",
     "SteppingOptions",
     "SurfaceError",
+    "TiedPair",
     "Tresca",
     "contact_table",
     "dirichlet",

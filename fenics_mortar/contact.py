@@ -23,7 +23,6 @@ modulus), l_j its length and c a plain number: nothing depends on units.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import get_args
 
 from mpi4py import MPI
@@ -32,6 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.errors import SurfaceError, place
+from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.laws import STICK, Frictionless, Law, Nodal, Pieces, Row
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
@@ -54,7 +54,7 @@ from fenics_mortar.obstacles import (
 from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.slip import Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
-from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
+from fenics_mortar.surfaces import Array, Indices, Surface
 
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
@@ -190,22 +190,7 @@ class ContactPair:
         return f"ContactPair({self.slave_name!r}, {self.master_name!r})"
 
 
-@dataclass(frozen=True)
-class Rows:
-    """The rows of the multipliers: blocks . dd + A_z z = rhs, in force units.
-
-    Attributes:
-        blocks: Blocks with rows 2 j + component and displacement dofs as columns.
-        A_z: Shape (slave nodes, 2, 2) [length].
-        rhs: Shape (slave nodes, 2) [stress length].
-    """
-
-    blocks: list[Block]
-    A_z: Array
-    rhs: Array
-
-
-class Contact:
+class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
     Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
@@ -233,17 +218,16 @@ class Contact:
     """
 
     def __init__(
-        self, pair: ContactPair, space: DisplacementSpace, prescribed: npt.NDArray[np.bool_]
+        self,
+        pair: ContactPair,
+        space: DisplacementSpace,
+        prescribed: npt.NDArray[np.bool_],
+        welds: Indices = NO_WELDS,
     ) -> None:
-        """Extract the surfaces (collective); ``prescribed``: local dofs with Dirichlet values."""
-        self.pair = pair
-        tags = pair.data.facet_tags
-        self.slave: Surface = extract_surface(space, tags, pair.slave_tag, pair.slave_name)
+        """Extract the surfaces (collective); see ``Interface``."""
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
-        self.master: Surface = self._master_surface(space)
-        self._check_sides()
+        super().__init__(pair, space, prescribed, welds)
         self._check_points()
-        self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self._classify_nodes()
         self._may_carry = self.carries
         self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
@@ -259,12 +243,8 @@ class Contact:
             pair.search_radius or self._reach(),
             float(np.cos(np.radians(pair.max_angle))),
         )
-        self.z: Array = np.zeros((self.slave.num_nodes, 2))
-        self.active = np.zeros(self.slave.num_nodes, bool)
-        self.stiffness: Array = np.ones(self.slave.num_nodes)
         self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
-        self.operators: MortarOperators
         self.partners: Partners
         self.accepted: Partners
         none = np.zeros(self.slave.num_nodes)
@@ -273,26 +253,15 @@ class Contact:
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
-        name, data = self.pair.master_name, self.pair.data
-        if isinstance(self.pair.master, Obstacle):
-            return surface_without_nodes(self.slave, name)
-        return extract_surface(space, data.facet_tags, data.boundary_tag(self.pair.master), name)
+        if self.obstacle is not None:
+            return surface_without_nodes(self.slave, self.pair.master_name)
+        return super()._master_surface(space)
 
     def _reach(self) -> float:
         """Distance at which partners are looked for by default."""
         if self.obstacle is not None:
             return np.inf
         return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
-
-    def _check_sides(self) -> None:
-        both = np.intersect1d(self.slave.nodes, self.master.nodes)
-        if both.size:
-            where = self.slave.X[np.flatnonzero(self.slave.nodes == both[0])[0]]
-            raise SurfaceError(
-                f"slave '{self.pair.slave_name}' and master '{self.pair.master_name}' share "
-                f"{both.size} nodes, one at {place(where)}; the two sides must be different "
-                "surfaces that are not joined in the mesh"
-            )
 
     def _check_points(self) -> None:
         size = self.slave.degree + 1
@@ -322,11 +291,6 @@ class Contact:
         self._plane_normals[on_plane] = (np.sign(normals) * self.free)[on_plane]
 
     @property
-    def nodal_lengths(self) -> Array:
-        """Length of slave surface that belongs to each node, shape (slave nodes,) [length]."""
-        return self.slave.nodal_lengths
-
-    @property
     def covered(self) -> npt.NDArray[np.bool_]:
         """Whether a slave node has a multiplier and a partner at the last evaluated state."""
         enough = self.operators.diagonal > LEAST_NODE_COVER * self.nodal_lengths
@@ -339,33 +303,6 @@ class Contact:
         on = self.covered
         gap[on] = self.operators.gap[on] / self.operators.weight[on]
         return self._fill_inside(gap)
-
-    @property
-    def pressure(self) -> Array:
-        """Contact pressure z_n of every slave node, shape (slave nodes,) [stress]."""
-        return self._fill_inside(np.einsum("jc,jc->j", self.operators.n, self.z))
-
-    @property
-    def _at_vertices(self) -> bool:
-        """Whether nodes inside facets have no multipliers."""
-        return self.pair.basis == "vertices" and self.pair.integration != "nodes"
-
-    def _fill_inside(self, values: Array) -> Array:
-        """Set nodes inside facets to the mean of the ends, if only these have multipliers."""
-        if self._at_vertices:
-            facets = self.slave.facets
-            values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
-        return values
-
-    @property
-    def active_nodes(self) -> Indices:
-        """Numbers of the active slave nodes along the surface."""
-        return np.flatnonzero(self.active)
-
-    @property
-    def total_force(self) -> Array:
-        """Total force that acts on the slave body, shape (2,) [stress length]."""
-        return -self.operators.weight @ self.z
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""
@@ -406,6 +343,10 @@ class Contact:
         """Count slip from the accepted state."""
         self.partners = self.accepted
 
+    def faced(self) -> tuple[Indices, Indices]:
+        """Slave nodes, and the master nodes that slip couples them to."""
+        return self.partners.pairs()
+
     @property
     def nodal(self) -> Nodal:
         """What the law sees, at the last evaluated state."""
@@ -428,11 +369,6 @@ class Contact:
     def sticking(self) -> npt.NDArray[np.bool_]:
         """Whether an active node sticks, shape (slave nodes,), bool."""
         return self.active & (self.piece == STICK) & self._rubs
-
-    @property
-    def shear_force(self) -> Array:
-        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length]."""
-        return self.operators.weight * np.einsum("ja,ja->j", self.operators.tau, self.z)
 
     @property
     def friction_work(self) -> float:
@@ -565,6 +501,32 @@ class Contact:
             scaled_tau * rest[:, None] - n * (weight * o.gap)[:, None],
         )
 
+    def residual(self) -> Array:
+        """What the rows make zero, as forces: gap and contact law, (slave nodes, 2)."""
+        gap = np.where(self.active, np.nan_to_num(self.gap), 0.0)
+        rho = np.where(self.active, self.tangential_row().residual, 0.0)
+        return np.stack([self.stiffness * gap, self.operators.diagonal * rho], axis=1)
+
+    def followed(self) -> Array:
+        """See ``Interface``: the normal row holds -k n_j . dd_j."""
+        return -np.einsum("ja,jb->jab", self.operators.n, self.operators.n)
+
+    def frame(self) -> tuple[Array, Array, Array]:
+        """What weighs the rows, for a check at fixed weights: n k / D, tau D, D of inactive nodes.
+
+        Shapes (slave nodes, 2), (slave nodes, 2), (slave nodes,).
+        """
+        o, on = self.operators, self.active
+        diagonal = np.where(on, o.diagonal, self.nodal_lengths)
+        normal = np.where(on[:, None], o.n * (self.stiffness / diagonal)[:, None], 0)
+        return normal, o.tau * (diagonal * on)[:, None], np.where(on, 0.0, diagonal)
+
+    def law(self, frame: tuple[Array, Array, Array]) -> Array:
+        """The two rows of each node that solutions make zero, weighted by ``frame``."""
+        normal, tangent, inactive = frame
+        gap, rho = self.operators.gap, self.tangential_row().residual
+        return normal * gap[:, None] - tangent * rho[:, None] - inactive[:, None] * self.z
+
     def _gap_rows(self, normal: Array, scaled_tau: Array) -> list[Block]:
         """Rows ``normal`` (slave nodes, 2) dg - ``scaled_tau`` d(g / w)."""
         o = self.operators
@@ -622,26 +584,6 @@ class Contact:
         rows = 2 * j[:, None] + np.arange(2)
         values = -scaled_tau[j][:, :, None] * change[j][:, None, :]
         return Block(rows, self.operators.normal_columns()[j], values)
-
-    def force_blocks(self) -> list[Block]:
-        """B^T: contact force by the multipliers; columns 2 j + component, active nodes only.
-
-        Entry by entry, without the zeros of D and between components: they would fill the system.
-        """
-        o, s = self.operators, self.operators.segments
-        return [
-            self._force_entries(self.slave, o.facet_nodes, o.facet_nodes, o.D),
-            self._force_entries(self.master, s.slave, s.master, -o.M),
-        ]
-
-    def _force_entries(self, surface: Surface, j: Indices, k: Indices, values: Array) -> Block:
-        """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and active multiplier j."""
-        used = (values != 0.0) & self.active[j][:, :, None]
-        j = np.broadcast_to(j[:, :, None], values.shape)[used]
-        k = np.broadcast_to(k[:, None, :], values.shape)[used]
-        columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
-        rows = surface.dofs_of(k[:, None]).reshape(-1, 1)
-        return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))
 
 
 def _normal_rows(block: Block, direction: Array) -> Block:

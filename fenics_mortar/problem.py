@@ -16,11 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar import compat
-from fenics_mortar.bulk import Bulk
+from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.contact import ContactPair
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
@@ -41,6 +41,7 @@ from fenics_mortar.system import (
     obstacle_to_condensation,
 )
 from fenics_mortar.tangent import TangentCheck, check_tangent
+from fenics_mortar.tied import TiedPair, bind
 
 # Largest c_n after a cycle of the active set.
 LESS_WEIGHT = 1e-3
@@ -73,7 +74,7 @@ class ContactProblem:
             its measures a ``quadrature_degree``.
         u: Displacement, alone or with other unknowns (as a pressure) in a mixed function; its
             present value is the start of the next solve.
-        pairs: Contact pairs.
+        pairs: Contact and tied pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver, beside those of ``solver``.
@@ -108,7 +109,7 @@ class ContactProblem:
         self,
         residual: Any,
         u: Any,
-        pairs: Sequence[ContactPair],
+        pairs: Sequence[ContactPair | TiedPair],
         *,
         bcs: Sequence[Any] = (),
         petsc_options_prefix: str,
@@ -121,8 +122,19 @@ class ContactProblem:
         displacement: int = 0,
         linear_bulk: bool | None = None,
     ) -> None:
-        if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
-            raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
+        if not isinstance(pairs, Sequence) or not all(
+            isinstance(p, (ContactPair, TiedPair)) for p in pairs
+        ):
+            raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
+        if not isinstance(bcs, Sequence):
+            raise ValueError(
+                f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions"
+            )
+        if len(residual.arguments()) != 1:
+            raise ValueError(
+                "the residual has to hold one test function and no trial function; of an energy, "
+                "it is ufl.derivative(energy, u, v)"
+            )
         compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)
@@ -138,9 +150,9 @@ class ContactProblem:
             raise ValueError("solver='iterative': mixed functions need solver='direct'")
         self.newton = newton or NewtonOptions()
         self.linearization = LINEARIZATIONS[linearization]
+        self.contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
-        self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
         self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
@@ -405,11 +417,7 @@ class ContactProblem:
         """
         size, held = self.bulk.num_owned, self.bulk.held
         contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
-        for contact in self.contacts:
-            tangential = np.where(contact.active, contact.tangential_row().residual, 0.0)
-            gap = np.where(contact.active, np.nan_to_num(contact.gap), 0.0)
-            rows += ((contact.stiffness * gap) ** 2).sum()
-            rows += ((contact.operators.diagonal * tangential) ** 2).sum()
+        rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = self.bulk.to_force * total
         reactions = free[held]

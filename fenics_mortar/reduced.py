@@ -35,9 +35,10 @@ from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
-from fenics_mortar.sparse import flatten
+from fenics_mortar.sparse import flatten, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
+from fenics_mortar.tied import Tie
 
 # Columns of the compliance solved for at a time.
 COLUMNS = 32
@@ -45,8 +46,6 @@ COLUMNS = 32
 COLUMNS_PER_ITERATION = 100
 # More contact dofs are reduced to on demand only: their compliance is a dense matrix.
 MOST_DOFS = 8000
-# A tangent is symmetric up to this part of its size.
-SYMMETRIC = 1e-12
 
 
 class ContactDofs:
@@ -346,7 +345,7 @@ class ReducedEquations:
 class LinearBulk:
     """Chooses how a problem is solved, again before each solve.
 
-    Obstacles that forces drive take the general path.
+    Obstacles that forces drive take the general path, and tied bodies, whose K may be singular.
 
     Args:
         problem: A ``ContactProblem``.
@@ -387,6 +386,8 @@ class LinearBulk:
         return bool(self._wanted) or (paid and columns <= MOST_DOFS)
 
     def _obstacle(self) -> str:
+        if any(isinstance(contact, Tie) for contact in self._problem.contacts):
+            return "bodies are tied"
         floating = self._problem.floating
         if floating.bodies:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
@@ -399,15 +400,3 @@ class LinearBulk:
         before, self._data = self._data, self._problem.bulk.tangent_data()
         same = len(before) == len(self._data) and all(map(np.array_equal, before, self._data))
         return self._problem.comm.allreduce(not same, MPI.LOR)
-
-
-def is_symmetric(K: PETSc.Mat) -> bool:
-    """Whether x . K y = y . K x for two vectors without structure (collective)."""
-    x, y = K.createVecs()
-    Kx, Ky = x.duplicate(), x.duplicate()
-    start = K.getOwnershipRange()[0]
-    places = np.arange(start, start + x.getLocalSize(), dtype=float)
-    x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
-    K.mult(x, Kx)
-    K.mult(y, Ky)
-    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SYMMETRIC * x.norm() * Ky.norm())
