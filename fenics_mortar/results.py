@@ -98,15 +98,15 @@ class ResultsWriter:
 
 
 def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
-    o = contact.operators
-    return {
+    o, friction = contact.operators, {}
+    if isinstance(contact, Contact):
+        friction = {"slip": contact.slip, "sticking": contact.sticking.astype(np.int32)}
+    return friction | {
         "displacement": _pad(contact.slave.gather(u)),
         "contact_pressure": contact.pressure,
         "tangential_traction": np.einsum("jc,jc->j", o.tau, contact.z),
         "gap": contact.gap,
-        "slip": contact.slip,
         "status": contact.active.astype(np.int32),
-        "sticking": contact.sticking.astype(np.int32),
         "normal": _pad(o.n),
     }
 

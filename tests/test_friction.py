@@ -161,6 +161,16 @@ def test_sliding_block_drags_with_the_whole_bound(law):
     assert max(record.num_iterations for record in records) <= 8
 
 
+def test_shear_outside_the_cone_is_told():
+    scene = blocks(fm.Coulomb(0.3))
+    drive(scene, (0.0, -0.1), (0.1, -0.1))
+    assert scene.problem.certificate().pairs[0].shear < 1e-10
+    scene.contact.pair.law = fm.Coulomb(0.2)
+    told = scene.problem.certificate()
+    assert told.pairs[0].shear == pytest.approx(0.1, rel=1e-6)
+    assert any("shear" in violation for violation in told.violations())
+
+
 def test_wedge_takes_the_closed_form():
     """H = W (tan a + mu) / (1 - mu tan a), however the block deforms: the plane stays plane."""
     angle, mu, weight = 0.2, 0.3, 4.0
