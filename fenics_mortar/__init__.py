@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D."""
 
+from fenics_mortar.adequacy import AdequacyCheck
 from fenics_mortar.compat import mixed_space, vector_space
 from fenics_mortar.contact import ContactPair
 from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError
@@ -14,6 +15,7 @@ from fenics_mortar.stepping import SteppingOptions, follow_path, load_state, sav
 from fenics_mortar.tied import TiedPair
 
 __all__ = [
+    "AdequacyCheck",
     "Circle",
     "ContactPair",
     "ContactProblem",

@@ -213,6 +213,14 @@ class Bulk:
         """Deformed over undeformed area at the nodes of the owned cells, (cells, nodes)."""
         return _areas(self.positions(), self._cells, self._gradients) / self._undeformed_areas
 
+    def deformation_gradients(self) -> Array:
+        """F at the nodes of the owned cells, shape (cells, nodes, 2, 2) (local)."""
+        now, before = (
+            np.einsum("eka,nkb->enab", x[self._cells], self._gradients)
+            for x in (self.positions(), self._X)
+        )
+        return now @ np.linalg.inv(before)
+
     def check_finite(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
 

@@ -23,7 +23,7 @@ modulus), l_j its length and c a plain number: nothing depends on units.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from mpi4py import MPI
 
@@ -35,6 +35,7 @@ from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.laws import STICK, Frictionless, Law, Nodal, Pieces, Row
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
+    LINEARIZATIONS,
     Basis,
     Block,
     GapWeights,
@@ -56,6 +57,7 @@ from fenics_mortar.slip import Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface
 
+Sliding = Literal["finite", "small"]
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
 # A node of which less than the first part is covered hands its multiplier to a neighbour with more
@@ -117,6 +119,9 @@ class ContactPair:
             where the problem is set up, whatever the facets of curved surfaces leave between them:
             0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
             and overlaps as they are meshed. See also ``Contact.offset``.
+        sliding: "finite", or "small": D, M and normals stay those of the undeformed mesh, and the
+            gap is linear in the displacement. It suffices where slip is small beside a facet and
+            normals hardly turn; with linear bulk the matrix is factored once, see ``reduced``.
         c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
             it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
             that a nonlinear step leaves behind.
@@ -144,6 +149,7 @@ class ContactPair:
         search_radius: float | None = None,
         max_angle: float = 70.0,
         initial_gap: float | None = None,
+        sliding: Sliding = "finite",
         c_n: float = 1e-3,
     ) -> None:
         for what, value, allowed in (
@@ -151,6 +157,7 @@ class ContactPair:
             ("normals", normals, get_args(Weighting)),
             ("gap_weights", gap_weights, get_args(GapWeights)),
             ("integration", integration, get_args(Integration)),
+            ("sliding", sliding, get_args(Sliding)),
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
@@ -183,11 +190,20 @@ class ContactPair:
         self.integration: Integration = integration
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
         self.initial_gap = initial_gap
+        self.sliding: Sliding = sliding
         self.law: Law = law or Frictionless()
 
     def __repr__(self) -> str:
         """The two sides."""
         return f"ContactPair({self.slave_name!r}, {self.master_name!r})"
+
+
+class _Reference(NamedTuple):
+    """Frozen operators of the undeformed mesh, and what they were evaluated with."""
+
+    operators: Any
+    carries: npt.NDArray[np.bool_]
+    place: Array
 
 
 class Contact(Interface):
@@ -245,6 +261,7 @@ class Contact(Interface):
         )
         self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
+        self._reference: _Reference | None = None
         self.partners: Partners
         self.accepted: Partners
         none = np.zeros(self.slave.num_nodes)
@@ -308,18 +325,36 @@ class Contact(Interface):
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""
         x = self.slave.X + self.slave.gather(u)
         m = self.master.X + self.master.gather(u)
+        if self.pair.sliding == "small":
+            operators = self._after_small_motion(x, m)
+        else:
+            operators = self._evaluate(x, m, linearization)
+        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+
+    def _evaluate(self, x: Array, m: Array, linearization: Linearization) -> MortarOperators:
+        """The operators where the nodes are at ``x`` and ``m`` (collective)."""
         planes = self._plane_normals
-        operators: MortarOperators
         if self.obstacle is None:
-            operators = evaluate_mortar(
+            return evaluate_mortar(
                 self.slave, self.master, x, m, self.carries, planes, self.options, linearization
             )
-        else:
-            operators = evaluate_obstacle(
-                self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
-                self.options, linearization,
-            )  # fmt: skip
-        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+        return evaluate_obstacle(
+            self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
+            self.options, linearization,
+        )  # fmt: skip
+
+    def _after_small_motion(self, x: Array, m: Array) -> MortarOperators:
+        """The operators of the undeformed mesh, with the gap of the present positions."""
+        kept = self._reference
+        if kept is None or not np.array_equal(kept.carries, self.carries):
+            X, frozen = (self.slave.X, self.master.X), LINEARIZATIONS["frozen"]
+            operators = self._evaluate(*X, frozen).freeze()
+            place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
+            kept = self._reference = _Reference(operators, self.carries.copy(), place)
+        if self.obstacle is None:
+            return kept.operators.after_small_motion(x, m)
+        dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
+        return kept.operators.after_small_motion(x, m, dq)
 
     def intersections(self) -> Segments:
         """Where the facets of this rank's share meet the master, whatever integrates the pair."""
@@ -330,6 +365,10 @@ class Contact(Interface):
             self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
             radius=options.radius, least_cosine=options.least_cosine,
         )  # fmt: skip
+
+    def adopt(self, other: Contact) -> None:
+        """Take over offset, weight and undeformed operators of the same pair by another model."""
+        self.offset, self.c_n, self._reference = other.offset, other.c_n, other._reference
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, get_args
@@ -20,7 +21,7 @@ from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import ContactPair
+from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
@@ -89,6 +90,8 @@ class ContactProblem:
         linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
             see ``reduced``. By default this is seen from ``residual``, and done once it pays; with
             solver "iterative" only if asked for.
+        adequacy: What asks after each solve whether the model was rich enough, an
+            ``AdequacyCheck``; its answer is ``report.adequacy``.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
@@ -121,6 +124,7 @@ class ContactProblem:
         jacobian: Any | None = None,
         displacement: int = 0,
         linear_bulk: bool | None = None,
+        adequacy: Any | None = None,
     ) -> None:
         if not isinstance(pairs, Sequence) or not all(
             isinstance(p, (ContactPair, TiedPair)) for p in pairs
@@ -149,6 +153,13 @@ class ContactProblem:
         if solver == "iterative" and space.is_mixed:
             raise ValueError("solver='iterative': mixed functions need solver='direct'")
         self.newton = newton or NewtonOptions()
+        self._adequacy = adequacy
+        self._given = {
+            "residual": residual, "u": u, "bcs": bcs, "petsc_options_prefix": petsc_options_prefix,
+            "petsc_options": petsc_options, "algorithm": algorithm, "solver": solver,
+            "linearization": linearization, "newton": newton, "jacobian": jacobian,
+            "displacement": displacement, "linear_bulk": linear_bulk,
+        }  # fmt: skip
         self.linearization = LINEARIZATIONS[linearization]
         self.contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
@@ -219,7 +230,40 @@ class ContactProblem:
         reactions = self.tools.record()
         report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations, *reactions]
         self._overlaps = []
+        if self._adequacy is not None:
+            report.adequacy = self._adequacy.assess(self)
         return report
+
+    def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
+        """The same problem by another model, with the same ``u``, conditions and obstacles.
+
+        The two share the displacement: take a state of the one over by ``adopt``.
+
+        Args:
+            residual: UFL form in the place of this problem's.
+            pair_options: Attributes of contact pairs instead, as ``sliding="finite"``.
+        """
+        pairs = [copy(contact.pair) for contact in self.contacts]
+        for pair in pairs:
+            if isinstance(pair, ContactPair):
+                vars(pair).update(pair_options)
+        given = {**self._given, "pairs": pairs}
+        if residual is not None:
+            given.update(residual=residual, jacobian=None)
+        u = self.bulk.u.x.array
+        kept = u.copy()
+        u[:] = 0.0
+        try:
+            return ContactProblem(**given)
+        finally:
+            u[:] = kept
+
+    def adopt(self, other: ContactProblem) -> None:
+        """Go to the present state of a variant."""
+        for contact, theirs in zip(self.contacts, other.contacts, strict=True):
+            if isinstance(contact, Contact) and isinstance(theirs, Contact):
+                contact.adopt(theirs)
+        self.restore(other.state())
 
     def accept(self) -> None:
         """Count slip from the last evaluated state (collective)."""
