@@ -98,7 +98,7 @@ class ResultsWriter:
 
 
 def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
-    o, friction = contact.operators, {}
+    o, friction = contact.operators, dict[str, Any]()
     if isinstance(contact, Contact):
         friction = {"slip": contact.slip, "sticking": contact.sticking.astype(np.int32)}
     return friction | {
