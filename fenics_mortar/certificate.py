@@ -23,8 +23,9 @@ from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.tied import Tie
 
 # Pressures below the first part of the stiffness, and forces below the second of stiffness and
-# displacement, are compared with these instead of each other: they may be rounding.
-ROUNDING, FORCE_ROUNDING = 1e-6, 1e-4
+# displacement, are compared with these instead of each other: they may be rounding. Displacements
+# below the third of the slave's extent count as that large: without loads all forces are rounding.
+ROUNDING, FORCE_ROUNDING, STILL = 1e-6, 1e-4, 1e-5
 # A node is inside an obstacle if it is deeper than this part of its length.
 DEEP = 0.5
 SAMPLES = np.linspace(-1.0, 1.0, 5)
@@ -182,7 +183,8 @@ def _balance(
     defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r[dofs]).sum()))
     largest = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=0.0)
-    rounding = FORCE_ROUNDING * stiffness * largest
+    extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)
+    rounding = FORCE_ROUNDING * stiffness * max(largest, STILL * extent)
     largest = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
     return float(largest) / _positive(size + rounding)
 

@@ -126,6 +126,15 @@ class ContactProblem:
             isinstance(p, (ContactPair, TiedPair)) for p in pairs
         ):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
+        if not isinstance(bcs, Sequence):
+            raise ValueError(
+                f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions"
+            )
+        if len(residual.arguments()) != 1:
+            raise ValueError(
+                "the residual has to hold one test function and no trial function; of an energy, "
+                "it is ufl.derivative(energy, u, v)"
+            )
         compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)

@@ -461,6 +461,13 @@ def test_value_that_does_not_fit_raises_on_all_ranks(blocks):
     raises("prescribes both components", fem.Function(V), 0)
 
 
+def test_space_that_does_not_fit_raises_on_all_ranks(blocks):
+    other = compat.vector_space(read(two_blocks.build).mesh, 1)
+    mixed = compat.mixed_space(blocks.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+    for space, match in ((other, "another mesh"), (mixed, r"take W.sub\(0\)")):
+        raises_on_all_ranks(match, dirichlet, space, blocks, "lower/left", (0.0, 0.0))
+
+
 # The scripts of meshes/
 
 
