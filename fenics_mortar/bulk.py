@@ -49,6 +49,7 @@ class Bulk:
 
     Attributes:
         V: Space of the displacement alone.
+        residual: The form.
         units: Amount of each unknown owned here that counts like a displacement of one, shape
             (num_owned,); see ``set_units``.
         to_force: What turns the residual of each equation into a force, shape (num_owned,).
@@ -78,7 +79,7 @@ class Bulk:
                     f"Dirichlet condition {number} is of another space; right is the space of u or "
                     "a component of it"
                 )
-        self.is_linear = False
+        self.is_linear, self.residual = False, residual
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
             expanded = expand_derivatives(jacobian)
