@@ -37,8 +37,8 @@ def column(law, degree, weight, cell="triangle", traction=-3.0, extra=None):
         residual += ufl.inner(stress, ufl.grad(v)) * dx(data.body_tag(body))
     if extra is not None:
         residual += extra(u, v)
-    bcs = [fm.dirichlet(V.sub(1), data, "lower/bottom", 0.0)]
-    bcs.append(fm.dirichlet(V.sub(0), data, ["lower/left", "upper/left"], 0.0))
+    bcs = [fm.dirichlet(V, data, "lower/bottom", 0.0, component=1)]
+    bcs.append(fm.dirichlet(V, data, ["lower/left", "upper/left"], 0.0, component=0))
     pair = fm.ContactPair(data, "upper/bottom", "lower/top")
     return fm.ContactProblem(
         residual, u, [pair], bcs=bcs, petsc_options_prefix="estimate_", newton=scenes.TIGHT
@@ -122,8 +122,8 @@ def test_mixed_functions_have_the_stress_of_their_pressure():
     top = data.boundary_tag("upper/top")
     residual += 0.01 * ufl.inner(ufl.FacetNormal(data.mesh), v) * ds(top)
     sides = [f"{body}/{side}" for body in ("lower", "upper") for side in ("left", "right")]
-    bcs = [fm.dirichlet(W.sub(0).sub(0), data, sides, 0.0)]
-    bcs.append(fm.dirichlet(W.sub(0).sub(1), data, "lower/bottom", 0.0))
+    bcs = [fm.dirichlet(W.sub(0), data, sides, 0.0, component=0)]
+    bcs.append(fm.dirichlet(W.sub(0), data, "lower/bottom", 0.0, component=1))
     pair = fm.ContactPair(data, "upper/bottom", "lower/top")
     problem = fm.ContactProblem(residual, w, [pair], bcs=bcs, petsc_options_prefix="mixed_")
     problem.solve()
