@@ -4,6 +4,7 @@
 from fenics_mortar.compat import mixed_space, vector_space
 from fenics_mortar.contact import ContactPair
 from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError
+from fenics_mortar.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
 from fenics_mortar.newton import NewtonOptions, NewtonReport
 from fenics_mortar.obstacles import Circle, Obstacle, Plane, Polygon, SignedDistance, Spline
@@ -15,6 +16,9 @@ __all__ = [
     "Circle",
     "ContactPair",
     "ContactProblem",
+    "Coulomb",
+    "Frictionless",
+    "Law",
     "MeshData",
     "MeshError",
     "MortarError",
@@ -29,6 +33,7 @@ __all__ = [
     "Spline",
     "SteppingOptions",
     "SurfaceError",
+    "Tresca",
     "contact_table",
     "dirichlet",
     "follow_path",

@@ -36,7 +36,8 @@ class PairCertificate:
         force: Sum of all contact forces over the sum of their sizes. Rounding.
         moment: Sum of their moments over forces times lever arms. Of third order in the facets.
         tension: Largest tension, -z_n, over the largest pressure.
-        shear: Largest tangential multiplier over the largest pressure.
+        shear: By how much the tangential multiplier exceeds what the contact law allows at most,
+            over the largest pressure (or what the law allows, where that is more).
         overlap: Largest negative mean gap of a slave node over its length.
         complementarity: Largest |z_n g| over largest pressure and length.
         penetration: Deepest point of a segment in the master over its facet's length: what the
@@ -184,7 +185,8 @@ def _certify_pair(
     lever = x - x.mean(axis=0)
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
     pressure = np.einsum("jc,jc->j", o.n, z)
-    shear = np.einsum("jc,jc->j", o.tau, z)
+    bound = np.where(contact.active, contact.pair.law.bound(pressure), 0.0)
+    excess = np.abs(np.einsum("jc,jc->j", o.tau, z)) - bound
     largest = max(float(pressure.max()), ROUNDING * float(contact.stiffness.max()))
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
     sizes = np.abs(forces)
@@ -194,7 +196,7 @@ def _certify_pair(
         moment=abs(float(moments.sum()))
         / _positive(float((sizes.max(axis=1) * np.abs(lever).max(axis=1)).sum())),
         tension=max(-float(pressure.min()), 0.0) / largest,
-        shear=float(np.abs(shear).max()) / largest,
+        shear=max(float(excess.max()), 0.0) / max(largest, float(bound.max())),
         overlap=max(-float(gap.min()), 0.0),
         complementarity=float(np.abs(pressure * gap).max()) / largest,
         penetration=_deepest(contact),

@@ -12,12 +12,17 @@ dd of the displacement and the new multiplier z, read
     active:     G_j dd = -g_j,     d(tau_j) . z_j^k + tau_j . z_j = 0
     inactive:   z_j = 0.
 
+The second row of an active node is that of frictionless contact; in general it is rho_j = 0 with
+rho of the contact law, see ``laws``, the slip in it from ``slip``, and the derivatives of all that
+rho depends on.
+
 c_j = c k_j / l_j with k_j the mean diagonal entry of the bulk tangent at the node (about Young's
 modulus), l_j its length and c a plain number: nothing depends on units.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import get_args
 
@@ -27,6 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.errors import SurfaceError, place
+from fenics_mortar.laws import STICK, Frictionless, Law, Nodal, Pieces, Row
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
     Basis,
@@ -46,6 +52,7 @@ from fenics_mortar.obstacles import (
     surface_without_nodes,
 )
 from fenics_mortar.segments import Integration, Segments, find_segments
+from fenics_mortar.slip import Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
@@ -71,7 +78,7 @@ OVERLAP = 1e-6
 
 
 class ContactPair:
-    """Frictionless contact of a slave with a master surface or a rigid obstacle.
+    """Contact of a slave with a master surface or a rigid obstacle.
 
     Args:
         data: Mesh, tags and names.
@@ -80,6 +87,8 @@ class ContactPair:
             obstacle has its own normals and no ends, so that ``normals`` matters on symmetry planes
             only, ``gap_weights="cover"`` is "basis", and "segments" and "elements" are the same:
             Gauss points on whole slave facets.
+        law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or one's own, see ``laws``.
+            Nodes that are held in a component, as on symmetry planes, have no friction.
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes, or, of
             quadratic facets, at their "vertices" only: linear functions, which can be condensed,
             too. They are half as many, but the pressure overshoots at the edge of contact.
@@ -126,6 +135,7 @@ class ContactPair:
         slave: str | int,
         master: str | int | Obstacle,
         *,
+        law: Law | None = None,
         basis: Basis = "dual",
         normals: Weighting = "opposite",
         gap_weights: GapWeights = "cover",
@@ -158,6 +168,8 @@ class ContactPair:
             raise ValueError(f"initial_gap={initial_gap}: a length, or None")
         if not 0.0 < c_n < np.inf:
             raise ValueError(f"c_n={c_n}: a positive number")
+        if law is not None and not isinstance(law, Law):
+            raise ValueError(f"law={law!r}: an instance of Frictionless, Coulomb, Tresca or Law")
         self.data = data
         self.slave_name, self.master_name = str(slave), str(master)
         self.master = master
@@ -171,6 +183,7 @@ class ContactPair:
         self.integration: Integration = integration
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
         self.initial_gap = initial_gap
+        self.law: Law = law or Frictionless()
 
     def __repr__(self) -> str:
         """The two sides."""
@@ -201,6 +214,9 @@ class Contact:
         slave, master: The surfaces.
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
         active: Active set, shape (slave nodes,), bool.
+        piece: Piece of the law that each node is on, 0 where it sticks, shape (slave nodes,).
+        partners: What the slave nodes faced at the last accepted state.
+        accepted: What they faced when the present state was accepted: the next step's partners.
         operators: D, M, gap and derivatives at the last evaluated state.
         offset: Length taken off the pointwise gap, interpolated between the slave nodes, shape
             (slave nodes,) [length]. May be set: to ramp an overlap of the mesh, go with ``t`` from
@@ -249,6 +265,11 @@ class Contact:
         self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self.operators: MortarOperators
+        self.partners: Partners
+        self.accepted: Partners
+        none = np.zeros(self.slave.num_nodes)
+        start = Nodal(none, none, none, none, none + 1.0, none)
+        self.piece: Pieces = pair.law.piece(start, np.zeros(none.size, np.int64))
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
@@ -377,6 +398,60 @@ class Contact:
         """Forget how often nodes changed in the last solve."""
         self._changes[:] = 0
 
+    def accept(self) -> None:
+        """Note what the slave nodes face at the last evaluated state (collective)."""
+        self.accepted = find_partners(self.operators, self.covered)
+
+    def start_step(self) -> None:
+        """Count slip from the accepted state."""
+        self.partners = self.accepted
+
+    @property
+    def nodal(self) -> Nodal:
+        """What the law sees, at the last evaluated state."""
+        o, on, stiffness = self.operators, self.covered, self.stiffness / self.nodal_lengths
+        return Nodal(
+            gap=np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0),
+            slip=self.slip,
+            z_n=np.einsum("ja,ja->j", o.n, self.z),
+            z_tau=np.einsum("ja,ja->j", o.tau, self.z),
+            stiffness=stiffness,
+            c_n=self.c_n * stiffness,
+        )
+
+    @property
+    def slip(self) -> Array:
+        """Slip along tau since the last accepted step, shape (slave nodes,) [length]."""
+        return self.partners.slip(self.operators)
+
+    @property
+    def sticking(self) -> npt.NDArray[np.bool_]:
+        """Whether an active node sticks, shape (slave nodes,), bool."""
+        return self.active & (self.piece == STICK) & self._rubs
+
+    @property
+    def shear_force(self) -> Array:
+        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length]."""
+        return self.operators.weight * np.einsum("ja,ja->j", self.operators.tau, self.z)
+
+    @property
+    def friction_work(self) -> float:
+        """What friction takes up in a step, by the shear at its end [stress length^2]."""
+        return float(self.shear_force @ np.where(self.active, self.slip, 0.0))
+
+    @property
+    def _rubs(self) -> npt.NDArray[np.bool_]:
+        """Whether a node follows the law: not if one of its components is prescribed."""
+        return self.free.all(axis=1)
+
+    def tangential_row(self) -> Row:
+        """Tangential row of all nodes as if they were active, each of shape (slave nodes,)."""
+        node = self.nodal
+        ours, without = (
+            law.tangential(node, self.piece) for law in (self.pair.law, Frictionless())
+        )
+        return Row(*(np.where(self._rubs, a, b) for a, b in zip(ours, without, strict=True)))
+
     def update_carriers(self) -> int:
         """Hand over and take back multipliers by the cover of the nodes; return how many changed.
 
@@ -457,13 +532,16 @@ class Contact:
         active = np.where(rounding, self.active & on, trial > 0.0)
         if start:
             active |= on & (np.where(on, gap, np.inf) <= TOUCHING * self.nodal_lengths)
-        changed = int((active != self.active).sum())
+        changed = active != self.active
         self.active = active
         self.z[~active] = 0.0
-        return changed
+        piece = self.pair.law.piece(self.nodal, self.piece)
+        changed |= active & self._rubs & (piece != self.piece)
+        self.piece = piece
+        return int(changed.sum())
 
     def rows(self) -> Rows:
-        """Rows of the multipliers, the law of frictionless contact.
+        """Rows of the multipliers: the gap, and what the contact law says.
 
         The normal row is weighted by k_j / D_jj, the tangential one by D_jj, so that both read
         like rows of the bulk; the two are then turned back to Cartesian components:
@@ -473,22 +551,53 @@ class Contact:
         n, tau = o.n, o.tau
         diagonal = np.where(active, o.diagonal, self.nodal_lengths)
         weight = np.where(active, self.stiffness / diagonal, 0.0)
-        project = np.where(active[:, None, None], np.einsum("ja,jb->jab", tau, tau), np.eye(2))
-        blocks = [_normal_rows(block, n * weight[:, None]) for block in o.gap_derivative()]
-        blocks.append(self._tangential_rows(tau * (diagonal * active)[:, None]))
+        row, scaled_tau = self.tangential_row(), tau * (diagonal * active)[:, None]
+        by_z = row.by_z_tau[:, None] * tau + row.by_z_n[:, None] * n
+        project = np.where(active[:, None, None], np.einsum("ja,jb->jab", tau, by_z), np.eye(2))
+        rest = row.residual - np.einsum("ja,ja->j", by_z, self.z)
         return Rows(
-            blocks,
+            [
+                *self._gap_rows(n * weight[:, None], scaled_tau * row.by_gap[:, None]),
+                self._nodal_rows(scaled_tau, row),
+                *self._slip_rows(scaled_tau * row.by_slip[:, None]),
+            ],
             -diagonal[:, None, None] * project,
-            -n * (weight * o.gap)[:, None],
+            scaled_tau * rest[:, None] - n * (weight * o.gap)[:, None],
         )
+
+    def _gap_rows(self, normal: Array, scaled_tau: Array) -> list[Block]:
+        """Rows ``normal`` (slave nodes, 2) dg - ``scaled_tau`` d(g / w)."""
+        o = self.operators
+        per_weight = np.where(self.covered, 1.0 / np.where(self.covered, o.weight, 1.0), 0.0)
+        along = scaled_tau * per_weight[:, None]
+        blocks = [_normal_rows(block, normal - along) for block in o.gap_derivative()]
+        if along.any():
+            mean = along * (o.gap * per_weight)[:, None]
+            blocks += [_normal_rows(block, mean) for block in o.weight_derivative()]
+        return blocks
+
+    def _slip_rows(self, scaled_tau: Array) -> Iterator[Block]:
+        """Rows -``scaled_tau`` (slave nodes, 2) du, but for the change of tau in u."""
+        if scaled_tau.any():
+            for block in self.partners.derivative(self.operators):
+                yield _normal_rows(block, -scaled_tau)
 
     def motion_rows(self) -> Array:
         """Derivative of the same rows by the motions of the obstacle, (slave nodes, 2, 3)."""
         o, diagonal = self.on_obstacle, self.operators.diagonal
         weight = np.where(self.active, self.stiffness / np.where(self.active, diagonal, 1.0), 0.0)
-        slip = self.z[:, 1:] * o.dn_dq[:, 0] - self.z[:, :1] * o.dn_dq[:, 1]
+        row = self.tangential_row()
+        shear = self.z[:, 1:] * o.dn_dq[:, 0] - self.z[:, :1] * o.dn_dq[:, 1]
+        pressure = np.einsum("ja,jam->jm", self.z, o.dn_dq)
+        slip = self.partners.derivative_by_motions(o)
+        change = (
+            row.by_z_tau[:, None] * shear
+            + row.by_z_n[:, None] * pressure
+            + row.by_slip[:, None] * slip
+            + row.by_gap[:, None] * self.gap_by_motions()
+        )
         normal = np.einsum("ja,jm->jam", o.n * weight[:, None], o.dgap_dq)
-        tangential = np.einsum("ja,jm->jam", o.tau * (diagonal * self.active)[:, None], slip)
+        tangential = np.einsum("ja,jm->jam", o.tau * (diagonal * self.active)[:, None], change)
         return normal - tangential
 
     def gap_by_motions(self) -> Array:
@@ -502,10 +611,14 @@ class Contact:
         assert isinstance(self.operators, ObstacleOperators)
         return self.operators
 
-    def _tangential_rows(self, scaled_tau: Array) -> Block:
-        """-tau_j D_jj (d(tau_j) . z_j) from the nodes that this rank owns."""
-        j = self.slave.owned[self.active[self.slave.owned]]
-        change = self.operators.tangential_derivative(self.z)
+    def _nodal_rows(self, scaled_tau: Array, row: Row) -> Block:
+        """-tau_j D_jj d(rho_j) by the change of n_j and tau_j, of the nodes that this rank owns."""
+        o, j = self.operators, self.slave.owned[self.active[self.slave.owned]]
+        change = (
+            row.by_z_tau[:, None] * o.tangential_derivative(self.z)
+            + row.by_z_n[:, None] * o.normal_derivative(self.z)
+            + row.by_slip[:, None] * o.tangential_derivative(self.partners.apart(o))
+        )
         rows = 2 * j[:, None] + np.arange(2)
         values = -scaled_tau[j][:, :, None] * change[j][:, None, :]
         return Block(rows, self.operators.normal_columns()[j], values)

@@ -189,9 +189,9 @@ class FloatingBodies:
         """Displacement since ``hold`` (owned part)."""
         return (self._bulk.u.x.array - self._anchor)[: self._bulk.num_owned]
 
-    def part_held(self) -> float:
-        """Largest force of springs on a body, over the contact force on it."""
-        return max((self._part_held(body) for body in self.bodies), default=0.0)
+    def parts_held(self) -> list[tuple[str, float]]:
+        """Name and force of springs over the contact force on it, of each body."""
+        return [(self.name_of(body.label), self._part_held(body)) for body in self.bodies]
 
     def _part_held(self, body: FloatingBody) -> float:
         force = np.linalg.norm(self._resultant(body, self._spring_forces()))
@@ -207,23 +207,15 @@ class FloatingBodies:
             total += float(forces[on_slave | on_master].sum())
         return total
 
-    def describe_springs(self) -> str:
-        """What the springs of ``hold`` hold, in words."""
-        energy = 0.5 * self._bulk.comm.allreduce(float(self._strain() @ self._spring_forces()))
-        parts = [
-            f"{self.name_of(body.label)} with {self._part_held(body):.1e} of its contact force"
-            for body in self.bodies
-        ]
-        return (
-            f"springs hold {', '.join(parts)}, with an energy of {energy:.3e}: contact does not "
-            "resist its motion more than the facets' corners drive it; prescribe it, or refine"
-        )
+    def spring_energy(self) -> float:
+        """Energy in the springs of ``hold`` [stress length^2]."""
+        return 0.5 * self._bulk.comm.allreduce(float(self._strain() @ self._spring_forces()))
 
     def travel(self) -> float:
         """How far a body has moved as a rigid one since ``hold``, in shortest facets."""
         change = self._strain()
         moves = [np.linalg.norm(self._rigid_part(body, change)) for body in self.bodies]
-        return float(max(moves)) / self._shortest_facet()
+        return float(max(moves, default=0.0)) / self._shortest_facet()
 
     def _spread(self, stiffness: dict[int, float]) -> Array:
         """Stiffness of the springs at the owned dofs from that of each body."""

@@ -215,6 +215,12 @@ class MortarOperators:
         rows = self.master.dofs_of(s.master[i])
         return Block(rows, self.columns[k], values.reshape(*rows.shape, self.dM.shape[3]))
 
+    def weight_derivative(self) -> list[Block]:
+        """Blocks of dw/dd, w the row sum of D: rows are slave nodes, columns displacement dofs."""
+        if self.linearization.frozen:
+            return []
+        return [Block(self.segments.slave, self.columns, self.dD.sum(axis=2))]
+
     def gap_derivative(self) -> list[Block]:
         """Blocks of dg/dd: rows are slave nodes, columns displacement dofs [length]."""
         if self.linearization.frozen:
@@ -254,6 +260,10 @@ class MortarOperators:
         self.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])
         return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)
+
+    def normal_derivative(self, z: Array) -> Array:
+        """d(n_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""
+        return np.einsum("jc,jcq->jq", z, self.dn)
 
     def tangential_derivative(self, z: Array) -> Array:
         """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""

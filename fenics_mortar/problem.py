@@ -25,11 +25,13 @@ from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.estimate import ErrorEstimate, Estimator
 from fenics_mortar.floating import FloatingBodies
+from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
 from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
+from fenics_mortar.slip import Partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import (
@@ -50,13 +52,16 @@ EPSILON = float(np.finfo(float).eps)
 class State:
     """Displacement, multipliers, active sets and places of obstacles, as copies.
 
-    The displacement is the part of this rank.
+    The displacement is the part of this rank. Of each contact there are the partners that its slip
+    counts from, and those at the last accepted state.
     """
 
     u: Array
     z: list[Array]
     active: list[npt.NDArray[np.bool_]]
     carries: list[npt.NDArray[np.bool_]]
+    piece: list[Pieces]
+    partners: list[tuple[Partners, Partners]]
     places: Array
     converged: bool
 
@@ -158,11 +163,12 @@ class ContactProblem:
         self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._estimator: Estimator | None = None
         self._last_converged = False
-        self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []
+        self._recent_sets: list[list[tuple[npt.NDArray[np.bool_], Pieces]]] = []
         for contact in self.contacts:
             contact.evaluate(u.x.array, self.linearization)
             contact.set_initial_gap()
             contact.evaluate(u.x.array, self.linearization)
+        self.accept()
         self._overlaps = [c.describe_overlap() for c in self.contacts]
 
     # Solving
@@ -180,17 +186,23 @@ class ContactProblem:
         """
         clock.read()
         self.bulk.check_finite()
+        for contact in self.contacts:
+            contact.start_step()
         try:
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
             moved += self.floating.settle(self._evaluate_forces)
-            self.floating.let_go()
+            self.hold(None)
+            if moved:  # bodies that nothing held were moved to each other: that is no slip
+                self.accept()
             report = self._solve()
             moved += self.floating.check()
         except MortarError:
             self._last_converged = False
-            self.floating.let_go()
+            self.hold(None)
             raise
         self._last_converged = True
+        for contact in self.contacts:
+            contact.accept()
         compat.free_petsc_garbage(self.comm)
         report.certificate = self.certificate()
         violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
@@ -198,6 +210,12 @@ class ContactProblem:
         report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations, *reactions]
         self._overlaps = []
         return report
+
+    def accept(self) -> None:
+        """Count slip from the last evaluated state (collective)."""
+        for contact in self.contacts:
+            contact.accept()
+            contact.start_step()
 
     def _solve(self) -> NewtonReport:
         """Solve on the contact dofs where the bulk is linear, else on all."""
@@ -228,26 +246,38 @@ class ContactProblem:
         try:
             return solve(self, self.newton)
         except NotConvergedError as error:
-            if not self.floating.bodies:
+            if not self.floating.bodies and not self.tools.driven.any():
                 raise
             self.restore(start)
             return release_slowly(self, self.newton, error)
 
     def hold(self, travel: float | None) -> None:
-        """Tie floating bodies to where they are by springs, or let them go; see ``release``."""
+        """Tie floating bodies and driven obstacles by springs, or let them go; see ``release``."""
         if travel is None:
             self.floating.let_go()
+            self.tools.let_go()
         else:
             bulk, contact, _ = self.forces()
             self.floating.hold(bulk + contact, travel)
+            self.tools.hold(travel, self.stiffest)
 
     def travel(self) -> float:
-        """How far bodies have moved since ``hold``, in shortest facets."""
-        return self.floating.travel()
+        """How far what ``hold`` ties has moved since, in shortest facets."""
+        return max(self.floating.travel(), self.tools.travel())
 
     def remaining(self) -> tuple[float, str]:
         """Part of the forces that springs hold, and that in words."""
-        return self.floating.part_held(), self.floating.describe_springs()
+        parts = self._parts_held()
+        energy = self.floating.spring_energy() + self.tools.spring_energy()
+        each = [f"{name} with {part:.1e} of its contact force" for name, part in parts]
+        return max(part for _, part in parts), (
+            f"springs hold {', '.join(each)}, with an energy of {energy:.3e}: contact does not "
+            "resist its motion more than the facets' corners drive it; prescribe it, or refine"
+        )
+
+    def _parts_held(self) -> list[tuple[str, float]]:
+        """What springs of ``hold`` hold, and which part of the contact force on it."""
+        return self.floating.parts_held() + self.tools.parts_held()
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
@@ -264,8 +294,11 @@ class ContactProblem:
         self._force = force
         gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
         active = sum(int(c.active.sum()) for c in self.contacts)
-        self._recent_sets.append([c.active.copy() for c in self.contacts])
-        sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
+        self._recent_sets.append([(c.active.copy(), c.piece.copy()) for c in self.contacts])
+        sets = b"".join(
+            np.packbits([c.active, c.carries]).tobytes() + (c.active * c.piece).tobytes()
+            for c in self.contacts
+        )
         gap = float(max(gaps, default=0.0))
         return Status(residual, force, gap, active, changed, self.noise(), sets)
 
@@ -321,18 +354,25 @@ class ContactProblem:
         return Step(increment / size, part, note)
 
     def merge_sets(self, period: int) -> str:
-        """Leave a cycle of the active set; say how.
+        """Leave a cycle of the active set or of sticking and sliding nodes; say how.
 
         All nodes that were active in it are so for one iteration, and gaps weigh less from then on,
         in later solves too: a large c_n releases nodes for small gaps that a step leaves behind.
+        Nodes that did not always slide in one direction stick for that iteration.
         """
+        wavering = 0
         for i, contact in enumerate(self.contacts):
-            union = np.any([sets[i] for sets in self._recent_sets[-period:]], axis=0)
-            contact.active = union & contact.covered
+            recent = [sets[i] for sets in self._recent_sets[-period:]]
+            active, pieces = (np.array(sets) for sets in zip(*recent, strict=True))
+            contact.active = active.any(axis=0) & contact.covered
             contact.c_n = min(contact.c_n, LESS_WEIGHT)
+            wavers = contact.active & (pieces != pieces[-1]).any(axis=0)
+            contact.piece = np.where(wavers, STICK, contact.piece)
+            wavering += int(wavers.sum())
+        stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
             f"the active set does not settle (last {period} iterations); all nodes active in them "
-            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on"
+            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on{stuck}"
         )
 
     def _begin(self) -> None:
@@ -368,7 +408,7 @@ class ContactProblem:
         size, held = self.bulk.num_owned, self.bulk.held
         contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
         for contact in self.contacts:
-            tangential = np.einsum("ja,ja->j", contact.operators.tau, contact.z)
+            tangential = np.where(contact.active, contact.tangential_row().residual, 0.0)
             gap = np.where(contact.active, np.nan_to_num(contact.gap), 0.0)
             rows += ((contact.stiffness * gap) ** 2).sum()
             rows += ((contact.operators.diagonal * tangential) ** 2).sum()
@@ -428,6 +468,8 @@ class ContactProblem:
             [contact.z.copy() for contact in self.contacts],
             [contact.active.copy() for contact in self.contacts],
             [contact.carries.copy() for contact in self.contacts],
+            [contact.piece.copy() for contact in self.contacts],
+            [(contact.partners, contact.accepted) for contact in self.contacts],
             self.tools.places,
             self._last_converged,
         )
@@ -436,9 +478,10 @@ class ContactProblem:
         """Go back to a state, exactly."""
         self.bulk.u.x.array[:] = state.u
         self.tools.places = state.places
-        kept = zip(self.contacts, state.z, state.active, state.carries, strict=True)
-        for contact, z, active, carries in kept:
-            contact.z, contact.active, contact.carries = z.copy(), active.copy(), carries.copy()
+        for i, contact in enumerate(self.contacts):
+            contact.z, contact.active = state.z[i].copy(), state.active[i].copy()
+            contact.carries, contact.piece = state.carries[i].copy(), state.piece[i].copy()
+            contact.partners, contact.accepted = state.partners[i]
             contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged
 
@@ -454,7 +497,7 @@ class ContactProblem:
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
         if not self.floating.held:
             return certificate
-        return replace(certificate, springs=self.floating.part_held())
+        return replace(certificate, springs=max(part for _, part in self._parts_held()))
 
     def estimate(self) -> ErrorEstimate:
         """Estimate the error of the present state by cells; see ``estimate``.

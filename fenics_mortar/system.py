@@ -282,7 +282,7 @@ class CondensedSystem(LinearSystem):
 
     def _update_pattern(self) -> bool:
         """Whether the pattern of K has to grow; make the reaches anew then (collective)."""
-        now = [(contact.operators, contact.carries) for contact in self.contacts]
+        now = [(c.operators, c.carries, c.partners.pairs()) for c in self.contacts]
         holds = self._pattern == self.bulk.num_patterns and all(
             reach.holds(*state) for reach, state in zip(self._reaches, now, strict=True)
         )

@@ -167,8 +167,8 @@ class _Probe:
             on_slave, on_master = o.force(np.where(contact.active[:, None], contact.z, 0.0))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
-            slip = np.einsum("ja,ja->j", o.tau, contact.z)
-            law = normal * o.gap[:, None] - tangent * slip[:, None] - inactive[:, None] * contact.z
+            rho = contact.tangential_row().residual
+            law = normal * o.gap[:, None] - tangent * rho[:, None] - inactive[:, None] * contact.z
             laws.append(law[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         for contact in self.contacts:  # only active multipliers act, as in the system

@@ -171,7 +171,7 @@ HALF_SIDE = 3.0  # half-widths
 
 
 def hertz(n: int, choice: Choice, *, graded: bool = False) -> Posed:
-    """A parabola above, the slave, on a flat body; n facets of degree 1, n / 2 of degree 2."""
+    """On grids with n facets of degree 1, n / 2 of degree 2, of the slave."""
     cell, degree = ELEMENTS[choice.element]
     exact = HalfPlanes()
     side, height = HALF_SIDE * exact.a, HALF_SIDE * exact.a
@@ -190,7 +190,12 @@ def hertz(n: int, choice: Choice, *, graded: bool = False) -> Posed:
         return np.stack([x, bottom + t * (sign * height - bottom)], axis=2)
 
     upper, lower = grid(n, 1.0), grid(5 * n // 8, -1.0)[:, ::-1]
-    data = read([Grid("upper", upper), Grid("lower", lower)], cell, degree)
+    return hertz_on(read([Grid("upper", upper), Grid("lower", lower)], cell, degree), choice)
+
+
+def hertz_on(data: Any, choice: Choice) -> Posed:
+    """A parabola above, the slave, on a flat body: boxes with the exact loads on their sides."""
+    exact = HalfPlanes()
 
     def displacement(x: np.ndarray, on_slave: np.ndarray) -> np.ndarray:
         y = np.where(on_slave, 1.0, -1.0) * np.maximum(np.abs(x[1]), 1e-30)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from model import Body, Grid, Pose, Posed, Scene, Support, block, legs, mapped, sector
+from model import Body, Grid, Pose, Posed, Scene, Support, Tool, block, fm, legs, mapped, sector
 
 
 @dataclass(frozen=True)
@@ -717,6 +717,42 @@ def unit_of_length(scale: float) -> Scene:
 def unit_of_stress(scale: float) -> Scene:
     """The same in other units."""
     return punch_on_ground(steps=4, depth=0.12).scaled(1.0, scale)
+
+
+def egg() -> fm.Spline:
+    """An ellipse on its side, turned by 60 degrees."""
+    t = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    x = turned(np.column_stack([0.4 * np.cos(t), 0.25 * np.sin(t)]), 60.0)
+    return fm.Spline(x - [-0.03, x[:, 1].min() - 0.01], name="tool")
+
+
+# What a rigid tool is, and what else of it moves as forces say
+TOOLS: dict[str, tuple[Callable[[], fm.Obstacle], dict[str, float]]] = {
+    "roller": (lambda: fm.Circle((0.0, 0.55), 0.5, name="tool"), {}),
+    "corner": (
+        lambda: fm.Polygon([(0.9, 0.85), (0.0, 0.05), (-0.6, 0.85)], 0.05, name="tool"), {},
+    ),
+    "loose plate": (lambda: fm.Plane((0.15, 0.05), (0.1, -1.0), name="tool"), {"moment": 0.0}),
+    "free egg": (egg, {"x": 0.0, "moment": 0.0}),
+}  # fmt: skip
+
+
+@family("rigid tool by force: tool, force / (E width)", *(
+    f"{tool}, {force}" for tool in TOOLS for force in (0.01, 0.05, 0.2)
+))  # fmt: skip
+def rigid_tool(value: str) -> Scene:
+    """It comes from a distance; the plate is tilted, pushed aside of its middle; the egg rolls."""
+    tool, part = value.split(", ")
+    make, loose = TOOLS[tool]
+    force = -1.6 * float(part)
+    return Scene(
+        bodies=[ground(24, 9, width=1.6, height=0.8)],
+        pairs=[("ground/top", "tool")],
+        supports=[HELD],
+        steps=4,
+        tools=[Tool("tool", make, {"y": force} | loose)],
+        check=lambda posed: expect("force", posed.forces[0, 1], force, 1e-5),
+    )
 
 
 @family("few facets on a round master: facets", 3, 5)
