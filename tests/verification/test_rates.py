@@ -11,7 +11,7 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
 from exact_hertz import HalfPlanes
 from exact_rings import PressFit, linear
 from norms import errors
-from scenes_exact import ELEMENTS, Choice, flat, hertz, press_fit
+from scenes_exact import ELEMENTS, Choice, curved, flat, hertz, press_fit
 
 pytestmark = pytest.mark.serial
 
@@ -27,10 +27,12 @@ def rates(scene, element, sizes):
     return {name: np.log(found[0][name] / found[1][name]) / factor for name in found[0]}
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
-def test_smooth_solutions_have_full_rates(element):
+@pytest.mark.parametrize(
+    "scene, element", [*((flat, element) for element in ELEMENTS), (curved, "P1"), (curved, "P2")]
+)
+def test_smooth_solutions_have_full_rates(scene, element):
     degree = ELEMENTS[element][1]
-    found = rates(flat, element, (12, 24))
+    found = rates(scene, element, (12, 24))
     assert found["energy"] == pytest.approx(degree, abs=0.15)
     assert found["displacement"] == pytest.approx(degree + 1, abs=0.15)
 
