@@ -182,7 +182,7 @@ def main() -> None:
     folder = Path("results/accuracy")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "adapt.md").write_text(table(runs))
-    draw(runs, mesh).savefig(folder / "adapt.png", dpi=150)
+    draw(runs, mesh).savefig(folder / "adapt.png", dpi=150, bbox_inches="tight")
     print(table(runs))
     for element in COLOURS:
         print(f"{element}: graded meshes take {saved(runs, element):.1f} times fewer unknowns")
