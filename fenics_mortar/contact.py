@@ -23,8 +23,7 @@ modulus), l_j its length and c a plain number: nothing depends on units.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from mpi4py import MPI
 
@@ -32,9 +31,11 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.errors import SurfaceError, place
+from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.laws import STICK, Frictionless, Law, Nodal, Pieces, Row
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
+    LINEARIZATIONS,
     Basis,
     Block,
     GapWeights,
@@ -54,8 +55,9 @@ from fenics_mortar.obstacles import (
 from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.slip import Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
-from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
+from fenics_mortar.surfaces import Array, Indices, Surface
 
+Sliding = Literal["finite", "small"]
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
 # A node of which less than the first part is covered hands its multiplier to a neighbour with more
@@ -117,6 +119,9 @@ class ContactPair:
             where the problem is set up, whatever the facets of curved surfaces leave between them:
             0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
             and overlaps as they are meshed. See also ``Contact.offset``.
+        sliding: "finite", or "small": D, M and normals stay those of the undeformed mesh, and the
+            gap is linear in the displacement. It suffices where slip is small beside a facet and
+            normals hardly turn; with linear bulk the matrix is factored once, see ``reduced``.
         c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
             it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
             that a nonlinear step leaves behind.
@@ -144,6 +149,7 @@ class ContactPair:
         search_radius: float | None = None,
         max_angle: float = 70.0,
         initial_gap: float | None = None,
+        sliding: Sliding = "finite",
         c_n: float = 1e-3,
     ) -> None:
         for what, value, allowed in (
@@ -151,6 +157,7 @@ class ContactPair:
             ("normals", normals, get_args(Weighting)),
             ("gap_weights", gap_weights, get_args(GapWeights)),
             ("integration", integration, get_args(Integration)),
+            ("sliding", sliding, get_args(Sliding)),
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
@@ -183,6 +190,7 @@ class ContactPair:
         self.integration: Integration = integration
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
         self.initial_gap = initial_gap
+        self.sliding: Sliding = sliding
         self.law: Law = law or Frictionless()
 
     def __repr__(self) -> str:
@@ -190,22 +198,15 @@ class ContactPair:
         return f"ContactPair({self.slave_name!r}, {self.master_name!r})"
 
 
-@dataclass(frozen=True)
-class Rows:
-    """The rows of the multipliers: blocks . dd + A_z z = rhs, in force units.
+class _Reference(NamedTuple):
+    """Frozen operators of the undeformed mesh, and what they were evaluated with."""
 
-    Attributes:
-        blocks: Blocks with rows 2 j + component and displacement dofs as columns.
-        A_z: Shape (slave nodes, 2, 2) [length].
-        rhs: Shape (slave nodes, 2) [stress length].
-    """
-
-    blocks: list[Block]
-    A_z: Array
-    rhs: Array
+    operators: Any
+    carries: npt.NDArray[np.bool_]
+    place: Array
 
 
-class Contact:
+class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
     Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
@@ -233,17 +234,16 @@ class Contact:
     """
 
     def __init__(
-        self, pair: ContactPair, space: DisplacementSpace, prescribed: npt.NDArray[np.bool_]
+        self,
+        pair: ContactPair,
+        space: DisplacementSpace,
+        prescribed: npt.NDArray[np.bool_],
+        welds: Indices = NO_WELDS,
     ) -> None:
-        """Extract the surfaces (collective); ``prescribed``: local dofs with Dirichlet values."""
-        self.pair = pair
-        tags = pair.data.facet_tags
-        self.slave: Surface = extract_surface(space, tags, pair.slave_tag, pair.slave_name)
+        """Extract the surfaces (collective); see ``Interface``."""
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
-        self.master: Surface = self._master_surface(space)
-        self._check_sides()
+        super().__init__(pair, space, prescribed, welds)
         self._check_points()
-        self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self._classify_nodes()
         self._may_carry = self.carries
         self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
@@ -259,12 +259,9 @@ class Contact:
             pair.search_radius or self._reach(),
             float(np.cos(np.radians(pair.max_angle))),
         )
-        self.z: Array = np.zeros((self.slave.num_nodes, 2))
-        self.active = np.zeros(self.slave.num_nodes, bool)
-        self.stiffness: Array = np.ones(self.slave.num_nodes)
         self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
-        self.operators: MortarOperators
+        self._reference: _Reference | None = None
         self.partners: Partners
         self.accepted: Partners
         none = np.zeros(self.slave.num_nodes)
@@ -273,26 +270,15 @@ class Contact:
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
-        name, data = self.pair.master_name, self.pair.data
-        if isinstance(self.pair.master, Obstacle):
-            return surface_without_nodes(self.slave, name)
-        return extract_surface(space, data.facet_tags, data.boundary_tag(self.pair.master), name)
+        if self.obstacle is not None:
+            return surface_without_nodes(self.slave, self.pair.master_name)
+        return super()._master_surface(space)
 
     def _reach(self) -> float:
         """Distance at which partners are looked for by default."""
         if self.obstacle is not None:
             return np.inf
         return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
-
-    def _check_sides(self) -> None:
-        both = np.intersect1d(self.slave.nodes, self.master.nodes)
-        if both.size:
-            where = self.slave.X[np.flatnonzero(self.slave.nodes == both[0])[0]]
-            raise SurfaceError(
-                f"slave '{self.pair.slave_name}' and master '{self.pair.master_name}' share "
-                f"{both.size} nodes, one at {place(where)}; the two sides must be different "
-                "surfaces that are not joined in the mesh"
-            )
 
     def _check_points(self) -> None:
         size = self.slave.degree + 1
@@ -322,11 +308,6 @@ class Contact:
         self._plane_normals[on_plane] = (np.sign(normals) * self.free)[on_plane]
 
     @property
-    def nodal_lengths(self) -> Array:
-        """Length of slave surface that belongs to each node, shape (slave nodes,) [length]."""
-        return self.slave.nodal_lengths
-
-    @property
     def covered(self) -> npt.NDArray[np.bool_]:
         """Whether a slave node has a multiplier and a partner at the last evaluated state."""
         enough = self.operators.diagonal > LEAST_NODE_COVER * self.nodal_lengths
@@ -340,49 +321,40 @@ class Contact:
         gap[on] = self.operators.gap[on] / self.operators.weight[on]
         return self._fill_inside(gap)
 
-    @property
-    def pressure(self) -> Array:
-        """Contact pressure z_n of every slave node, shape (slave nodes,) [stress]."""
-        return self._fill_inside(np.einsum("jc,jc->j", self.operators.n, self.z))
-
-    @property
-    def _at_vertices(self) -> bool:
-        """Whether nodes inside facets have no multipliers."""
-        return self.pair.basis == "vertices" and self.pair.integration != "nodes"
-
-    def _fill_inside(self, values: Array) -> Array:
-        """Set nodes inside facets to the mean of the ends, if only these have multipliers."""
-        if self._at_vertices:
-            facets = self.slave.facets
-            values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
-        return values
-
-    @property
-    def active_nodes(self) -> Indices:
-        """Numbers of the active slave nodes along the surface."""
-        return np.flatnonzero(self.active)
-
-    @property
-    def total_force(self) -> Array:
-        """Total force that acts on the slave body, shape (2,) [stress length]."""
-        return -self.operators.weight @ self.z
-
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""
         x = self.slave.X + self.slave.gather(u)
         m = self.master.X + self.master.gather(u)
+        if self.pair.sliding == "small":
+            operators = self._after_small_motion(x, m)
+        else:
+            operators = self._evaluate(x, m, linearization)
+        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+
+    def _evaluate(self, x: Array, m: Array, linearization: Linearization) -> MortarOperators:
+        """The operators where the nodes are at ``x`` and ``m`` (collective)."""
         planes = self._plane_normals
-        operators: MortarOperators
         if self.obstacle is None:
-            operators = evaluate_mortar(
+            return evaluate_mortar(
                 self.slave, self.master, x, m, self.carries, planes, self.options, linearization
             )
-        else:
-            operators = evaluate_obstacle(
-                self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
-                self.options, linearization,
-            )  # fmt: skip
-        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+        return evaluate_obstacle(
+            self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
+            self.options, linearization,
+        )  # fmt: skip
+
+    def _after_small_motion(self, x: Array, m: Array) -> MortarOperators:
+        """The operators of the undeformed mesh, with the gap of the present positions."""
+        kept = self._reference
+        if kept is None or not np.array_equal(kept.carries, self.carries):
+            X, frozen = (self.slave.X, self.master.X), LINEARIZATIONS["frozen"]
+            operators = self._evaluate(*X, frozen).freeze()
+            place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
+            kept = self._reference = _Reference(operators, self.carries.copy(), place)
+        if self.obstacle is None:
+            return kept.operators.after_small_motion(x, m)
+        dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
+        return kept.operators.after_small_motion(x, m, dq)
 
     def intersections(self) -> Segments:
         """Where the facets of this rank's share meet the master, whatever integrates the pair."""
@@ -393,6 +365,10 @@ class Contact:
             self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
             radius=options.radius, least_cosine=options.least_cosine,
         )  # fmt: skip
+
+    def adopt(self, other: Contact) -> None:
+        """Take over offset, weight and undeformed operators of the same pair by another model."""
+        self.offset, self.c_n, self._reference = other.offset, other.c_n, other._reference
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve."""
@@ -405,6 +381,10 @@ class Contact:
     def start_step(self) -> None:
         """Count slip from the accepted state."""
         self.partners = self.accepted
+
+    def faced(self) -> tuple[Indices, Indices]:
+        """Slave nodes, and the master nodes that slip couples them to."""
+        return self.partners.pairs()
 
     @property
     def nodal(self) -> Nodal:
@@ -428,11 +408,6 @@ class Contact:
     def sticking(self) -> npt.NDArray[np.bool_]:
         """Whether an active node sticks, shape (slave nodes,), bool."""
         return self.active & (self.piece == STICK) & self._rubs
-
-    @property
-    def shear_force(self) -> Array:
-        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length]."""
-        return self.operators.weight * np.einsum("ja,ja->j", self.operators.tau, self.z)
 
     @property
     def friction_work(self) -> float:
@@ -565,6 +540,32 @@ class Contact:
             scaled_tau * rest[:, None] - n * (weight * o.gap)[:, None],
         )
 
+    def residual(self) -> Array:
+        """What the rows make zero, as forces: gap and contact law, (slave nodes, 2)."""
+        gap = np.where(self.active, np.nan_to_num(self.gap), 0.0)
+        rho = np.where(self.active, self.tangential_row().residual, 0.0)
+        return np.stack([self.stiffness * gap, self.operators.diagonal * rho], axis=1)
+
+    def followed(self) -> Array:
+        """See ``Interface``: the normal row holds -k n_j . dd_j."""
+        return -np.einsum("ja,jb->jab", self.operators.n, self.operators.n)
+
+    def frame(self) -> tuple[Array, Array, Array]:
+        """What weighs the rows, for a check at fixed weights: n k / D, tau D, D of inactive nodes.
+
+        Shapes (slave nodes, 2), (slave nodes, 2), (slave nodes,).
+        """
+        o, on = self.operators, self.active
+        diagonal = np.where(on, o.diagonal, self.nodal_lengths)
+        normal = np.where(on[:, None], o.n * (self.stiffness / diagonal)[:, None], 0)
+        return normal, o.tau * (diagonal * on)[:, None], np.where(on, 0.0, diagonal)
+
+    def law(self, frame: tuple[Array, Array, Array]) -> Array:
+        """The two rows of each node that solutions make zero, weighted by ``frame``."""
+        normal, tangent, inactive = frame
+        gap, rho = self.operators.gap, self.tangential_row().residual
+        return normal * gap[:, None] - tangent * rho[:, None] - inactive[:, None] * self.z
+
     def _gap_rows(self, normal: Array, scaled_tau: Array) -> list[Block]:
         """Rows ``normal`` (slave nodes, 2) dg - ``scaled_tau`` d(g / w)."""
         o = self.operators
@@ -622,26 +623,6 @@ class Contact:
         rows = 2 * j[:, None] + np.arange(2)
         values = -scaled_tau[j][:, :, None] * change[j][:, None, :]
         return Block(rows, self.operators.normal_columns()[j], values)
-
-    def force_blocks(self) -> list[Block]:
-        """B^T: contact force by the multipliers; columns 2 j + component, active nodes only.
-
-        Entry by entry, without the zeros of D and between components: they would fill the system.
-        """
-        o, s = self.operators, self.operators.segments
-        return [
-            self._force_entries(self.slave, o.facet_nodes, o.facet_nodes, o.D),
-            self._force_entries(self.master, s.slave, s.master, -o.M),
-        ]
-
-    def _force_entries(self, surface: Surface, j: Indices, k: Indices, values: Array) -> Block:
-        """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and active multiplier j."""
-        used = (values != 0.0) & self.active[j][:, :, None]
-        j = np.broadcast_to(j[:, :, None], values.shape)[used]
-        k = np.broadcast_to(k[:, None, :], values.shape)[used]
-        columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
-        rows = surface.dofs_of(k[:, None]).reshape(-1, 1)
-        return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))
 
 
 def _normal_rows(block: Block, direction: Array) -> Block:

@@ -19,6 +19,7 @@ it. Where an obstacle rolls, and Newton fails, springs hold it as they do bodies
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -54,13 +55,13 @@ class DrivenObstacles:
     All is equal on all ranks. Motions are x, y and turn, the angle times the ``arm`` of the pair.
 
     Args:
-        contacts: The contacts of the problem.
+        contacts: The contacts of the problem, and its ties.
 
     Attributes:
         obstacles: Those of the contacts, each once.
     """
 
-    def __init__(self, contacts: Sequence[Contact]) -> None:
+    def __init__(self, contacts: Sequence[Any]) -> None:
         self._contacts = contacts
         found = [c.obstacle for c in contacts if c.obstacle is not None]
         self.obstacles: list[Obstacle] = list(dict.fromkeys(found))

@@ -13,7 +13,8 @@ two cells of an inner side, on the boundary the given one, on both contact surfa
 multipliers. The discrete gap is closed in the mean only: penetration g counts by (Q_nn / 2 h) g^2,
 what it takes to press it into the layers on both sides, and so does opening where all nodes of a
 facet are active; elsewhere it counts by the work z_n g. Straight facets of a curved surface leave
-gaps and overlaps that are none of the exact surface: there the estimate is high.
+gaps and overlaps that are none of the exact surface: there the estimate is high. Ties count by
+their tractions only.
 These are the terms of Hild and Nicaise (Numer. Math. 101, 2005) and of Krause, Veeser and Walloth
 (Numer. Math. 130, 2015), who prove them for linear elasticity on a rigid obstacle.
 
@@ -40,6 +41,7 @@ from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.fluxes import Fluxes, ReferenceCell
+from fenics_mortar.interface import Interface
 from fenics_mortar.surfaces import Array, Indices, Surface
 
 # b and c by degree
@@ -106,7 +108,7 @@ class Estimator:
         self._sides = Sides(bulk, self._fluxes.cell.sides)
         self._degree = self._sides.nodes.shape[2] - 1
 
-    def evaluate(self, contacts: Sequence[Contact]) -> ErrorEstimate:
+    def evaluate(self, contacts: Sequence[Interface]) -> ErrorEstimate:
         """Estimate the error of the present state, at which contacts are evaluated (collective)."""
         cell, sides = self._fluxes.cell, self._sides
         inside, along = self._fluxes.in_cells()
@@ -130,6 +132,8 @@ class Estimator:
         layer = np.einsum("tsqik,tsqi,tsqk->tsq", Q, N, N).mean(axis=2) / height
         parts["gap"] = np.zeros(len(work))
         for contact in contacts:
+            if not isinstance(contact, Contact):  # a tie; its jump is not counted
+                continue
             squared_gap, work_of_gap = gap_defects(contact)
             t, s, facet = sides.of_surface(contact.slave)
             share = 0.5 if contact.obstacle is None else 1.0  # two layers, one behind the other
@@ -143,7 +147,7 @@ class Estimator:
         indicator = np.sqrt(np.sum(list(parts.values()), axis=0))
         return ErrorEstimate(indicator, size, dict(zip(parts, norms, strict=True)), self._mesh)
 
-    def _defects(self, tractions: Array, contacts: Sequence[Contact]) -> tuple[Array, Mask]:
+    def _defects(self, tractions: Array, contacts: Sequence[Interface]) -> tuple[Array, Mask]:
         """Tractions less what they ought to be, (cells, sides, q, 2), and which sides touch."""
         sides, s = self._sides, 2.0 * self._fluxes.cell.s - 1.0
         outer, touching = ~sides.inner, np.zeros(sides.inner.shape, bool)

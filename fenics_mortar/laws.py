@@ -122,6 +122,8 @@ class Friction(Law):
     Args:
         c_t: Weight of the slip in w, a plain number. The result does not depend on it: it decides
             how soon a node that slides against its shear turns round instead of sticking first.
+            If it does so too soon, all nodes of a body may turn to and fro; if too late, a few that
+            stick hold a body that slides.
 
     Raises:
         ValueError: If a number is not allowed.
@@ -176,7 +178,7 @@ class Coulomb(Friction):
         mu: float,
         *,
         most: float = np.inf,
-        c_t: float = 1.0,
+        c_t: float = 0.1,
         limit_by: Literal["trial", "pressure"] = "trial",
     ) -> None:
         super().__init__(c_t)
@@ -218,7 +220,7 @@ class Tresca(Friction):
         ValueError: If a number is not allowed.
     """
 
-    def __init__(self, stress: float, *, c_t: float = 1.0) -> None:
+    def __init__(self, stress: float, *, c_t: float = 0.1) -> None:
         super().__init__(c_t)
         if not 0.0 <= stress < np.inf:
             raise ValueError(f"stress={stress}: zero or a positive number")

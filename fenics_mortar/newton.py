@@ -110,12 +110,14 @@ class NewtonReport:
     """What happened in one solve: kept on success and on failure.
 
     Row 0 is the state before the first linear system. ``notes`` tell of all that was done beside
-    plain Newton steps; ``certificate`` is what the equations measured of a converged state.
+    plain Newton steps; ``certificate`` is what the equations measured of a converged state, and
+    ``adequacy`` what they say of their own assumptions, if they were asked.
     """
 
     iterations: list[Iteration] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     certificate: Any = None
+    adequacy: Any = None
     force: float = 0.0
     converged: bool = False
     reason: str = "not started"

@@ -27,7 +27,8 @@ f_q         -sum_k F_k . V(x_k): what the nodal forces F = D^T z, added to the i
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from mpi4py import MPI
 
@@ -392,6 +393,18 @@ class ObstacleOperators(MortarOperators):
     V: Array
     dn_dq: Array
     dgap_dq: Array
+
+    def freeze(self) -> Self:
+        """The same without derivatives, but for that of the gap by the motions."""
+        return replace(super().freeze(), dn_dq=np.zeros_like(self.dn_dq))
+
+    def after_small_motion(self, x: Array, m: Array, dq: Array | None = None) -> Self:
+        """Frozen operators after small motions of the nodes and of the obstacle, ``dq`` (3,)."""
+        dq = np.zeros(3) if dq is None else dq
+        moved = super().after_small_motion(x, m)
+        apart = np.einsum("kmc,m->kc", self.V, dq) - (x - self.x)
+        phi = self.phi + np.einsum("kc,kc->k", self.n, apart)
+        return replace(moved, gap=moved.gap + self.dgap_dq @ dq, phi=phi)
 
     def motion_force(self, z: Array) -> Array:
         """f_q for multipliers ``z``, shape (3,) [stress length] (collective)."""

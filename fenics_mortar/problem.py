@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, get_args
@@ -16,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar import compat
-from fenics_mortar.bulk import Bulk
+from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
@@ -42,6 +43,7 @@ from fenics_mortar.system import (
     obstacle_to_condensation,
 )
 from fenics_mortar.tangent import TangentCheck, check_tangent
+from fenics_mortar.tied import TiedPair, bind
 
 # Largest c_n after a cycle of the active set.
 LESS_WEIGHT = 1e-3
@@ -74,7 +76,7 @@ class ContactProblem:
             its measures a ``quadrature_degree``.
         u: Displacement, alone or with other unknowns (as a pressure) in a mixed function; its
             present value is the start of the next solve.
-        pairs: Contact pairs.
+        pairs: Contact and tied pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver, beside those of ``solver``.
@@ -89,6 +91,8 @@ class ContactProblem:
         linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
             see ``reduced``. By default this is seen from ``residual``, and done once it pays; with
             solver "iterative" only if asked for.
+        adequacy: What asks after each solve whether the model was rich enough, an
+            ``AdequacyCheck``; its answer is ``report.adequacy``.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
@@ -109,7 +113,7 @@ class ContactProblem:
         self,
         residual: Any,
         u: Any,
-        pairs: Sequence[ContactPair],
+        pairs: Sequence[ContactPair | TiedPair],
         *,
         bcs: Sequence[Any] = (),
         petsc_options_prefix: str,
@@ -121,9 +125,21 @@ class ContactProblem:
         jacobian: Any | None = None,
         displacement: int = 0,
         linear_bulk: bool | None = None,
+        adequacy: Any | None = None,
     ) -> None:
-        if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
-            raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
+        if not isinstance(pairs, Sequence) or not all(
+            isinstance(p, (ContactPair, TiedPair)) for p in pairs
+        ):
+            raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
+        if not isinstance(bcs, Sequence):
+            raise ValueError(
+                f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions"
+            )
+        if len(residual.arguments()) != 1:
+            raise ValueError(
+                "the residual has to hold one test function and no trial function; of an energy, "
+                "it is ufl.derivative(energy, u, v)"
+            )
         compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)
@@ -138,10 +154,17 @@ class ContactProblem:
         if solver == "iterative" and space.is_mixed:
             raise ValueError("solver='iterative': mixed functions need solver='direct'")
         self.newton = newton or NewtonOptions()
+        self._adequacy = adequacy
+        self._given = {
+            "residual": residual, "u": u, "bcs": bcs, "petsc_options_prefix": petsc_options_prefix,
+            "petsc_options": petsc_options, "algorithm": algorithm, "solver": solver,
+            "linearization": linearization, "newton": newton, "jacobian": jacobian,
+            "displacement": displacement, "linear_bulk": linear_bulk,
+        }  # fmt: skip
         self.linearization = LINEARIZATIONS[linearization]
+        self.contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
-        self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
         self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
@@ -209,7 +232,40 @@ class ContactProblem:
         reactions = self.tools.record()
         report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations, *reactions]
         self._overlaps = []
+        if self._adequacy is not None:
+            report.adequacy = self._adequacy.assess(self)
         return report
+
+    def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
+        """The same problem by another model, with the same ``u``, conditions and obstacles.
+
+        The two share the displacement: take a state of the one over by ``adopt``.
+
+        Args:
+            residual: UFL form in the place of this problem's.
+            pair_options: Attributes of contact pairs instead, as ``sliding="finite"``.
+        """
+        pairs = [copy(contact.pair) for contact in self.contacts]
+        for pair in pairs:
+            if isinstance(pair, ContactPair):
+                vars(pair).update(pair_options)
+        given = {**self._given, "pairs": pairs}
+        if residual is not None:
+            given.update(residual=residual, jacobian=None)
+        u = self.bulk.u.x.array
+        kept = u.copy()
+        u[:] = 0.0
+        try:
+            return ContactProblem(**given)
+        finally:
+            u[:] = kept
+
+    def adopt(self, other: ContactProblem) -> None:
+        """Go to the present state of a variant."""
+        for contact, theirs in zip(self.contacts, other.contacts, strict=True):
+            if isinstance(contact, Contact) and isinstance(theirs, Contact):
+                contact.adopt(theirs)
+        self.restore(other.state())
 
     def accept(self) -> None:
         """Count slip from the last evaluated state (collective)."""
@@ -407,11 +463,7 @@ class ContactProblem:
         """
         size, held = self.bulk.num_owned, self.bulk.held
         contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
-        for contact in self.contacts:
-            tangential = np.where(contact.active, contact.tangential_row().residual, 0.0)
-            gap = np.where(contact.active, np.nan_to_num(contact.gap), 0.0)
-            rows += ((contact.stiffness * gap) ** 2).sum()
-            rows += ((contact.operators.diagonal * tangential) ** 2).sum()
+        rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = self.bulk.to_force * total
         reactions = free[held]

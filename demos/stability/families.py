@@ -154,6 +154,44 @@ def ironing(facets: float) -> Scene:
     )
 
 
+@family("ironing with friction: mu", 0.1, 0.3, 0.6, 1, 2)
+def rubbing(mu: float) -> Scene:
+    """The same with friction, a facet per step."""
+    return replace(ironing(1), pair={"law": fm.Coulomb(mu)})
+
+
+@family("ironing, mu = 0.3: slide per step / facet", 0.1, 0.5, 1, 3, 10)
+def rubbing_fast(facets: float) -> Scene:
+    """The same with friction: nodes slide far in one step, and enter while they do."""
+    return replace(ironing(facets), pair={"law": fm.Coulomb(0.3)})
+
+
+@family("block drawn to and fro, mu = 0.3: steps per stroke", 1, 2, 5, 20)
+def reversal(steps: int) -> Scene:
+    """A block on a block; in each stroke all nodes go from sliding by sticking to sliding."""
+    there, back, low = (0.1, -0.04, 0.0), (-0.1, -0.04, 0.0), (0.0, -0.04, 0.0)
+    upper = block(8, 6, width=0.8, height=0.5, corner=(-0.4, 0.0))
+    lower = block(18, 6, width=1.6, height=0.5, corner=(-0.8, -0.5))
+    path = legs((steps, low), (steps, there), (2 * steps, back), (2 * steps, there), (steps, low))
+    return two_blocks(upper, lower, path, 7 * steps, pair={"law": fm.Coulomb(0.3)})
+
+
+@family("pressed on a slope of 27 degrees: mu", 0, 0.2, 0.4, 0.5, 0.6, 1, 2)
+def slope(mu: float) -> Scene:
+    """A block whose bottom rises by one half, pressed straight down; it sticks above mu = 0.5."""
+
+    def above(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x = 0.8 * (s - 0.5)
+        return x, 0.5 * x + (0.6 - 0.5 * x) * t
+
+    def below(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x = 1.6 * (s - 0.5)
+        return x, -0.8 + (0.8 + 0.5 * x) * t
+
+    upper, lower = mapped(8, 6, above), mapped(18, 6, below)
+    return two_blocks(upper, lower, down(0.06, steps=3), 3, pair={"law": fm.Coulomb(mu)})
+
+
 @family("roll by 30 degrees: degrees per step", 1, 5, 10, 30)
 def roll(degrees: float) -> Scene:
     """Half a wheel pressed on a block and rolled along it."""
