@@ -13,8 +13,7 @@ two cells of an inner side, on the boundary the given one, on both contact surfa
 multipliers. The discrete gap is closed in the mean only: penetration g counts by (Q_nn / 2 h) g^2,
 what it takes to press it into the layers on both sides, and so does opening where all nodes of a
 facet are active; elsewhere it counts by the work z_n g. Straight facets of a curved surface leave
-gaps and overlaps that are none of the exact surface: there the estimate is high. Ties count by
-their tractions only.
+gaps and overlaps that are none of the exact surface: there the estimate is high.
 These are the terms of Hild and Nicaise (Numer. Math. 101, 2005) and of Krause, Veeser and Walloth
 (Numer. Math. 130, 2015), who prove them for linear elasticity on a rigid obstacle.
 
@@ -108,8 +107,12 @@ class Estimator:
         self._sides = Sides(bulk, self._fluxes.cell.sides)
         self._degree = self._sides.nodes.shape[2] - 1
 
-    def evaluate(self, contacts: Sequence[Interface]) -> ErrorEstimate:
-        """Estimate the error of the present state, at which contacts are evaluated (collective)."""
+    def evaluate(self, interfaces: Sequence[Interface]) -> ErrorEstimate:
+        """Estimate the error of the present state, at which all is evaluated (collective).
+
+        Tied surfaces count by their tractions; what their displacements differ by between the
+        nodes does not.
+        """
         cell, sides = self._fluxes.cell, self._sides
         inside, along = self._fluxes.in_cells()
         A = self._fluxes.moduli()
@@ -122,7 +125,7 @@ class Estimator:
         N, measure = _outlines(along.jacobian, cell)
         Q = np.einsum("tiJkL,tsqJ,tsqL->tsqik", A, N, N)
         tractions = np.einsum("tsqiJ,tsqJ->tsqi", along.stress, N)
-        defects, touching = self._defects(tractions, contacts)
+        defects, touching = self._defects(tractions, interfaces)
         height = square[:, None] / measure.sum(axis=2)
         work = ON_SIDE[self._degree] * height * (measure * _work(Q, defects)).sum(axis=2)
         boundary = ~sides.inner & ~touching
@@ -131,9 +134,7 @@ class Estimator:
 
         layer = np.einsum("tsqik,tsqi,tsqk->tsq", Q, N, N).mean(axis=2) / height
         parts["gap"] = np.zeros(len(work))
-        for contact in contacts:
-            if not isinstance(contact, Contact):  # a tie; its jump is not counted
-                continue
+        for contact in (pair for pair in interfaces if isinstance(pair, Contact)):
             squared_gap, work_of_gap = gap_defects(contact)
             t, s, facet = sides.of_surface(contact.slave)
             share = 0.5 if contact.obstacle is None else 1.0  # two layers, one behind the other
@@ -147,7 +148,7 @@ class Estimator:
         indicator = np.sqrt(np.sum(list(parts.values()), axis=0))
         return ErrorEstimate(indicator, size, dict(zip(parts, norms, strict=True)), self._mesh)
 
-    def _defects(self, tractions: Array, contacts: Sequence[Interface]) -> tuple[Array, Mask]:
+    def _defects(self, tractions: Array, interfaces: Sequence[Interface]) -> tuple[Array, Mask]:
         """Tractions less what they ought to be, (cells, sides, q, 2), and which sides touch."""
         sides, s = self._sides, 2.0 * self._fluxes.cell.s - 1.0
         outer, touching = ~sides.inner, np.zeros(sides.inner.shape, bool)
@@ -155,9 +156,9 @@ class Estimator:
         t, k = np.nonzero(outer)
         defects[t, k] = tractions[t, k] - self._fluxes.loads(t, k, sides.facets[t, k])
         shape, _ = lagrange(s, self._degree)
-        for contact in contacts:
-            forces = contact.operators.force(contact.z)
-            for surface, force in zip((contact.slave, contact.master), forces, strict=True):
+        for pair in interfaces:
+            forces = pair.operators.force(pair.z)
+            for surface, force in zip((pair.slave, pair.master), forces, strict=True):
                 if surface.num_nodes:
                     t, k, facet = sides.of_surface(surface)
                     nodal = nodal_tractions(surface, -force)[surface.facets[facet]]
