@@ -43,7 +43,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, Rows
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
-from fenics_mortar.multigrid import TouchingBodies
+from fenics_mortar.multigrid import CYCLE, TouchingBodies
 from fenics_mortar.reach import Reach
 from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
@@ -64,6 +64,7 @@ ITERATIVE = {
     "ksp_rtol": 1e-8,
     "ksp_max_it": 300,
     "pc_type": "python",
+    **{f"cycle_{name}": value for name, value in CYCLE.items()},
 }
 SOLVERS: dict[Solver, dict[str, Any]] = {"direct": DIRECT, "iterative": ITERATIVE}
 # A direct solver that leaves more than this part of the right-hand side has met a singular matrix.
@@ -267,8 +268,6 @@ class CondensedSystem(LinearSystem):
         new = self._update_pattern()
         self.bulk.add_to_tangent(self._K_c.assemble(self._K_c_blocks(new)), new)
         self._slave_K = self._slave_tangent()
-        if self._multigrid is not None:
-            self._multigrid.set_up(self.bulk.K, self._largest_stiffness)
         R = self._R.assemble(self._R_blocks(laws, new))
         product = R.matMult(self._slave_K)
         self.bulk.add_to_tangent(product, new)
