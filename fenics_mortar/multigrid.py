@@ -183,6 +183,7 @@ class Strip:
         self._rows = PETSc.IS().createGeneral((dofs + bulk.first).astype(PETSc.IntType), bulk.comm)
         self._dofs = dofs
         self._matrix: Any = None
+        self._factors: Any = None
 
     def factor(self, A: PETSc.Mat) -> None:
         """Factor the part of ``A``; its pattern may have changed."""

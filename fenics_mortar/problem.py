@@ -25,7 +25,7 @@ from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.mortar import LINEARIZATIONS
-from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, solve
+from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, forcing, solve
 from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
@@ -157,6 +157,7 @@ class ContactProblem:
         self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._last_converged = False
         self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []
+        self._residuals: list[float] = []
         for contact in self.contacts:
             contact.evaluate(u.x.array, self.linearization)
             contact.set_initial_gap()
@@ -260,6 +261,7 @@ class ContactProblem:
         changed = self._evaluate_contacts(start=start)
         residual, force = self._residual_and_force()
         self._force = force
+        self._residuals.append(residual)
         gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
         active = sum(int(c.active.sum()) for c in self.contacts)
         self._recent_sets.append([c.active.copy() for c in self.contacts])
@@ -301,6 +303,8 @@ class ContactProblem:
         self.floating.add_springs(loose, self._total, self._force)
         with clock("assembly"):
             self.system.assemble()
+        goal = self.newton.residual_tolerance * self._force
+        self.system.forcing = forcing(self._residuals, goal)
         with clock("solve"):
             step, multipliers, motion = self.tools.solve(self.system, self.stiffest, self._force)
         self.floating.drop_undriven(loose, step, self._total, self._force)
@@ -335,7 +339,7 @@ class ContactProblem:
 
     def _begin(self) -> None:
         """Forget the cycles of the last solve."""
-        self._recent_sets = []
+        self._recent_sets, self._residuals = [], []
         for contact in self.contacts:
             contact.begin()
 

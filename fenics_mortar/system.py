@@ -80,6 +80,7 @@ class LinearSystem(ABC):
         places: Global number of the multiplier of each slave node, per contact: in the order of
             their owners, so that a rank owns a contiguous range.
         num_multipliers: Multipliers this rank owns.
+        forcing: Part of the right-hand side that the next solve may leave if it is iterative.
         matrix: The matrix last assembled.
     """
 
@@ -99,6 +100,8 @@ class LinearSystem(ABC):
         self._prefix, self._options = prefix, {**DIRECT, **options}
         with self._in_database():
             self.ksp.setFromOptions()
+        self._finest, *_ = self.ksp.getTolerances()
+        self.forcing = 0.0
         self.matrix: PETSc.Mat
         self._rhs: PETSc.Vec
 
@@ -195,6 +198,8 @@ class LinearSystem(ABC):
         A direct solution that leaves more than rounding is refined once: pivots of a saddle point
         are chosen for sparsity, too, and cost digits.
         """
+        self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
+        self.forcing = 0.0
         solution, relative = self._attempt(matrix, rhs)
         if not relative <= LINEAR_TOLERANCE:  # an order that was right for other values may not be
             self.ksp.reset()
