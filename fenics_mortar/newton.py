@@ -13,8 +13,8 @@ from fenics_mortar.errors import MortarError, NotConvergedError
 
 # Sets that change in so many iterations in a row will not settle by themselves.
 UNSETTLED = 12
-# Part of the right-hand side that a linear solve leaves at the most. Measured: from 1e-4 on Newton's
-# method takes more iterations, which cost more than those saved.
+# Part of the right-hand side that a linear solve leaves at the most. Measured: from 1e-4 on there
+# are more Newton iterations, which cost more than the linear ones saved.
 LOOSEST = 5e-6
 
 

@@ -43,7 +43,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact, Rows
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
-from fenics_mortar.multigrid import CYCLE, TouchingBodies
+from fenics_mortar.multigrid import OPTIONS, TouchingBodies
 from fenics_mortar.reach import Reach
 from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
@@ -64,7 +64,7 @@ ITERATIVE = {
     "ksp_rtol": 1e-8,
     "ksp_max_it": 300,
     "pc_type": "python",
-    **{f"cycle_{name}": value for name, value in CYCLE.items()},
+    **OPTIONS,
 }
 SOLVERS: dict[Solver, dict[str, Any]] = {"direct": DIRECT, "iterative": ITERATIVE}
 # A direct solver that leaves more than this part of the right-hand side has met a singular matrix.
@@ -253,7 +253,7 @@ class CondensedSystem(LinearSystem):
         size, mine = bulk.num_owned, 2 * self.num_multipliers
         self._multigrid: TouchingBodies | None = None
         if self.ksp.getPC().getType() == "python":
-            self._multigrid = TouchingBodies(bulk, contacts, f"{prefix}cycle_")
+            self._multigrid = TouchingBodies(bulk, contacts, prefix)
             self.ksp.getPC().setPythonContext(self._multigrid)
         self._R = BlockMatrix(self.comm, size, mine)
         self._K_c = BlockMatrix(self.comm, size, size, bulk.space.block_size)
