@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -88,6 +89,20 @@ def label_bodies(V: Any) -> tuple[Indices, int]:
     bridges = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(total, total))
     bodies, body = connected_components(bridges, directed=False)
     return body[part].astype(np.int64), bodies
+
+
+def join_bodies(labels: Indices, num_bodies: int, links: Sequence[Indices]) -> tuple[Indices, int]:
+    """Give linked bodies one number: new ``labels`` and number of bodies (local).
+
+    Args:
+        labels: Body of each local node.
+        num_bodies: Number of bodies.
+        links: Pairs of bodies, equal on all ranks, shapes (k, 2).
+    """
+    pairs = np.concatenate([np.empty((0, 2), np.int64), *links])
+    bridges = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(num_bodies, num_bodies))
+    count, body = connected_components(bridges, directed=False)
+    return body[labels].astype(np.int64), count
 
 
 def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[FloatingBody]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from mpi4py import MPI
@@ -72,12 +73,7 @@ class Bulk:
     ) -> None:
         self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
         self.comm: MPI.Comm = self.V.mesh.comm
-        for number, bc in enumerate(self.bcs):
-            if not compat.is_part_of(space.whole, bc.function_space):
-                raise MortarError(
-                    f"Dirichlet condition {number} is of another space; right is the space of u or "
-                    "a component of it"
-                )
+        self.prescribed = prescribed_dofs(space, u, bcs)
         self.is_linear = False
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
@@ -98,9 +94,6 @@ class Bulk:
         self._undeformed_areas = _proper_areas(self._X, dofs, self._gradients)
         self.num_owned, self.first = space.num_owned, space.first
         self.units, self.to_force = np.ones((2, self.num_owned))
-        self.prescribed: npt.NDArray[np.bool_] = np.zeros(u.x.array.size, bool)
-        for bc in self.bcs:
-            self.prescribed[bc.dof_indices()[0]] = True
 
     @property
     def held(self) -> npt.NDArray[np.int32]:
@@ -220,6 +213,14 @@ class Bulk:
         """Deformed over undeformed area at the nodes of the owned cells, (cells, nodes)."""
         return _areas(self.positions(), self._cells, self._gradients) / self._undeformed_areas
 
+    def deformation_gradients(self) -> Array:
+        """F at the nodes of the owned cells, shape (cells, nodes, 2, 2) (local)."""
+        now, before = (
+            np.einsum("eka,nkb->enab", x[self._cells], self._gradients)
+            for x in (self.positions(), self._X)
+        )
+        return now @ np.linalg.inv(before)
+
     def check_finite(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
 
@@ -335,6 +336,23 @@ class Bulk:
         """Number of inverted cells, and the reference place of one (collective)."""
         inverted = (self._areas() <= 0.0).any(axis=1)
         return count_places(self.comm, self._X[self._cells[inverted]].mean(axis=1))
+
+
+def prescribed_dofs(space: DisplacementSpace, u: Any, bcs: Sequence[Any]) -> npt.NDArray[np.bool_]:
+    """Whether local dofs have Dirichlet values (local).
+
+    Raises:
+        MortarError: If a condition is of another space.
+    """
+    prescribed = np.zeros(u.x.array.size, bool)
+    for number, bc in enumerate(bcs):
+        if not compat.is_part_of(space.whole, bc.function_space):
+            raise MortarError(
+                f"Dirichlet condition {number} is of another space; right is the space of u or "
+                "a component of it"
+            )
+        prescribed[bc.dof_indices()[0]] = True
+    return prescribed
 
 
 def _row_sizes(matrix: PETSc.Mat, columns: Array) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 from mpi4py import MPI
 
@@ -17,11 +18,14 @@ import numpy as np
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
+from fenics_mortar.interface import Interface
 from fenics_mortar.surfaces import Array, Indices
+from fenics_mortar.tied import Tie
 
 # Pressures below the first part of the stiffness, and forces below the second of stiffness and
-# displacement, are compared with these instead of each other: they may be rounding.
-ROUNDING, FORCE_ROUNDING = 1e-6, 1e-4
+# displacement, are compared with these instead of each other: they may be rounding. Displacements
+# below the third of the slave's extent count as that large: without loads all forces are rounding.
+ROUNDING, FORCE_ROUNDING, STILL = 1e-6, 1e-4, 1e-5
 # A node is inside an obstacle if it is deeper than this part of its length.
 DEEP = 0.5
 SAMPLES = np.linspace(-1.0, 1.0, 5)
@@ -31,13 +35,18 @@ SAMPLES = np.linspace(-1.0, 1.0, 5)
 class PairCertificate:
     """Measured defects of one pair; all are plain numbers, zero is perfect.
 
+    Of a tied pair, what it may do (tension, shear) and cannot do (penetration) is zero.
+
     Attributes:
         pair: Names of slave and master.
         force: Sum of all contact forces over the sum of their sizes. Rounding.
-        moment: Sum of their moments over forces times lever arms. Of third order in the facets.
+        moment: Sum of their moments over forces times lever arms. Of third order in the facets; of
+            a tied pair without gap rounding.
         tension: Largest tension, -z_n, over the largest pressure.
-        shear: Largest tangential multiplier over the largest pressure.
-        overlap: Largest negative mean gap of a slave node over its length.
+        shear: By how much the tangential multiplier exceeds what the contact law allows at most,
+            over the largest pressure (or what the law allows, where that is more).
+        overlap: Largest negative mean gap of a slave node over its length; of a tied pair how far
+            the sides have moved apart.
         complementarity: Largest |z_n g| over largest pressure and length.
         penetration: Deepest point of a segment in the master over its facet's length: what the
             discretisation allows between the nodes, of second order in the facets.
@@ -133,7 +142,7 @@ class Certificate:
 
 
 def certify(
-    bulk: Bulk, contacts: Sequence[Contact], labels: Indices, unbalanced: Array
+    bulk: Bulk, contacts: Sequence[Contact | Tie], labels: Indices, unbalanced: Array
 ) -> Certificate:
     """Measure the present state (collective).
 
@@ -145,11 +154,16 @@ def certify(
     """
     paired = np.unique(np.concatenate([np.empty(0, np.int64), *map(_paired_nodes, contacts)]))
     inverted, _ = bulk.inverted_cells()
-    pairs = [_certify_pair(bulk, contact, labels, paired) for contact in contacts]
+    pairs = [
+        _certify_tie(c) if isinstance(c, Tie) else _certify_pair(bulk, c, labels, paired)
+        for c in contacts
+    ]
     return Certificate(pairs, _balance(bulk, contacts, labels, unbalanced), inverted)
 
 
-def _balance(bulk: Bulk, contacts: Sequence[Contact], labels: Indices, unbalanced: Array) -> float:
+def _balance(
+    bulk: Bulk, contacts: Sequence[Contact | Tie], labels: Indices, unbalanced: Array
+) -> float:
     """Largest sum of reactions, loads and contact forces of a body or obstacle, relative.
 
     Collective. Internal forces sum to zero, so the sum of r over a body is minus the load applied
@@ -169,7 +183,8 @@ def _balance(bulk: Bulk, contacts: Sequence[Contact], labels: Indices, unbalance
     defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r[dofs]).sum()))
     largest = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=0.0)
-    rounding = FORCE_ROUNDING * stiffness * largest
+    extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)
+    rounding = FORCE_ROUNDING * stiffness * max(largest, STILL * extent)
     largest = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
     return float(largest) / _positive(size + rounding)
 
@@ -178,29 +193,51 @@ def _certify_pair(
     bulk: Bulk, contact: Contact, labels: Indices, paired: Indices
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes that have a partner in any pair."""
-    o, z = contact.operators, contact.z
-    where, reaction = o.reaction(z)
-    forces, x = np.concatenate([o.force(z)[0], reaction]), np.concatenate([o.x, where])
-    lever = x - x.mean(axis=0)
-    moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
-    pressure = np.einsum("jc,jc->j", o.n, z)
-    shear = np.einsum("jc,jc->j", o.tau, z)
+    pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
+    bound = np.where(contact.active, contact.pair.law.bound(pressure), 0.0)
+    excess = np.abs(np.einsum("jc,jc->j", contact.operators.tau, contact.z)) - bound
     largest = max(float(pressure.max()), ROUNDING * float(contact.stiffness.max()))
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
-    sizes = np.abs(forces)
     return PairCertificate(
-        pair=f"{contact.slave.name} - {contact.master.name}",
-        force=float(np.abs(forces.sum(axis=0)).max()) / _positive(float(sizes.sum())),
-        moment=abs(float(moments.sum()))
-        / _positive(float((sizes.max(axis=1) * np.abs(lever).max(axis=1)).sum())),
+        **_action_and_reaction(contact),
         tension=max(-float(pressure.min()), 0.0) / largest,
-        shear=float(np.abs(shear).max()) / largest,
+        shear=max(float(excess.max()), 0.0) / max(largest, float(bound.max())),
         overlap=max(-float(gap.min()), 0.0),
         complementarity=float(np.abs(pressure * gap).max()) / largest,
         penetration=_deepest(contact),
         unpaired=_count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.carries & ~contact.covered).sum()),
     )
+
+
+def _certify_tie(tie: Tie) -> PairCertificate:
+    """Measure one tied pair, which bears tension and shear as well."""
+    return PairCertificate(
+        **_action_and_reaction(tie),
+        tension=0.0,
+        shear=0.0,
+        overlap=float(np.nanmax(tie.gap / tie.nodal_lengths)),
+        complementarity=0.0,
+        penetration=0.0,
+        unpaired=0,
+        uncovered=int((tie.operators.cover <= 0.0).sum()),
+    )
+
+
+def _action_and_reaction(contact: Interface) -> dict[str, Any]:
+    """What the forces of a pair sum to."""
+    o = contact.operators
+    where, reaction = o.reaction(contact.z)
+    forces, x = np.concatenate([o.force(contact.z)[0], reaction]), np.concatenate([o.x, where])
+    lever = x - x.mean(axis=0)
+    moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
+    sizes = np.abs(forces)
+    arms = float((sizes.max(axis=1) * np.abs(lever).max(axis=1)).sum())
+    return {
+        "pair": f"{contact.slave.name} - {contact.master.name}",
+        "force": float(np.abs(forces.sum(axis=0)).max()) / _positive(float(sizes.sum())),
+        "moment": abs(float(moments.sum())) / _positive(arms),
+    }
 
 
 def _positive(value: float) -> float:
@@ -217,7 +254,7 @@ def _deepest(contact: Contact) -> float:
     return contact.slave.comm.allreduce(deepest, MPI.MAX)
 
 
-def _paired_nodes(contact: Contact) -> Indices:
+def _paired_nodes(contact: Contact | Tie) -> Indices:
     """Global numbers of the nodes of both surfaces that have a partner (collective)."""
     o = contact.operators
     seen = np.zeros(contact.master.num_nodes, bool)

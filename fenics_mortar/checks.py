@@ -10,12 +10,12 @@ import numpy as np
 
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MeshError, MortarError, SurfaceError, place
+from fenics_mortar.interface import Interface
 from fenics_mortar.mesh import check_plane
 
 
-def check_space(V: Any, pairs: Sequence[ContactPair]) -> None:
+def check_space(V: Any, pairs: Sequence[Any]) -> None:
     """Refuse spaces and meshes that the package cannot work on (collective)."""
     mesh = V.mesh
     if compat.scalar_is_complex():
@@ -57,11 +57,11 @@ def _check_coordinates(mesh: Any) -> None:
         )
 
 
-def check_slave_nodes(contacts: Sequence[Contact]) -> None:
+def check_slave_nodes(contacts: Sequence[Interface]) -> None:
     """Refuse nodes with two multipliers."""
     for i, one in enumerate(contacts):
         for other in contacts[i + 1 :]:
-            both = np.intersect1d(one.slave.nodes, other.slave.nodes)
+            both = np.intersect1d(one.multiplier_nodes, other.multiplier_nodes)
             if both.size:
                 where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
                 raise SurfaceError(

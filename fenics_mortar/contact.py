@@ -12,14 +12,18 @@ dd of the displacement and the new multiplier z, read
     active:     G_j dd = -g_j,     d(tau_j) . z_j^k + tau_j . z_j = 0
     inactive:   z_j = 0.
 
+The second row of an active node is that of frictionless contact; in general it is rho_j = 0 with
+rho of the contact law, see ``laws``, the slip in it from ``slip``, and the derivatives of all that
+rho depends on.
+
 c_j = c k_j / l_j with k_j the mean diagonal entry of the bulk tangent at the node (about Young's
 modulus), l_j its length and c a plain number: nothing depends on units.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import get_args
+from collections.abc import Iterator
+from typing import Any, Literal, NamedTuple, get_args
 
 from mpi4py import MPI
 
@@ -27,8 +31,11 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.errors import SurfaceError, place
+from fenics_mortar.interface import NO_WELDS, Interface, Rows
+from fenics_mortar.laws import STICK, Frictionless, Law, Nodal, Pieces, Row
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
+    LINEARIZATIONS,
     Basis,
     Block,
     GapWeights,
@@ -46,9 +53,11 @@ from fenics_mortar.obstacles import (
     surface_without_nodes,
 )
 from fenics_mortar.segments import Integration, Segments, find_segments
+from fenics_mortar.slip import Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
-from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
+from fenics_mortar.surfaces import Array, Indices, Surface
 
+Sliding = Literal["finite", "small"]
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
 # A node of which less than the first part is covered hands its multiplier to a neighbour with more
@@ -71,7 +80,7 @@ OVERLAP = 1e-6
 
 
 class ContactPair:
-    """Frictionless contact of a slave with a master surface or a rigid obstacle.
+    """Contact of a slave with a master surface or a rigid obstacle.
 
     Args:
         data: Mesh, tags and names.
@@ -80,6 +89,8 @@ class ContactPair:
             obstacle has its own normals and no ends, so that ``normals`` matters on symmetry planes
             only, ``gap_weights="cover"`` is "basis", and "segments" and "elements" are the same:
             Gauss points on whole slave facets.
+        law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or one's own, see ``laws``.
+            Nodes that are held in a component, as on symmetry planes, have no friction.
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes, or, of
             quadratic facets, at their "vertices" only: linear functions, which can be condensed,
             too. They are half as many, but the pressure overshoots at the edge of contact.
@@ -108,6 +119,9 @@ class ContactPair:
             where the problem is set up, whatever the facets of curved surfaces leave between them:
             0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
             and overlaps as they are meshed. See also ``Contact.offset``.
+        sliding: "finite", or "small": D, M and normals stay those of the undeformed mesh, and the
+            gap is linear in the displacement. It suffices where slip is small beside a facet and
+            normals hardly turn; with linear bulk the matrix is factored once, see ``reduced``.
         c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
             it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
             that a nonlinear step leaves behind.
@@ -126,6 +140,7 @@ class ContactPair:
         slave: str | int,
         master: str | int | Obstacle,
         *,
+        law: Law | None = None,
         basis: Basis = "dual",
         normals: Weighting = "opposite",
         gap_weights: GapWeights = "cover",
@@ -134,6 +149,7 @@ class ContactPair:
         search_radius: float | None = None,
         max_angle: float = 70.0,
         initial_gap: float | None = None,
+        sliding: Sliding = "finite",
         c_n: float = 1e-3,
     ) -> None:
         for what, value, allowed in (
@@ -141,6 +157,7 @@ class ContactPair:
             ("normals", normals, get_args(Weighting)),
             ("gap_weights", gap_weights, get_args(GapWeights)),
             ("integration", integration, get_args(Integration)),
+            ("sliding", sliding, get_args(Sliding)),
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
@@ -158,6 +175,8 @@ class ContactPair:
             raise ValueError(f"initial_gap={initial_gap}: a length, or None")
         if not 0.0 < c_n < np.inf:
             raise ValueError(f"c_n={c_n}: a positive number")
+        if law is not None and not isinstance(law, Law):
+            raise ValueError(f"law={law!r}: an instance of Frictionless, Coulomb, Tresca or Law")
         self.data = data
         self.slave_name, self.master_name = str(slave), str(master)
         self.master = master
@@ -171,28 +190,23 @@ class ContactPair:
         self.integration: Integration = integration
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
         self.initial_gap = initial_gap
+        self.sliding: Sliding = sliding
+        self.law: Law = law or Frictionless()
 
     def __repr__(self) -> str:
         """The two sides."""
         return f"ContactPair({self.slave_name!r}, {self.master_name!r})"
 
 
-@dataclass(frozen=True)
-class Rows:
-    """The rows of the multipliers: blocks . dd + A_z z = rhs, in force units.
+class _Reference(NamedTuple):
+    """Frozen operators of the undeformed mesh, and what they were evaluated with."""
 
-    Attributes:
-        blocks: Blocks with rows 2 j + component and displacement dofs as columns.
-        A_z: Shape (slave nodes, 2, 2) [length].
-        rhs: Shape (slave nodes, 2) [stress length].
-    """
-
-    blocks: list[Block]
-    A_z: Array
-    rhs: Array
+    operators: Any
+    carries: npt.NDArray[np.bool_]
+    place: Array
 
 
-class Contact:
+class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
     Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
@@ -201,6 +215,9 @@ class Contact:
         slave, master: The surfaces.
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
         active: Active set, shape (slave nodes,), bool.
+        piece: Piece of the law that each node is on, 0 where it sticks, shape (slave nodes,).
+        partners: What the slave nodes faced at the last accepted state.
+        accepted: What they faced when the present state was accepted: the next step's partners.
         operators: D, M, gap and derivatives at the last evaluated state.
         offset: Length taken off the pointwise gap, interpolated between the slave nodes, shape
             (slave nodes,) [length]. May be set: to ramp an overlap of the mesh, go with ``t`` from
@@ -217,17 +234,16 @@ class Contact:
     """
 
     def __init__(
-        self, pair: ContactPair, space: DisplacementSpace, prescribed: npt.NDArray[np.bool_]
+        self,
+        pair: ContactPair,
+        space: DisplacementSpace,
+        prescribed: npt.NDArray[np.bool_],
+        welds: Indices = NO_WELDS,
     ) -> None:
-        """Extract the surfaces (collective); ``prescribed``: local dofs with Dirichlet values."""
-        self.pair = pair
-        tags = pair.data.facet_tags
-        self.slave: Surface = extract_surface(space, tags, pair.slave_tag, pair.slave_name)
+        """Extract the surfaces (collective); see ``Interface``."""
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
-        self.master: Surface = self._master_surface(space)
-        self._check_sides()
+        super().__init__(pair, space, prescribed, welds)
         self._check_points()
-        self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self._classify_nodes()
         self._may_carry = self.carries
         self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
@@ -243,35 +259,26 @@ class Contact:
             pair.search_radius or self._reach(),
             float(np.cos(np.radians(pair.max_angle))),
         )
-        self.z: Array = np.zeros((self.slave.num_nodes, 2))
-        self.active = np.zeros(self.slave.num_nodes, bool)
-        self.stiffness: Array = np.ones(self.slave.num_nodes)
         self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
-        self.operators: MortarOperators
+        self._reference: _Reference | None = None
+        self.partners: Partners
+        self.accepted: Partners
+        none = np.zeros(self.slave.num_nodes)
+        start = Nodal(none, none, none, none, none + 1.0, none)
+        self.piece: Pieces = pair.law.piece(start, np.zeros(none.size, np.int64))
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
-        name, data = self.pair.master_name, self.pair.data
-        if isinstance(self.pair.master, Obstacle):
-            return surface_without_nodes(self.slave, name)
-        return extract_surface(space, data.facet_tags, data.boundary_tag(self.pair.master), name)
+        if self.obstacle is not None:
+            return surface_without_nodes(self.slave, self.pair.master_name)
+        return super()._master_surface(space)
 
     def _reach(self) -> float:
         """Distance at which partners are looked for by default."""
         if self.obstacle is not None:
             return np.inf
         return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
-
-    def _check_sides(self) -> None:
-        both = np.intersect1d(self.slave.nodes, self.master.nodes)
-        if both.size:
-            where = self.slave.X[np.flatnonzero(self.slave.nodes == both[0])[0]]
-            raise SurfaceError(
-                f"slave '{self.pair.slave_name}' and master '{self.pair.master_name}' share "
-                f"{both.size} nodes, one at {place(where)}; the two sides must be different "
-                "surfaces that are not joined in the mesh"
-            )
 
     def _check_points(self) -> None:
         size = self.slave.degree + 1
@@ -301,11 +308,6 @@ class Contact:
         self._plane_normals[on_plane] = (np.sign(normals) * self.free)[on_plane]
 
     @property
-    def nodal_lengths(self) -> Array:
-        """Length of slave surface that belongs to each node, shape (slave nodes,) [length]."""
-        return self.slave.nodal_lengths
-
-    @property
     def covered(self) -> npt.NDArray[np.bool_]:
         """Whether a slave node has a multiplier and a partner at the last evaluated state."""
         enough = self.operators.diagonal > LEAST_NODE_COVER * self.nodal_lengths
@@ -319,49 +321,40 @@ class Contact:
         gap[on] = self.operators.gap[on] / self.operators.weight[on]
         return self._fill_inside(gap)
 
-    @property
-    def pressure(self) -> Array:
-        """Contact pressure z_n of every slave node, shape (slave nodes,) [stress]."""
-        return self._fill_inside(np.einsum("jc,jc->j", self.operators.n, self.z))
-
-    @property
-    def _at_vertices(self) -> bool:
-        """Whether nodes inside facets have no multipliers."""
-        return self.pair.basis == "vertices" and self.pair.integration != "nodes"
-
-    def _fill_inside(self, values: Array) -> Array:
-        """Set nodes inside facets to the mean of the ends, if only these have multipliers."""
-        if self._at_vertices:
-            facets = self.slave.facets
-            values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
-        return values
-
-    @property
-    def active_nodes(self) -> Indices:
-        """Numbers of the active slave nodes along the surface."""
-        return np.flatnonzero(self.active)
-
-    @property
-    def total_force(self) -> Array:
-        """Total force that acts on the slave body, shape (2,) [stress length]."""
-        return -self.operators.weight @ self.z
-
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""
         x = self.slave.X + self.slave.gather(u)
         m = self.master.X + self.master.gather(u)
+        if self.pair.sliding == "small":
+            operators = self._after_small_motion(x, m)
+        else:
+            operators = self._evaluate(x, m, linearization)
+        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+
+    def _evaluate(self, x: Array, m: Array, linearization: Linearization) -> MortarOperators:
+        """The operators where the nodes are at ``x`` and ``m`` (collective)."""
         planes = self._plane_normals
-        operators: MortarOperators
         if self.obstacle is None:
-            operators = evaluate_mortar(
+            return evaluate_mortar(
                 self.slave, self.master, x, m, self.carries, planes, self.options, linearization
             )
-        else:
-            operators = evaluate_obstacle(
-                self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
-                self.options, linearization,
-            )  # fmt: skip
-        self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+        return evaluate_obstacle(
+            self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
+            self.options, linearization,
+        )  # fmt: skip
+
+    def _after_small_motion(self, x: Array, m: Array) -> MortarOperators:
+        """The operators of the undeformed mesh, with the gap of the present positions."""
+        kept = self._reference
+        if kept is None or not np.array_equal(kept.carries, self.carries):
+            X, frozen = (self.slave.X, self.master.X), LINEARIZATIONS["frozen"]
+            operators = self._evaluate(*X, frozen).freeze()
+            place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
+            kept = self._reference = _Reference(operators, self.carries.copy(), place)
+        if self.obstacle is None:
+            return kept.operators.after_small_motion(x, m)
+        dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
+        return kept.operators.after_small_motion(x, m, dq)
 
     def intersections(self) -> Segments:
         """Where the facets of this rank's share meet the master, whatever integrates the pair."""
@@ -373,9 +366,66 @@ class Contact:
             radius=options.radius, least_cosine=options.least_cosine,
         )  # fmt: skip
 
+    def adopt(self, other: Contact) -> None:
+        """Take over offset, weight and undeformed operators of the same pair by another model."""
+        self.offset, self.c_n, self._reference = other.offset, other.c_n, other._reference
+
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve."""
         self._changes[:] = 0
+
+    def accept(self) -> None:
+        """Note what the slave nodes face at the last evaluated state (collective)."""
+        self.accepted = find_partners(self.operators, self.covered)
+
+    def start_step(self) -> None:
+        """Count slip from the accepted state."""
+        self.partners = self.accepted
+
+    def faced(self) -> tuple[Indices, Indices]:
+        """Slave nodes, and the master nodes that slip couples them to."""
+        return self.partners.pairs()
+
+    @property
+    def nodal(self) -> Nodal:
+        """What the law sees, at the last evaluated state."""
+        o, on, stiffness = self.operators, self.covered, self.stiffness / self.nodal_lengths
+        return Nodal(
+            gap=np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0),
+            slip=self.slip,
+            z_n=np.einsum("ja,ja->j", o.n, self.z),
+            z_tau=np.einsum("ja,ja->j", o.tau, self.z),
+            stiffness=stiffness,
+            c_n=self.c_n * stiffness,
+        )
+
+    @property
+    def slip(self) -> Array:
+        """Slip along tau since the last accepted step, shape (slave nodes,) [length]."""
+        return self.partners.slip(self.operators)
+
+    @property
+    def sticking(self) -> npt.NDArray[np.bool_]:
+        """Whether an active node sticks, shape (slave nodes,), bool."""
+        return self.active & (self.piece == STICK) & self._rubs
+
+    @property
+    def friction_work(self) -> float:
+        """What friction takes up in a step, by the shear at its end [stress length^2]."""
+        return float(self.shear_force @ np.where(self.active, self.slip, 0.0))
+
+    @property
+    def _rubs(self) -> npt.NDArray[np.bool_]:
+        """Whether a node follows the law: not if one of its components is prescribed."""
+        return self.free.all(axis=1)
+
+    def tangential_row(self) -> Row:
+        """Tangential row of all nodes as if they were active, each of shape (slave nodes,)."""
+        node = self.nodal
+        ours, without = (
+            law.tangential(node, self.piece) for law in (self.pair.law, Frictionless())
+        )
+        return Row(*(np.where(self._rubs, a, b) for a, b in zip(ours, without, strict=True)))
 
     def update_carriers(self) -> int:
         """Hand over and take back multipliers by the cover of the nodes; return how many changed.
@@ -457,13 +507,16 @@ class Contact:
         active = np.where(rounding, self.active & on, trial > 0.0)
         if start:
             active |= on & (np.where(on, gap, np.inf) <= TOUCHING * self.nodal_lengths)
-        changed = int((active != self.active).sum())
+        changed = active != self.active
         self.active = active
         self.z[~active] = 0.0
-        return changed
+        piece = self.pair.law.piece(self.nodal, self.piece)
+        changed |= active & self._rubs & (piece != self.piece)
+        self.piece = piece
+        return int(changed.sum())
 
     def rows(self) -> Rows:
-        """Rows of the multipliers, the law of frictionless contact.
+        """Rows of the multipliers: the gap, and what the contact law says.
 
         The normal row is weighted by k_j / D_jj, the tangential one by D_jj, so that both read
         like rows of the bulk; the two are then turned back to Cartesian components:
@@ -473,22 +526,79 @@ class Contact:
         n, tau = o.n, o.tau
         diagonal = np.where(active, o.diagonal, self.nodal_lengths)
         weight = np.where(active, self.stiffness / diagonal, 0.0)
-        project = np.where(active[:, None, None], np.einsum("ja,jb->jab", tau, tau), np.eye(2))
-        blocks = [_normal_rows(block, n * weight[:, None]) for block in o.gap_derivative()]
-        blocks.append(self._tangential_rows(tau * (diagonal * active)[:, None]))
+        row, scaled_tau = self.tangential_row(), tau * (diagonal * active)[:, None]
+        by_z = row.by_z_tau[:, None] * tau + row.by_z_n[:, None] * n
+        project = np.where(active[:, None, None], np.einsum("ja,jb->jab", tau, by_z), np.eye(2))
+        rest = row.residual - np.einsum("ja,ja->j", by_z, self.z)
         return Rows(
-            blocks,
+            [
+                *self._gap_rows(n * weight[:, None], scaled_tau * row.by_gap[:, None]),
+                self._nodal_rows(scaled_tau, row),
+                *self._slip_rows(scaled_tau * row.by_slip[:, None]),
+            ],
             -diagonal[:, None, None] * project,
-            -n * (weight * o.gap)[:, None],
+            scaled_tau * rest[:, None] - n * (weight * o.gap)[:, None],
         )
+
+    def residual(self) -> Array:
+        """What the rows make zero, as forces: gap and contact law, (slave nodes, 2)."""
+        gap = np.where(self.active, np.nan_to_num(self.gap), 0.0)
+        rho = np.where(self.active, self.tangential_row().residual, 0.0)
+        return np.stack([self.stiffness * gap, self.operators.diagonal * rho], axis=1)
+
+    def followed(self) -> Array:
+        """See ``Interface``: the normal row holds -k n_j . dd_j."""
+        return -np.einsum("ja,jb->jab", self.operators.n, self.operators.n)
+
+    def frame(self) -> tuple[Array, Array, Array]:
+        """What weighs the rows, for a check at fixed weights: n k / D, tau D, D of inactive nodes.
+
+        Shapes (slave nodes, 2), (slave nodes, 2), (slave nodes,).
+        """
+        o, on = self.operators, self.active
+        diagonal = np.where(on, o.diagonal, self.nodal_lengths)
+        normal = np.where(on[:, None], o.n * (self.stiffness / diagonal)[:, None], 0)
+        return normal, o.tau * (diagonal * on)[:, None], np.where(on, 0.0, diagonal)
+
+    def law(self, frame: tuple[Array, Array, Array]) -> Array:
+        """The two rows of each node that solutions make zero, weighted by ``frame``."""
+        normal, tangent, inactive = frame
+        gap, rho = self.operators.gap, self.tangential_row().residual
+        return normal * gap[:, None] - tangent * rho[:, None] - inactive[:, None] * self.z
+
+    def _gap_rows(self, normal: Array, scaled_tau: Array) -> list[Block]:
+        """Rows ``normal`` (slave nodes, 2) dg - ``scaled_tau`` d(g / w)."""
+        o = self.operators
+        per_weight = np.where(self.covered, 1.0 / np.where(self.covered, o.weight, 1.0), 0.0)
+        along = scaled_tau * per_weight[:, None]
+        blocks = [_normal_rows(block, normal - along) for block in o.gap_derivative()]
+        if along.any():
+            mean = along * (o.gap * per_weight)[:, None]
+            blocks += [_normal_rows(block, mean) for block in o.weight_derivative()]
+        return blocks
+
+    def _slip_rows(self, scaled_tau: Array) -> Iterator[Block]:
+        """Rows -``scaled_tau`` (slave nodes, 2) du, but for the change of tau in u."""
+        if scaled_tau.any():
+            for block in self.partners.derivative(self.operators):
+                yield _normal_rows(block, -scaled_tau)
 
     def motion_rows(self) -> Array:
         """Derivative of the same rows by the motions of the obstacle, (slave nodes, 2, 3)."""
         o, diagonal = self.on_obstacle, self.operators.diagonal
         weight = np.where(self.active, self.stiffness / np.where(self.active, diagonal, 1.0), 0.0)
-        slip = self.z[:, 1:] * o.dn_dq[:, 0] - self.z[:, :1] * o.dn_dq[:, 1]
+        row = self.tangential_row()
+        shear = self.z[:, 1:] * o.dn_dq[:, 0] - self.z[:, :1] * o.dn_dq[:, 1]
+        pressure = np.einsum("ja,jam->jm", self.z, o.dn_dq)
+        slip = self.partners.derivative_by_motions(o)
+        change = (
+            row.by_z_tau[:, None] * shear
+            + row.by_z_n[:, None] * pressure
+            + row.by_slip[:, None] * slip
+            + row.by_gap[:, None] * self.gap_by_motions()
+        )
         normal = np.einsum("ja,jm->jam", o.n * weight[:, None], o.dgap_dq)
-        tangential = np.einsum("ja,jm->jam", o.tau * (diagonal * self.active)[:, None], slip)
+        tangential = np.einsum("ja,jm->jam", o.tau * (diagonal * self.active)[:, None], change)
         return normal - tangential
 
     def gap_by_motions(self) -> Array:
@@ -502,33 +612,17 @@ class Contact:
         assert isinstance(self.operators, ObstacleOperators)
         return self.operators
 
-    def _tangential_rows(self, scaled_tau: Array) -> Block:
-        """-tau_j D_jj (d(tau_j) . z_j) from the nodes that this rank owns."""
-        j = self.slave.owned[self.active[self.slave.owned]]
-        change = self.operators.tangential_derivative(self.z)
+    def _nodal_rows(self, scaled_tau: Array, row: Row) -> Block:
+        """-tau_j D_jj d(rho_j) by the change of n_j and tau_j, of the nodes that this rank owns."""
+        o, j = self.operators, self.slave.owned[self.active[self.slave.owned]]
+        change = (
+            row.by_z_tau[:, None] * o.tangential_derivative(self.z)
+            + row.by_z_n[:, None] * o.normal_derivative(self.z)
+            + row.by_slip[:, None] * o.tangential_derivative(self.partners.apart(o))
+        )
         rows = 2 * j[:, None] + np.arange(2)
         values = -scaled_tau[j][:, :, None] * change[j][:, None, :]
         return Block(rows, self.operators.normal_columns()[j], values)
-
-    def force_blocks(self) -> list[Block]:
-        """B^T: contact force by the multipliers; columns 2 j + component, active nodes only.
-
-        Entry by entry, without the zeros of D and between components: they would fill the system.
-        """
-        o, s = self.operators, self.operators.segments
-        return [
-            self._force_entries(self.slave, o.facet_nodes, o.facet_nodes, o.D),
-            self._force_entries(self.master, s.slave, s.master, -o.M),
-        ]
-
-    def _force_entries(self, surface: Surface, j: Indices, k: Indices, values: Array) -> Block:
-        """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and active multiplier j."""
-        used = (values != 0.0) & self.active[j][:, :, None]
-        j = np.broadcast_to(j[:, :, None], values.shape)[used]
-        k = np.broadcast_to(k[:, None, :], values.shape)[used]
-        columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
-        rows = surface.dofs_of(k[:, None]).reshape(-1, 1)
-        return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))
 
 
 def _normal_rows(block: Block, direction: Array) -> Block:

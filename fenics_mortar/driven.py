@@ -13,12 +13,13 @@ and what solves it are those of obstacles at rest.
 
 A motion that active contact leaves loose gets a spring in the tangent as a floating body does, see
 ``floating``; a driven obstacle that touches nothing is moved before the solve until contact stops
-it.
+it. Where an obstacle rolls, and Newton fails, springs hold it as they do bodies, see ``release``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -42,6 +43,10 @@ from fenics_mortar.system import LinearSystem
 
 # A loose motion is driven by more than this part of the forces.
 DRIVEN = 1e-12
+# What the facets of the slave may err of the forces on an obstacle, whose normals are exact.
+FACETS_ERR = 0.005
+# A move before the solve that gives the push less way than this part of a facet is not worth it.
+LEAST_WAY = 1e-3
 
 
 class DrivenObstacles:
@@ -50,13 +55,13 @@ class DrivenObstacles:
     All is equal on all ranks. Motions are x, y and turn, the angle times the ``arm`` of the pair.
 
     Args:
-        contacts: The contacts of the problem.
+        contacts: The contacts of the problem, and its ties.
 
     Attributes:
         obstacles: Those of the contacts, each once.
     """
 
-    def __init__(self, contacts: Sequence[Contact]) -> None:
+    def __init__(self, contacts: Sequence[Any]) -> None:
         self._contacts = contacts
         found = [c.obstacle for c in contacts if c.obstacle is not None]
         self.obstacles: list[Obstacle] = list(dict.fromkeys(found))
@@ -67,6 +72,8 @@ class DrivenObstacles:
         self._scales: Array = np.ones((len(self.obstacles), 3))
         for number, contact in self._pairs():
             self._scales[number, 2] = contact.arm
+        self._springs: Array | None = None
+        self._anchor: Array = np.zeros(self._scales.shape)
 
     @property
     def places(self) -> Array:
@@ -99,8 +106,8 @@ class DrivenObstacles:
         return total
 
     def residual(self) -> Array:
-        """f_q less the push of driven motions, else 0, shape (obstacles, 3) (collective)."""
-        return np.where(self.driven, self.forces() - self._push(), 0.0)
+        """f_q and springs less the push of driven motions, else 0, (obstacles, 3) (collective)."""
+        return np.where(self.driven, self.forces() + self._spring_forces() - self._push(), 0.0)
 
     def record(self) -> list[str]:
         """Note the force and moment of contact on each obstacle; say it in words (collective)."""
@@ -138,7 +145,7 @@ class DrivenObstacles:
             return dd, multipliers, motion
         answers = [system.respond(self._columns(*which)) for which in np.argwhere(driven)]
         units = np.eye(motion.size)[driven.ravel()].reshape(-1, *motion.shape)
-        springs = self._springs(stiffness, force)
+        springs = self._stiffness_of_springs(stiffness, force)
         parts = self.partial_derivatives()
         columns = [
             self.derivative(parts, change.array_r, dz, unit)
@@ -146,7 +153,8 @@ class DrivenObstacles:
             for (change, dz), unit in zip(answers, units, strict=True)
         ]
         matrix = np.array([column[driven] for column in columns]).T
-        rhs = (self._push() - self.derivative(parts, dd.array_r, multipliers, 0.0 * motion))[driven]
+        at_rest = self.derivative(parts, dd.array_r, multipliers, 0.0 * motion)
+        rhs = (self._push() - self._spring_forces() - at_rest)[driven]
         try:
             motion[driven] = np.linalg.solve(matrix, rhs)
         except np.linalg.LinAlgError as error:
@@ -193,8 +201,10 @@ class DrivenObstacles:
             total[number] += E_q @ dq[number]
         return total
 
-    def _springs(self, stiffness: float, force: float) -> Array:
-        """Springs on loose motions, in proportion to what drives them; shape as E_q."""
+    def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
+        """Those of ``hold``, or on loose motions in proportion to what drives them; as E_q."""
+        if self._springs is not None:
+            return np.diag(self._springs.ravel())
         total = np.zeros((self._scales.size, self._scales.size))
         residual = self.residual()
         for number, loose in enumerate(self._loose()):
@@ -222,6 +232,67 @@ class DrivenObstacles:
             if np.linalg.norm(drive) > DRIVEN * force:
                 found.append(f"obstacle '{obstacle.name}' can {_in_words(drive @ loose)}")
         return ", ".join(found)
+
+    # Springs of their own, see ``release``
+
+    def hold(self, travel: float, stiffness: float) -> None:
+        """Tie driven motions to where they are (collective).
+
+        Args:
+            travel: How far the forces that drive an obstacle, or what facets may err of all on it,
+                would strain its springs, in shortest facets.
+            stiffness: Of the bulk [stress].
+        """
+        drive = np.linalg.norm(self.residual(), axis=1)
+        drive = np.maximum(drive, FACETS_ERR * self._contact_forces())
+        springs = np.maximum(drive / (travel * self._shortest_facet()), LEAST_SPRING * stiffness)
+        self._springs = np.where(self.driven, springs[:, None], 0.0)
+        self._anchor = self.motions_of(self.places)
+
+    def let_go(self) -> None:
+        """Take the springs of ``hold`` away."""
+        self._springs = None
+
+    def travel(self) -> float:
+        """How far an obstacle has moved since ``hold``, in shortest facets."""
+        moves = np.linalg.norm(np.where(self.driven, self._strain(), 0.0), axis=1)
+        return float(moves.max(initial=0.0)) / self._shortest_facet()
+
+    def parts_held(self) -> list[tuple[str, float]]:
+        """Name and force of springs over the contact force on it, of driven obstacles."""
+        if self._springs is None:
+            return []
+        forces = np.linalg.norm(self._spring_forces(), axis=1)
+        parts = forces / np.maximum(self._contact_forces(), 1e-300)
+        return [
+            (f"obstacle '{self.obstacles[i].name}'", float(parts[i]))
+            for i in np.flatnonzero(self.driven.any(axis=1))
+        ]
+
+    def spring_energy(self) -> float:
+        """Energy in the springs of ``hold`` [stress length^2]."""
+        return 0.5 * float((self._spring_forces() * self._strain()).sum())
+
+    def _spring_forces(self) -> Array:
+        return (
+            np.zeros(self._scales.shape)
+            if self._springs is None
+            else self._springs * self._strain()
+        )
+
+    def _strain(self) -> Array:
+        """Motions since ``hold``, shape (obstacles, 3) [length]."""
+        return self.motions_of(self.places) - self._anchor
+
+    def _contact_forces(self) -> Array:
+        """Integral of the size of the pressure on each obstacle, (obstacles,) [stress length]."""
+        total = np.zeros(len(self.obstacles))
+        for number, contact in self._pairs():
+            total[number] += contact.operators.cover @ np.abs(contact.pressure)
+        return total
+
+    def _shortest_facet(self) -> float:
+        return min((float(c.slave.lengths.min()) for _, c in self._pairs()), default=1.0)
 
     # Before a solve
 
@@ -273,8 +344,7 @@ class DrivenObstacles:
         room.append(np.zeros(1))
         wanted = LARGEST_MOVE * contacts[0].arm * along
         move = closest_below(wanted, rows, np.maximum(np.concatenate(room), 0.0))
-        shortest = min(float(c.slave.lengths.min()) for c in contacts)
-        return move @ motions if np.linalg.norm(move) > TOUCH**2 * shortest else np.zeros(3)
+        return move @ motions if move @ along > LEAST_WAY * self._shortest_facet() else np.zeros(3)
 
     def _pairs(self) -> Iterator[tuple[int, Contact]]:
         """The contacts that have an obstacle, with its number."""

@@ -27,13 +27,16 @@ from fenics_mortar.bodies import (
     FloatingBody,
     centre_and_size,
     find_floating_bodies,
+    join_bodies,
     label_bodies,
     resistance,
 )
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError, place
+from fenics_mortar.mesh import MeshData
 from fenics_mortar.surfaces import Array, Indices, Surface
+from fenics_mortar.tied import Tie
 
 # Active contact holds a motion if it closes or opens gaps by more than this part of it.
 HELD = 1e-3
@@ -66,18 +69,28 @@ class FloatingBodies:
         contacts: The contacts, bound to the same space.
 
     Attributes:
-        labels: Body of each local node, ghosts included.
+        labels: Body of each local node, ghosts included. Tied ones are one body.
         bodies: The floating ones, once they have been looked for.
     """
 
-    def __init__(self, bulk: Bulk, contacts: Sequence[Contact]) -> None:
-        self._bulk, self._contacts = bulk, contacts
-        self.labels, self._num_bodies = label_bodies(bulk.V)
+    def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
+        self._bulk = bulk
+        self._contacts = [contact for contact in contacts if not isinstance(contact, Tie)]
+        self._data: list[MeshData] = [contact.pair.data for contact in contacts]
+        self.labels, count = label_bodies(bulk.V)
+        links = [self._links(tie) for tie in contacts if isinstance(tie, Tie)]
+        self.labels, self._num_bodies = join_bodies(self.labels, count, links)
         self.bodies: list[FloatingBody] = []
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bulk.u.x.array
         self._springs: Array | None = None
         self._anchor: Array = bulk.u.x.array
+
+    def _links(self, tie: Tie) -> Indices:
+        """Pairs of bodies that a tie joins."""
+        slave, master = self._labels_of(tie.slave), self._labels_of(tie.master)
+        nodes = tie.M.tocoo()
+        return np.stack([slave[nodes.row], master[nodes.col]], axis=1).astype(np.int64)
 
     def find(self) -> None:
         """Look for floating bodies, with ``K`` as assembled."""
@@ -189,9 +202,9 @@ class FloatingBodies:
         """Displacement since ``hold`` (owned part)."""
         return (self._bulk.u.x.array - self._anchor)[: self._bulk.num_owned]
 
-    def part_held(self) -> float:
-        """Largest force of springs on a body, over the contact force on it."""
-        return max((self._part_held(body) for body in self.bodies), default=0.0)
+    def parts_held(self) -> list[tuple[str, float]]:
+        """Name and force of springs over the contact force on it, of each body."""
+        return [(self.name_of(body.label), self._part_held(body)) for body in self.bodies]
 
     def _part_held(self, body: FloatingBody) -> float:
         force = np.linalg.norm(self._resultant(body, self._spring_forces()))
@@ -207,23 +220,15 @@ class FloatingBodies:
             total += float(forces[on_slave | on_master].sum())
         return total
 
-    def describe_springs(self) -> str:
-        """What the springs of ``hold`` hold, in words."""
-        energy = 0.5 * self._bulk.comm.allreduce(float(self._strain() @ self._spring_forces()))
-        parts = [
-            f"{self.name_of(body.label)} with {self._part_held(body):.1e} of its contact force"
-            for body in self.bodies
-        ]
-        return (
-            f"springs hold {', '.join(parts)}, with an energy of {energy:.3e}: contact does not "
-            "resist its motion more than the facets' corners drive it; prescribe it, or refine"
-        )
+    def spring_energy(self) -> float:
+        """Energy in the springs of ``hold`` [stress length^2]."""
+        return 0.5 * self._bulk.comm.allreduce(float(self._strain() @ self._spring_forces()))
 
     def travel(self) -> float:
         """How far a body has moved as a rigid one since ``hold``, in shortest facets."""
         change = self._strain()
         moves = [np.linalg.norm(self._rigid_part(body, change)) for body in self.bodies]
-        return float(max(moves)) / self._shortest_facet()
+        return float(max(moves, default=0.0)) / self._shortest_facet()
 
     def _spread(self, stiffness: dict[int, float]) -> Array:
         """Stiffness of the springs at the owned dofs from that of each body."""
@@ -297,7 +302,7 @@ class FloatingBodies:
         """Name of a body from the cell tags, or where it is."""
         bulk = self._bulk
         first = compat.dofmap(bulk.V)[:, 0]
-        for data in (contact.pair.data for contact in self._contacts):
+        for data in self._data:
             if data.cell_tags is None:
                 continue
             for name, tag in data.bodies.items():
@@ -321,11 +326,11 @@ class FloatingBodies:
         if not driven:
             return [], []
         wanted = np.concatenate([LARGEST_MOVE * body.size * drive for body, drive in driven])
-        closing = [
+        closing = [np.empty((0, wanted.size))] + [
             np.vstack([self._closing(contact, body) for body, _ in driven]).T
             for contact in self._contacts
         ]
-        room = [
+        room = [np.empty(0)] + [
             np.maximum(np.nan_to_num(contact.gap) + TOUCH * contact.nodal_lengths, 0.0)
             for contact in self._contacts
         ]
@@ -402,7 +407,8 @@ class FloatingBodies:
         return False
 
     def _shortest_facet(self) -> float:
-        return min(float(contact.slave.lengths.min()) for contact in self._contacts)
+        facets = (float(contact.slave.lengths.min()) for contact in self._contacts)
+        return min(facets, default=self.bodies[0].size)
 
     def _labels_of(self, surface: Surface) -> Array:
         return surface.gather(self._bulk.spread(self.labels))[:, 0]

@@ -304,10 +304,13 @@ def dirichlet(
         A boundary condition of dolfinx.
 
     Raises:
-        MeshError: If a boundary is unknown or empty, or the value does not fit.
+        MeshError: If a boundary is unknown or empty, the space is another than a displacement's on
+            this mesh, or the value does not fit.
     """
     if component not in (None, 0, 1):
         raise MeshError(f"component is {component!r}; right is 0, 1 or None for both")
+    if V.mesh is not data.mesh:
+        raise MeshError("the space belongs to another mesh than the boundaries")
     facets = data.boundary_facets(boundary)
     data.mesh.topology.create_connectivity(1, 2)
     if component is None and compat.is_sub_space(V):
@@ -355,6 +358,8 @@ def _boundary_value(
         value = np.array(value, dtype=PETSc.ScalarType)
     shape = value.ufl_shape if isinstance(value, fem.Constant) else value.shape
     right = ufl.TestFunction(V).ufl_shape if component is None else ()
+    if component is None and right != (2,):
+        raise MeshError("the space is not that of a displacement; of a mixed space W take W.sub(0)")
     if shape != right:
         raise MeshError(f"the prescribed value has shape {shape}; right is {right}")
     return value

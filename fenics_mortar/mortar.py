@@ -23,7 +23,7 @@ its master nodes. A `Block` says where a stack of such blocks goes.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 from mpi4py import MPI
 
@@ -215,6 +215,12 @@ class MortarOperators:
         rows = self.master.dofs_of(s.master[i])
         return Block(rows, self.columns[k], values.reshape(*rows.shape, self.dM.shape[3]))
 
+    def weight_derivative(self) -> list[Block]:
+        """Blocks of dw/dd, w the row sum of D: rows are slave nodes, columns displacement dofs."""
+        if self.linearization.frozen:
+            return []
+        return [Block(self.segments.slave, self.columns, self.dD.sum(axis=2))]
+
     def gap_derivative(self) -> list[Block]:
         """Blocks of dg/dd: rows are slave nodes, columns displacement dofs [length]."""
         if self.linearization.frozen:
@@ -235,6 +241,28 @@ class MortarOperators:
             for rows, columns, values in sides
         ]
 
+    def freeze(self) -> Self:
+        """The same without derivatives, for small motions; see ``after_small_motion``."""
+        at_rest = {name: np.zeros_like(getattr(self, name)) for name in ("dn", "dD", "dM", "dgap")}
+        return replace(self, linearization=LINEARIZATIONS["frozen"], **at_rest)
+
+    def after_small_motion(self, x: Array, m: Array) -> Self:
+        """Frozen operators after small motions of the nodes to ``x`` and ``m`` (collective).
+
+        D, M and n stay; g_j changes by -n_j . (D[j, k] dx_k - M[j, l] dm_l).
+        """
+        jump = self.jump(x - self.x, m - self.m)
+        return replace(self, x=x, m=m, gap=self.gap - np.einsum("jc,jc->j", self.n, jump))
+
+    def jump(self, on_slave: Array, on_master: Array) -> Array:
+        """D v - M w for vectors v (slave nodes, 2) and w (master nodes, 2) (collective)."""
+        s, nodes = self.segments, self.facet_nodes
+        total = np.zeros_like(self.x)
+        np.add.at(total, nodes, np.einsum("ejk,ekc->ejc", self.D, on_slave[nodes]))
+        np.add.at(total, s.slave, -np.einsum("sjl,slc->sjc", self.M, on_master[s.master]))
+        self.slave.comm.Allreduce(MPI.IN_PLACE, total)
+        return total
+
     def normal_columns(self) -> Indices:
         """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
         degree, own = self.slave.degree, np.arange(self.slave.num_nodes)
@@ -254,6 +282,10 @@ class MortarOperators:
         self.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])
         return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)
+
+    def normal_derivative(self, z: Array) -> Array:
+        """d(n_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""
+        return np.einsum("jc,jcq->jq", z, self.dn)
 
     def tangential_derivative(self, z: Array) -> Array:
         """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""

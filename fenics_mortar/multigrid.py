@@ -19,6 +19,10 @@ One application to a right-hand side b has two steps:
 
 A strip has few unknowns, O(1/h), so that its factors are made anew in each Newton iteration. The
 cycle is kept until iterations in excess of those right after it was made have cost as much.
+
+A tied node follows its partners in both directions. If all are tied, T y holds every solution, and
+with a symmetric K so is B: conjugate gradients with the cycle then solve B y = L (b - A x_0)
+altogether.
 """
 
 from __future__ import annotations
@@ -26,14 +30,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.contact import Contact
+from fenics_mortar.interface import Interface
 from fenics_mortar.mortar import Block
-from fenics_mortar.sparse import BlockMatrix
+from fenics_mortar.sparse import BlockMatrix, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
 
 # Measured: sweeps at half the cost of the default ones, for a few iterations more.
@@ -45,6 +50,8 @@ CYCLE = {
     "pc_hypre_boomeramg_strong_threshold": 0.5,
     "pc_hypre_boomeramg_P_max": 4,
 }
+# Of conjugate gradients: GMRES around them, with a tolerance of its own, then needs one iteration.
+CG_TOLERANCE, CG_MOST = 1e-9, 500
 # Each rank factors all of the strip: that is little work, and its solves need one exchange only.
 STRIP = {
     "pc_type": "redundant",
@@ -75,7 +82,7 @@ class TouchingBodies:
         prefix: Prefix of the options; those of the cycle and the strip are below it.
     """
 
-    def __init__(self, bulk: Bulk, contacts: Sequence[Contact], prefix: str) -> None:
+    def __init__(self, bulk: Bulk, contacts: Sequence[Interface], prefix: str) -> None:
         self._bulk, self._contacts, self._held = bulk, contacts, bulk.held
         size, block_size = bulk.num_owned, bulk.space.block_size
         self._T, self._L, self._idle = (
@@ -93,7 +100,7 @@ class TouchingBodies:
         nodes = [self._active(contact) for contact in self._contacts]
         self._T.assemble(self._motion_blocks(nodes))
         self._L.assemble(self._equation_blocks(nodes))
-        if self._cycle is None or self._excess > COST:
+        if self._cycle is None or self._excess > COST or self._cycle.getType() == "cg":
             self._make_cycle(A, nodes)
         self._work = [A.createVecRight() for _ in range(3)]
 
@@ -115,17 +122,19 @@ class TouchingBodies:
         B = self._L.mat.matMult(product)
         product.destroy()
         idle = self._idle.assemble(
-            Block(dofs + first, dofs + first, IDLE * k[:, None, None] * _dyads(n))
-            for dofs, n, k in nodes
+            Block(dofs + first, dofs + first, IDLE * k[:, None, None] * (F @ F))
+            for dofs, F, k in nodes
         )
         B.axpy(1.0, idle, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         held = (self._held + first).astype(PETSc.IntType)
         B.zeroRowsColumns(held, diag=1.0)
         if self._cycle is not None:
             self._cycle.destroy()
-        self._cycle = PETSc.PC().create(self._bulk.comm)
+        self._cycle = PETSc.KSP().create(self._bulk.comm)
         self._cycle.setOptionsPrefix(self._prefix)
+        self._cycle.setTolerances(rtol=CG_TOLERANCE, max_it=CG_MOST)
         self._cycle.setFromOptions()
+        self._cycle.setType("cg" if self._all_tied(nodes) and is_symmetric(B) else "preonly")
         self._cycle.setOperators(B)
         self._cycle.setUp()
         self._best, self._excess = 0.0, 0.0
@@ -139,46 +148,51 @@ class TouchingBodies:
         rest.aypx(-1.0, b)
         self._L.mat.mult(rest, gathered)
         gathered.array[self._held] = 0.0
-        self._cycle.apply(gathered, y)
+        self._cycle.solve(gathered, y)
         self._T.mat.multAdd(y, x, x)
 
-    def _active(self, contact: Contact) -> tuple[Indices, Array, Array]:
-        """Local dofs (a, 2), normals (a, 2) and stiffness (a,) of the active nodes owned here."""
+    def _active(self, contact: Interface) -> tuple[Indices, Array, Array]:
+        """Local dofs (a, 2), what is followed (a, 2, 2) and stiffness (a,) of own active nodes."""
         on = contact.active[contact.slave.owned]
         j = contact.slave.owned[on]
-        return contact.slave.local_dofs[on], contact.operators.n[j], contact.stiffness[j]
+        return contact.slave.local_dofs[on], contact.followed()[j], contact.stiffness[j]
+
+    def _all_tied(self, nodes: list[tuple[Indices, Array, Array]]) -> bool:
+        """Whether all active nodes follow in both directions."""
+        mine = all(np.allclose(F @ F, np.eye(2)) for _, F, _ in nodes)
+        return self._bulk.comm.allreduce(mine, MPI.LAND)
 
     def _motion_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
         """Blocks of T."""
         yield from self._free_blocks(nodes)
-        for slave, master, part, n, _ in self._partners():
-            yield Block(slave, master, part * _dyads(n))
+        for slave, master, part, followed in self._partners():
+            yield Block(slave, master, part * followed)
 
     def _equation_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
         """Blocks of L."""
         yield from self._free_blocks(nodes)
-        for slave, master, part, _, tau in self._partners():
-            yield Block(master, slave, -part * _dyads(tau))
+        for slave, master, part, followed in self._partners():
+            yield Block(master, slave, -part * (np.eye(2) - followed))
 
     def _free_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
-        """Blocks of the identity, but for the normal direction of active nodes."""
+        """Blocks of the identity, but for what active nodes follow."""
         first, one = self._bulk.first, np.ones(self._bulk.num_owned)
-        for dofs, n, _ in nodes:
+        for dofs, F, _ in nodes:
             one[dofs] = 0.0
-            yield Block(dofs + first, dofs + first, np.eye(2) - _dyads(n))
+            yield Block(dofs + first, dofs + first, np.eye(2) - F @ F)
         dofs = np.arange(one.size)[:, None] + first
         yield Block(dofs, dofs, one[:, None, None])
 
-    def _partners(self) -> Iterator[tuple[Indices, Indices, Array, Array, Array]]:
-        """Dofs (p, 2) of active slave nodes and of others, M_jl / D_jj (p, 1, 1), n, tau (p, 2)."""
+    def _partners(self) -> Iterator[tuple[Indices, Indices, Array, Array]]:
+        """Dofs (p, 2) of active slave nodes and of others, M_jl / D_jj (p, 1, 1), F F."""
         for contact in self._contacts:
-            o = contact.operators
+            o, followed = contact.operators, contact.followed() @ contact.followed()
             for rows, columns, values in contact.force_blocks():
                 dofs, j = rows.reshape(-1, 2), columns[::2, 0] // 2
                 part = -values[::2, 0, 0] / o.diagonal[j]
                 other = dofs[:, 0] != contact.slave.dofs[j, 0]
                 dofs, j, part = dofs[other], j[other], part[other]
-                yield contact.slave.dofs[j], dofs, part[:, None, None], o.n[j], o.tau[j]
+                yield contact.slave.dofs[j], dofs, part[:, None, None], followed[j]
 
 
 class Strip:
@@ -190,7 +204,7 @@ class Strip:
         prefix: Prefix of the options.
     """
 
-    def __init__(self, bulk: Bulk, contacts: Sequence[Contact], prefix: str) -> None:
+    def __init__(self, bulk: Bulk, contacts: Sequence[Interface], prefix: str) -> None:
         self._prefix, self._held, self._comm = prefix, bulk.held, bulk.comm
         dofs = _near(bulk, contacts)
         self._rows = PETSc.IS().createGeneral((dofs + bulk.first).astype(PETSc.IntType), bulk.comm)
@@ -221,7 +235,7 @@ class Strip:
         x.array[self._dofs] = self._x.array_r
 
 
-def _near(bulk: Bulk, contacts: Sequence[Contact]) -> Indices:
+def _near(bulk: Bulk, contacts: Sequence[Interface]) -> Indices:
     """Local numbers of the owned dofs within ``LAYERS`` of the contact surfaces."""
     surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
     dofs = [s.local_dofs.ravel() + bulk.first for s in surfaces]
@@ -232,7 +246,3 @@ def _near(bulk: Bulk, contacts: Sequence[Contact]) -> Indices:
     everywhere = np.unique(np.concatenate(bulk.comm.allgather(near.indices)))
     mine = (everywhere >= bulk.first) & (everywhere < bulk.first + bulk.num_owned)
     return everywhere[mine].astype(np.int64) - bulk.first
-
-
-def _dyads(n: Array) -> Array:
-    return np.einsum("ja,jb->jab", n, n)

@@ -27,7 +27,8 @@ f_q         -sum_k F_k . V(x_k): what the nodal forces F = D^T z, added to the i
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from mpi4py import MPI
 
@@ -115,10 +116,23 @@ class Obstacle:
 
     def evaluate(self, x: Array) -> Fields:
         """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at the points ``x`` (n, 2)."""
-        c, s = np.cos(self.place[2]), np.sin(self.place[2])
-        turn = np.array([[c, -s], [s, c]])
-        phi, gradient, hessian = self.local((x - self.pivot - self.place[:2]) @ turn + self.pivot)
+        phi, gradient, hessian = self.local(self.to_own_frame(x))
+        turn = self._turn
         return phi, gradient @ turn.T, turn @ hessian @ turn.T
+
+    @property
+    def _turn(self) -> Array:
+        """Present rotation, shape (2, 2)."""
+        c, s = np.cos(self.place[2]), np.sin(self.place[2])
+        return np.array([[c, -s], [s, c]])
+
+    def to_own_frame(self, x: Array) -> Array:
+        """Where the points ``x`` (n, 2) of space are in the obstacle's own frame."""
+        return (x - self.pivot - self.place[:2]) @ self._turn + self.pivot
+
+    def to_space(self, x: Array) -> Array:
+        """Where the points ``x`` (n, 2) of the obstacle's own frame are in space."""
+        return (x - self.pivot) @ self._turn.T + self.pivot + self.place[:2]
 
     def motions(self, x: Array, arm: float) -> Array:
         """V at the points ``x`` (n, 2): shape (n, 3, 2)."""
@@ -379,6 +393,18 @@ class ObstacleOperators(MortarOperators):
     V: Array
     dn_dq: Array
     dgap_dq: Array
+
+    def freeze(self) -> Self:
+        """The same without derivatives, but for that of the gap by the motions."""
+        return replace(super().freeze(), dn_dq=np.zeros_like(self.dn_dq))
+
+    def after_small_motion(self, x: Array, m: Array, dq: Array | None = None) -> Self:
+        """Frozen operators after small motions of the nodes and of the obstacle, ``dq`` (3,)."""
+        dq = np.zeros(3) if dq is None else dq
+        moved = super().after_small_motion(x, m)
+        apart = np.einsum("kmc,m->kc", self.V, dq) - (x - self.x)
+        phi = self.phi + np.einsum("kc,kc->k", self.n, apart)
+        return replace(moved, gap=moved.gap + self.dgap_dq @ dq, phi=phi)
 
     def motion_force(self, z: Array) -> Array:
         """f_q for multipliers ``z``, shape (3,) [stress length] (collective)."""

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.contact import Contact
+from fenics_mortar.interface import Interface
 from fenics_mortar.mortar import Block, share_of
 from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
@@ -24,7 +24,7 @@ from fenics_mortar.surfaces import Array, Indices
 class OperatorMatrices:
     """Builds PETSc objects from the operators of each pair on demand (all collective)."""
 
-    def __init__(self, bulk: Bulk, contacts: Sequence[Contact]) -> None:
+    def __init__(self, bulk: Bulk, contacts: Sequence[Interface]) -> None:
         self._bulk, self._contacts = bulk, contacts
 
     def D(self, pair: int = 0) -> PETSc.Mat:

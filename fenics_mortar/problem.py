@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, get_args
@@ -16,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar import compat
-from fenics_mortar.bulk import Bulk
+from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
@@ -24,11 +25,13 @@ from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.floating import FloatingBodies
+from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, forcing, solve
 from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
+from fenics_mortar.slip import Partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import (
@@ -39,6 +42,7 @@ from fenics_mortar.system import (
     obstacle_to_condensation,
 )
 from fenics_mortar.tangent import TangentCheck, check_tangent
+from fenics_mortar.tied import TiedPair, bind
 
 # Largest c_n after a cycle of the active set.
 LESS_WEIGHT = 1e-3
@@ -49,13 +53,16 @@ EPSILON = float(np.finfo(float).eps)
 class State:
     """Displacement, multipliers, active sets and places of obstacles, as copies.
 
-    The displacement is the part of this rank.
+    The displacement is the part of this rank. Of each contact there are the partners that its slip
+    counts from, and those at the last accepted state.
     """
 
     u: Array
     z: list[Array]
     active: list[npt.NDArray[np.bool_]]
     carries: list[npt.NDArray[np.bool_]]
+    piece: list[Pieces]
+    partners: list[tuple[Partners, Partners]]
     places: Array
     converged: bool
 
@@ -68,14 +75,16 @@ class ContactProblem:
             its measures a ``quadrature_degree``.
         u: Displacement, alone or with other unknowns (as a pressure) in a mixed function; its
             present value is the start of the next solve.
-        pairs: Contact pairs.
+        pairs: Contact and tied pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver, beside those of ``solver``.
         algorithm: "condensed" (the paper's Alg. 2, dual multipliers only) or "saddle" (Alg. 1);
             condensed by default where D can be inverted node by node.
         solver: "direct" (MUMPS) or "iterative": GMRES with multigrid, see ``multigrid``; for the
-            condensed system of displacements alone. Less memory, and faster for large meshes.
+            condensed system of displacements alone. Less memory; half the processor time at
+            160,000 unknowns (``demos/bench_newton.py``), more where the interface is oblique to
+            the axes, so that the choice is the user's.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
@@ -83,6 +92,8 @@ class ContactProblem:
         linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
             see ``reduced``. By default this is seen from ``residual``, and done once it pays; with
             solver "iterative" only if asked for.
+        adequacy: What asks after each solve whether the model was rich enough, an
+            ``AdequacyCheck``; its answer is ``report.adequacy``.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
@@ -103,7 +114,7 @@ class ContactProblem:
         self,
         residual: Any,
         u: Any,
-        pairs: Sequence[ContactPair],
+        pairs: Sequence[ContactPair | TiedPair],
         *,
         bcs: Sequence[Any] = (),
         petsc_options_prefix: str,
@@ -115,9 +126,21 @@ class ContactProblem:
         jacobian: Any | None = None,
         displacement: int = 0,
         linear_bulk: bool | None = None,
+        adequacy: Any | None = None,
     ) -> None:
-        if not isinstance(pairs, Sequence) or not all(isinstance(p, ContactPair) for p in pairs):
-            raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair")
+        if not isinstance(pairs, Sequence) or not all(
+            isinstance(p, (ContactPair, TiedPair)) for p in pairs
+        ):
+            raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
+        if not isinstance(bcs, Sequence):
+            raise ValueError(
+                f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions"
+            )
+        if len(residual.arguments()) != 1:
+            raise ValueError(
+                "the residual has to hold one test function and no trial function; of an energy, "
+                "it is ufl.derivative(energy, u, v)"
+            )
         compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)
@@ -132,10 +155,17 @@ class ContactProblem:
         if solver == "iterative" and space.is_mixed:
             raise ValueError("solver='iterative': mixed functions need solver='direct'")
         self.newton = newton or NewtonOptions()
+        self._adequacy = adequacy
+        self._given = {
+            "residual": residual, "u": u, "bcs": bcs, "petsc_options_prefix": petsc_options_prefix,
+            "petsc_options": petsc_options, "algorithm": algorithm, "solver": solver,
+            "linearization": linearization, "newton": newton, "jacobian": jacobian,
+            "displacement": displacement, "linear_bulk": linear_bulk,
+        }  # fmt: skip
         self.linearization = LINEARIZATIONS[linearization]
+        self.contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
         self.bulk = Bulk(residual, u, list(bcs), jacobian, space)
         self.comm: MPI.Comm = self.bulk.comm
-        self.contacts = [Contact(pair, space, self.bulk.prescribed) for pair in pairs]
         self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
@@ -156,12 +186,13 @@ class ContactProblem:
             linear_bulk = False  # who iterates may lack the memory for factors
         self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._last_converged = False
-        self._recent_sets: list[list[npt.NDArray[np.bool_]]] = []
         self._residuals: list[float] = []
+        self._recent_sets: list[list[tuple[npt.NDArray[np.bool_], Pieces]]] = []
         for contact in self.contacts:
             contact.evaluate(u.x.array, self.linearization)
             contact.set_initial_gap()
             contact.evaluate(u.x.array, self.linearization)
+        self.accept()
         self._overlaps = [c.describe_overlap() for c in self.contacts]
 
     # Solving
@@ -179,24 +210,69 @@ class ContactProblem:
         """
         clock.read()
         self.bulk.check_finite()
+        for contact in self.contacts:
+            contact.start_step()
         try:
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
             moved += self.floating.settle(self._evaluate_forces)
-            self.floating.let_go()
+            self.hold(None)
+            if moved:  # bodies that nothing held were moved to each other: that is no slip
+                self.accept()
             report = self._solve()
             moved += self.floating.check()
         except MortarError:
             self._last_converged = False
-            self.floating.let_go()
+            self.hold(None)
             raise
         self._last_converged = True
+        for contact in self.contacts:
+            contact.accept()
         compat.free_petsc_garbage(self.comm)
         report.certificate = self.certificate()
         violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
         reactions = self.tools.record()
         report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations, *reactions]
         self._overlaps = []
+        if self._adequacy is not None:
+            report.adequacy = self._adequacy.assess(self)
         return report
+
+    def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
+        """The same problem by another model, with the same ``u``, conditions and obstacles.
+
+        The two share the displacement: take a state of the one over by ``adopt``.
+
+        Args:
+            residual: UFL form in the place of this problem's.
+            pair_options: Attributes of contact pairs instead, as ``sliding="finite"``.
+        """
+        pairs = [copy(contact.pair) for contact in self.contacts]
+        for pair in pairs:
+            if isinstance(pair, ContactPair):
+                vars(pair).update(pair_options)
+        given = {**self._given, "pairs": pairs}
+        if residual is not None:
+            given.update(residual=residual, jacobian=None)
+        u = self.bulk.u.x.array
+        kept = u.copy()
+        u[:] = 0.0
+        try:
+            return ContactProblem(**given)
+        finally:
+            u[:] = kept
+
+    def adopt(self, other: ContactProblem) -> None:
+        """Go to the present state of a variant."""
+        for contact, theirs in zip(self.contacts, other.contacts, strict=True):
+            if isinstance(contact, Contact) and isinstance(theirs, Contact):
+                contact.adopt(theirs)
+        self.restore(other.state())
+
+    def accept(self) -> None:
+        """Count slip from the last evaluated state (collective)."""
+        for contact in self.contacts:
+            contact.accept()
+            contact.start_step()
 
     def _solve(self) -> NewtonReport:
         """Solve on the contact dofs where the bulk is linear, else on all."""
@@ -227,26 +303,38 @@ class ContactProblem:
         try:
             return solve(self, self.newton)
         except NotConvergedError as error:
-            if not self.floating.bodies:
+            if not self.floating.bodies and not self.tools.driven.any():
                 raise
             self.restore(start)
             return release_slowly(self, self.newton, error)
 
     def hold(self, travel: float | None) -> None:
-        """Tie floating bodies to where they are by springs, or let them go; see ``release``."""
+        """Tie floating bodies and driven obstacles by springs, or let them go; see ``release``."""
         if travel is None:
             self.floating.let_go()
+            self.tools.let_go()
         else:
             bulk, contact, _ = self.forces()
             self.floating.hold(bulk + contact, travel)
+            self.tools.hold(travel, self.stiffest)
 
     def travel(self) -> float:
-        """How far bodies have moved since ``hold``, in shortest facets."""
-        return self.floating.travel()
+        """How far what ``hold`` ties has moved since, in shortest facets."""
+        return max(self.floating.travel(), self.tools.travel())
 
     def remaining(self) -> tuple[float, str]:
         """Part of the forces that springs hold, and that in words."""
-        return self.floating.part_held(), self.floating.describe_springs()
+        parts = self._parts_held()
+        energy = self.floating.spring_energy() + self.tools.spring_energy()
+        each = [f"{name} with {part:.1e} of its contact force" for name, part in parts]
+        return max(part for _, part in parts), (
+            f"springs hold {', '.join(each)}, with an energy of {energy:.3e}: contact does not "
+            "resist its motion more than the facets' corners drive it; prescribe it, or refine"
+        )
+
+    def _parts_held(self) -> list[tuple[str, float]]:
+        """What springs of ``hold`` hold, and which part of the contact force on it."""
+        return self.floating.parts_held() + self.tools.parts_held()
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
@@ -264,8 +352,11 @@ class ContactProblem:
         self._residuals.append(residual)
         gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
         active = sum(int(c.active.sum()) for c in self.contacts)
-        self._recent_sets.append([c.active.copy() for c in self.contacts])
-        sets = b"".join(np.packbits([c.active, c.carries]).tobytes() for c in self.contacts)
+        self._recent_sets.append([(c.active.copy(), c.piece.copy()) for c in self.contacts])
+        sets = b"".join(
+            np.packbits([c.active, c.carries]).tobytes() + (c.active * c.piece).tobytes()
+            for c in self.contacts
+        )
         gap = float(max(gaps, default=0.0))
         return Status(residual, force, gap, active, changed, self.noise(), sets)
 
@@ -323,18 +414,25 @@ class ContactProblem:
         return Step(increment / size, part, note)
 
     def merge_sets(self, period: int) -> str:
-        """Leave a cycle of the active set; say how.
+        """Leave a cycle of the active set or of sticking and sliding nodes; say how.
 
         All nodes that were active in it are so for one iteration, and gaps weigh less from then on,
         in later solves too: a large c_n releases nodes for small gaps that a step leaves behind.
+        Nodes that did not always slide in one direction stick for that iteration.
         """
+        wavering = 0
         for i, contact in enumerate(self.contacts):
-            union = np.any([sets[i] for sets in self._recent_sets[-period:]], axis=0)
-            contact.active = union & contact.covered
+            recent = [sets[i] for sets in self._recent_sets[-period:]]
+            active, pieces = (np.array(sets) for sets in zip(*recent, strict=True))
+            contact.active = active.any(axis=0) & contact.covered
             contact.c_n = min(contact.c_n, LESS_WEIGHT)
+            wavers = contact.active & (pieces != pieces[-1]).any(axis=0)
+            contact.piece = np.where(wavers, STICK, contact.piece)
+            wavering += int(wavers.sum())
+        stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
             f"the active set does not settle (last {period} iterations); all nodes active in them "
-            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on"
+            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on{stuck}"
         )
 
     def _begin(self) -> None:
@@ -369,11 +467,7 @@ class ContactProblem:
         """
         size, held = self.bulk.num_owned, self.bulk.held
         contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
-        for contact in self.contacts:
-            tangential = np.einsum("ja,ja->j", contact.operators.tau, contact.z)
-            gap = np.where(contact.active, np.nan_to_num(contact.gap), 0.0)
-            rows += ((contact.stiffness * gap) ** 2).sum()
-            rows += ((contact.operators.diagonal * tangential) ** 2).sum()
+        rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = self.bulk.to_force * total
         reactions = free[held]
@@ -430,6 +524,8 @@ class ContactProblem:
             [contact.z.copy() for contact in self.contacts],
             [contact.active.copy() for contact in self.contacts],
             [contact.carries.copy() for contact in self.contacts],
+            [contact.piece.copy() for contact in self.contacts],
+            [(contact.partners, contact.accepted) for contact in self.contacts],
             self.tools.places,
             self._last_converged,
         )
@@ -438,9 +534,10 @@ class ContactProblem:
         """Go back to a state, exactly."""
         self.bulk.u.x.array[:] = state.u
         self.tools.places = state.places
-        kept = zip(self.contacts, state.z, state.active, state.carries, strict=True)
-        for contact, z, active, carries in kept:
-            contact.z, contact.active, contact.carries = z.copy(), active.copy(), carries.copy()
+        for i, contact in enumerate(self.contacts):
+            contact.z, contact.active = state.z[i].copy(), state.active[i].copy()
+            contact.carries, contact.piece = state.carries[i].copy(), state.piece[i].copy()
+            contact.partners, contact.accepted = state.partners[i]
             contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged
 
@@ -456,7 +553,7 @@ class ContactProblem:
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
         if not self.floating.held:
             return certificate
-        return replace(certificate, springs=self.floating.part_held())
+        return replace(certificate, springs=max(part for _, part in self._parts_held()))
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).

@@ -24,18 +24,23 @@ class Reach:
     Args:
         o: Operators at the present state.
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        faced: Slave nodes, and master nodes that slip couples them to.
     """
 
-    def __init__(self, o: MortarOperators, carries: npt.NDArray[np.bool_]) -> None:
+    def __init__(
+        self, o: MortarOperators, carries: npt.NDArray[np.bool_], faced: tuple[Indices, Indices]
+    ) -> None:
         self._slave, self._master, self._carries = o.slave, o.master, carries.copy()
-        self._met = _met(o, MARGIN)
+        self._met = np.union1d(_met(o, MARGIN), _faced(o, *faced))
         facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
-    def holds(self, o: MortarOperators, carries: npt.NDArray[np.bool_]) -> bool:
+    def holds(
+        self, o: MortarOperators, carries: npt.NDArray[np.bool_], faced: tuple[Indices, Indices]
+    ) -> bool:
         """Whether a state couples nothing else."""
-        inside = np.isin(_met(o, 0), self._met, assume_unique=True)
+        inside = np.isin(np.union1d(_met(o, 0), _faced(o, *faced)), self._met, assume_unique=True)
         return bool(inside.all()) and np.array_equal(carries, self._carries)
 
     def derivative_pattern(self) -> Block:
@@ -80,6 +85,15 @@ def _met(o: MortarOperators, margin: int) -> Indices:
         masters = np.hstack([masters, near])
     pairs = s.slave[:, :1] * (none + 1) + masters
     return np.unique(pairs[masters >= 0])
+
+
+def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
+    """The same of given slave and master nodes, for one facet of this rank's share a node."""
+    facets = o.facet_nodes
+    first = np.full(o.slave.num_nodes, -1)
+    first[facets] = facets[:, :1]
+    here = first[slave] >= 0
+    return np.unique(first[slave[here]] * (o.master.num_nodes + 1) + master[here])
 
 
 def _pairs_within(group: Indices) -> tuple[Indices, Indices]:

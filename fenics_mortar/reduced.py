@@ -15,11 +15,20 @@ does is known too:
 
 F being the dofs that are not held, I those of F not in S. Only new loads need the last term. Inside
 the bodies the displacement is found where Newton has ended.
+
+Where all pairs slide little and without friction, D, M and n stay too: contact pushes along
+B_n = B^T n, one column per slave node, and the gap is linear. With the displacement without contact
+force, of gap g_0, what is left is a linear complementarity problem of the pressures,
+
+    g = g_0 + S p >= 0,    p >= 0,    p . g = 0,    S = B_n^T K^-1 B_n,
+
+and columns of S are solved for as nodes become active.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import Any
 
 from mpi4py import MPI
@@ -27,17 +36,20 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array, csr_array
+from scipy.linalg import LinAlgError, solve
+from scipy.sparse import coo_array, csr_array, eye
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact
+from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MortarError
+from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
-from fenics_mortar.sparse import flatten
+from fenics_mortar.sparse import flatten, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
+from fenics_mortar.tied import Tie
 
 # Columns of the compliance solved for at a time.
 COLUMNS = 32
@@ -45,8 +57,6 @@ COLUMNS = 32
 COLUMNS_PER_ITERATION = 100
 # More contact dofs are reduced to on demand only: their compliance is a dense matrix.
 MOST_DOFS = 8000
-# A tangent is symmetric up to this part of its size.
-SYMMETRIC = 1e-12
 
 
 class ContactDofs:
@@ -90,8 +100,78 @@ class ContactDofs:
         return local[dofs].astype(np.int64), dofs
 
 
-class Compliance:
-    """K factored, and the answers of the contact dofs (collective).
+class FactoredBulk:
+    """K, assembled and factored with the prescribed dofs held (collective).
+
+    Args:
+        bulk: The bodies; their tangent is constant.
+        dofs: The contact dofs.
+        prefix: Prefix of PETSc's options.
+    """
+
+    def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
+        self._bulk, self._dofs, comm = bulk, dofs, bulk.comm
+        bulk.assemble_tangent()
+        held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), comm)
+        K = bulk.K.copy()
+        K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
+        self._pc = PETSc.PC().create(comm)
+        self._pc.setOptionsPrefix(prefix)
+        self._pc.setType("cholesky")
+        self._pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
+        K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._pc.setOperators(K)
+        self._pc.setFromOptions()
+        self._pc.setUp()
+        numbers, local = dofs.owned()
+        free = ~bulk.prescribed[local]
+        self._numbers, self._local = numbers[free], local[free]
+
+    def answers(self, loads: PETSc.Mat) -> PETSc.Mat:
+        """Displacements (dofs, k) by forces on free dofs, the rows of ``loads`` (k, dofs).
+
+        The rows are all on rank 0, as MUMPS wants them.
+        """
+        count = loads.getSize()[0]
+        answers = PETSc.Mat().createDense(
+            ((self._bulk.num_owned, None), (None, count)), comm=self._bulk.comm
+        )
+        answers.setUp()
+        answers.assemble()
+        self._pc.getFactorMatrix().matSolve(PETSc.Mat().createTranspose(loads), answers)
+        return answers
+
+    def loads(self, forces: csr_array) -> PETSc.Mat:
+        """Forces on the contact dofs, one load a row, (k, size), as rows for ``answers``.
+
+        Those of rank 0 count. Held dofs take none.
+        """
+        here = self._bulk.comm.rank == 0
+        forces = forces[: forces.shape[0] if here else 0].tocoo()
+        columns = self._dofs.free_globals[forces.col]
+        kept = columns >= 0
+        size = forces.shape[0], self._bulk.r.getSize() if here else 0
+        rows = csr_array((forces.data[kept], (forces.row[kept], columns[kept])), shape=size)
+        csr = rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data
+        sizes = (size[0], None), (size[1], None)
+        return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._bulk.comm)
+
+    def at_contact(self, answers: PETSc.Mat) -> Array:
+        """Owned part of ``answers`` at the contact dofs, shape (size, k); the rest is zero."""
+        values = np.zeros((self._dofs.size, answers.getSize()[1]))
+        values[self._numbers] = answers.getDenseArray()[self._local]
+        return values
+
+    def solve(self, force: PETSc.Vec) -> PETSc.Vec:
+        """The displacement by forces on the free dofs; prescribed ones stay."""
+        force.array[self._bulk.held] = 0.0
+        answer = force.duplicate()
+        self._pc.apply(force, answer)
+        return answer
+
+
+class Compliance(FactoredBulk):
+    """The answers of the contact dofs to forces on them, and on prescribed dofs (collective).
 
     Args:
         bulk: The bodies; their tangent is constant.
@@ -104,25 +184,14 @@ class Compliance:
     """
 
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
-        self._bulk, comm = bulk, bulk.comm
-        bulk.assemble_tangent()
+        super().__init__(bulk, dofs, prefix)
         self._edge = self._find_edge()
-        edge, held = (
-            PETSc.IS().createGeneral((local + bulk.first).astype(PETSc.IntType), comm)
-            for local in (bulk.held[self._edge], bulk.held)
+        edge = (bulk.held[self._edge] + bulk.first).astype(PETSc.IntType)
+        everything = PETSc.IS().createStride(
+            bulk.num_owned, first=bulk.first, step=1, comm=bulk.comm
         )
-        everything = PETSc.IS().createStride(bulk.num_owned, first=bulk.first, step=1, comm=comm)
-        K_H = bulk.K.createSubMatrix(edge, everything)
-        K = bulk.K.copy()
-        K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
-        self._pc = PETSc.PC().create(comm)
-        self._pc.setOptionsPrefix(prefix)
-        self._pc.setType(DIRECT["pc_type"])
-        self._pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
-        self._pc.setOperators(K)
-        self._pc.setFromOptions()
-        self._pc.setUp()
-        self.A, self._W = self._unit_answers(dofs, K_H)
+        K_H = bulk.K.createSubMatrix(PETSc.IS().createGeneral(edge, bulk.comm), everything)
+        self.A, self._W = self._unit_answers(K_H)
 
     def _find_edge(self) -> Indices:
         """Places among the ``held`` dofs of those that free ones feel."""
@@ -132,49 +201,31 @@ class Compliance:
         self._bulk.K.mult(x, y)
         return np.flatnonzero(y.array_r[self._bulk.held])
 
-    def _unit_answers(self, dofs: ContactDofs, K_H: PETSc.Mat) -> tuple[Array, Array]:
+    def _unit_answers(self, K_H: PETSc.Mat) -> tuple[Array, Array]:
         """A and W, the latter for the edge of what is held on this rank."""
-        bulk, factor = self._bulk, self._pc.getFactorMatrix()
-        numbers, local = dofs.owned()
-        numbers, local = (part[~bulk.prescribed[local]] for part in (numbers, local))
-        A, W = np.zeros((dofs.size, dofs.size)), np.zeros((self._edge.size, dofs.size))
-        for columns in np.array_split(np.arange(dofs.size), np.arange(0, dofs.size, COLUMNS)[1:]):
-            answers = PETSc.Mat().createDense(
-                ((bulk.num_owned, None), (None, columns.size)), comm=bulk.comm
-            )
-            answers.setUp()
-            answers.assemble()
-            loads = self._unit_loads(dofs.free_globals[columns])
-            factor.matSolve(PETSc.Mat().createTranspose(loads), answers)
-            A[np.ix_(numbers, columns)] = answers.getDenseArray()[local]
+        size = self._dofs.size
+        A, W, unit = np.zeros((size, size)), np.zeros((self._edge.size, size)), csr_array(eye(size))
+        for columns in portions(size):
+            loads = self.loads(unit[columns])
+            answers = self.answers(loads)
+            A[:, columns] = self.at_contact(answers)
             reactions = K_H.matMult(answers)
             W[:, columns] = reactions.getDenseArray()
             for matrix in (loads, answers, reactions):
                 matrix.destroy()
-        bulk.comm.Allreduce(MPI.IN_PLACE, A)
+        self._bulk.comm.Allreduce(MPI.IN_PLACE, A)
         return A, W
-
-    def _unit_loads(self, dofs: Indices) -> PETSc.Mat:
-        """Unit loads as rows, all on rank 0 as MUMPS wants them; -1 is none."""
-        rows, columns = (dofs.size, self._bulk.r.getSize()) if self._bulk.comm.rank == 0 else (0, 0)
-        loaded = dofs[dofs >= 0] if rows else np.empty(0)
-        starts = np.concatenate([[0], np.cumsum(dofs >= 0)])[: rows + 1]
-        csr = starts.astype(PETSc.IntType), loaded.astype(PETSc.IntType), np.ones(loaded.size)
-        size = (rows, None), (columns, None)
-        return PETSc.Mat().createAIJ(size, csr=csr, comm=self._bulk.comm)
-
-    def solve(self, force: PETSc.Vec) -> PETSc.Vec:
-        """The displacement by forces on the free dofs; prescribed ones stay."""
-        force.array[self._bulk.held] = 0.0
-        answer = force.duplicate()
-        self._pc.apply(force, answer)
-        return answer
 
     def by_prescribed(self, change: Array) -> Array:
         """Change of the contact dofs that are free, by that of the held ones (local part)."""
         mine = -(change[self._edge] @ self._W)
         self._bulk.comm.Allreduce(MPI.IN_PLACE, mine)
         return mine
+
+
+def portions(count: int) -> list[Indices]:
+    """The numbers below ``count``, in parts that are solved for at a time."""
+    return [np.arange(i, min(i + COLUMNS, count)) for i in range(0, count, COLUMNS)]
 
 
 class ReducedEquations:
@@ -185,14 +236,19 @@ class ReducedEquations:
         prefix: Prefix of PETSc's options.
     """
 
+    _compliance: Compliance
+
     def __init__(self, problem: Any, prefix: str) -> None:
         self._problem, self._bulk, self._system = problem, problem.bulk, problem.system
         self._comm: MPI.Comm = self._bulk.comm
         self._dofs = ContactDofs(problem.contacts, self._bulk)
-        self._compliance = Compliance(self._bulk, self._dofs, prefix)
+        self._compliance = self._factor(prefix)
         self._inside: npt.NDArray[np.bool_] = ~self._bulk.prescribed[: self._bulk.num_owned]
         self._inside[self._dofs.owned()[1]] = False
         self._force: Array | None = None
+
+    def _factor(self, prefix: str) -> Any:
+        return Compliance(self._bulk, self._dofs, prefix)
 
     def evaluate(self, *, start: bool) -> Status:
         """As the problem's; after a step the residual is that of contact alone."""
@@ -215,14 +271,18 @@ class ReducedEquations:
         self._dofs.put(step, moved)
         moved[held] = change
         u += moved
-        r = self._bulk.r.array
-        r[self._inside] = 0.0
-        kept = r[held]
-        self._dofs.put(-self._force, r)
-        r[held] = kept
+        self._balance(self._force)
         for contact, place in self._system.numbered():
             contact.z = zeta[place] * self._system.scale(contact)[:, None]
         return self._problem.step(self._bulk.largest(moved))
+
+    def _balance(self, force: Array) -> None:
+        """Make the residual that of contact forces alone, as it is after a whole step."""
+        r, held = self._bulk.r.array, self._bulk.held
+        r[self._inside] = 0.0
+        kept = r[held]
+        self._dofs.put(-force, r)
+        r[held] = kept
 
     def _step_without_contact(self, change: Array) -> Array:
         """d_S, for a ``change`` of the prescribed values."""
@@ -343,15 +403,121 @@ class ReducedEquations:
         return self._problem.diagnose()
 
 
+class SmallSlidingEquations(ReducedEquations):
+    """The same where all pairs slide little: pressures of active nodes alone are unknown.
+
+    Args:
+        problem: A ``ContactProblem`` with linear bulk; none of its bodies floats.
+        prefix: Prefix of PETSc's options.
+    """
+
+    def __init__(self, problem: Any, prefix: str) -> None:
+        super().__init__(problem, prefix)
+        self._count = sum(place.size for place in self._system.places)
+        self._carries = np.empty(0, bool)
+
+    def _factor(self, prefix: str) -> Any:
+        return FactoredBulk(self._bulk, self._dofs, prefix)
+
+    def advance(self) -> Step:
+        """Solve for the pressures of the active nodes; move the surfaces."""
+        u = self._bulk.u.x.array
+        before = u.copy()
+        if self._force is None:
+            self._move_without_contact()
+        else:
+            self._dofs.put(self._start, u)
+        self._find_gaps()
+        with clock("assembly"):
+            pushes = self._pushes()
+        with clock("solve"):
+            self._know_answers(pushes)
+            zeta, step, self._force = self._solve_pressures(pushes)
+        moved = np.zeros_like(u)
+        self._dofs.put(step, moved)
+        u += moved
+        self._balance(self._force)
+        for contact, place in self._system.numbered():
+            scale = zeta[place] * self._system.scale(contact)
+            contact.z = scale[:, None] * contact.operators.n
+        return self._problem.step(self._bulk.largest(u - before))
+
+    @clock("solve")
+    def _move_without_contact(self) -> None:
+        """Move all dofs to where they were without contact."""
+        u, held = self._bulk.u, self._bulk.held
+        u.x.array[held] += self._bulk.distance_to_prescribed()
+        u.x.scatter_forward()
+        self._bulk.assemble_residual()
+        rest = self._bulk.r.duplicate()
+        rest.array[:] = -self._bulk.r.array_r
+        u.x.array[: self._bulk.num_owned] += self._compliance.solve(rest).array_r
+        u.x.scatter_forward()
+        self._start = self._dofs.gather(u.x.array)
+
+    def _find_gaps(self) -> None:
+        """Gaps k_j g_j / D_jj without contact, and a clean slate if other nodes carry now."""
+        carries = np.concatenate([contact.carries for contact in self._problem.contacts])
+        if not np.array_equal(carries, self._carries):
+            self._carries = carries
+            self._answers = np.zeros((self._dofs.size, self._count))
+            self._known = np.zeros(self._count, bool)
+        self._gaps, self._active = np.zeros(self._count), np.zeros(self._count, bool)
+        for contact, place in self._system.numbered():
+            contact.evaluate(self._bulk.u.x.array, self._problem.linearization)
+            self._gaps[place] = self._system.scale(contact) * contact.operators.gap
+            self._active[place] = contact.active
+
+    def _pushes(self) -> csr_array:
+        """B_n of the active nodes, (size, slave nodes), complete on rank 0."""
+        normals = np.zeros((self._count, 2))
+        for contact, place in self._system.numbered():
+            normals[place] = contact.operators.n
+        columns = np.repeat(np.arange(self._count), 2)
+        entries = normals.ravel(), (np.arange(columns.size), columns)
+        shape = self._dofs.size, columns.size
+        B_T = self._collect(self._system.force_blocks(), shape, (True, False))
+        return B_T @ csr_array(entries, shape=(columns.size, self._count))
+
+    def _know_answers(self, pushes: csr_array) -> None:
+        """Solve for the displacements by the pressures of nodes that had none so far."""
+        new = np.flatnonzero(self._active & ~self._known)
+        for part in portions(new.size):
+            loads = self._compliance.loads(pushes[:, new[part]].T.tocsr())
+            answers = self._compliance.answers(loads)
+            columns = self._compliance.at_contact(answers)
+            self._problem.comm.Allreduce(MPI.IN_PLACE, columns)
+            self._answers[:, new[part]] = columns
+            loads.destroy()
+            answers.destroy()
+        self._known[new] = True
+
+    def _solve_pressures(self, pushes: csr_array) -> tuple[Array, Array, Array]:
+        """Pressures zeta (slave nodes,), and what they move and push, both (size,)."""
+        zeta, a, pressures = np.zeros(self._count), np.flatnonzero(self._active), None
+        if not a.size:
+            pressures = np.empty(0)
+        elif self._comm.rank == 0:
+            S = pushes[:, a].T @ self._answers[:, a]
+            with suppress(LinAlgError):
+                pressures = solve(S, -self._gaps[a], assume_a="pos")
+        pressures = self._comm.bcast(pressures)
+        if pressures is None:
+            raise MortarError("the linear system was not solved, it may be singular")
+        zeta[a] = pressures
+        force = self._comm.bcast(pushes @ zeta if self._comm.rank == 0 else None)
+        return zeta, -self._answers @ zeta, force
+
+
 class LinearBulk:
     """Chooses how a problem is solved, again before each solve.
 
-    Obstacles that forces drive take the general path.
+    Obstacles that forces drive take the general path, and tied bodies, whose K may be singular.
 
     Args:
         problem: A ``ContactProblem``.
         wanted: Whether to reduce; ``None`` does so where the residual is linear, once the general
-            path has taken about as long as the compliance will.
+            path has taken about as long as the compliance will; with small sliding at once.
         prefix: Prefix of PETSc's options.
     """
 
@@ -374,19 +540,33 @@ class LinearBulk:
             if obstacle:
                 self._possible = False
                 return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
-            self._equations = ReducedEquations(self._problem, self._prefix)
+            equations = SmallSlidingEquations if self._slides_little else ReducedEquations
+            self._equations = equations(self._problem, self._prefix)
         return self._equations, []
 
     def count(self, num_iterations: int) -> None:
         """Take note of iterations of the general path."""
         self._num_iterations += num_iterations
 
+    @property
+    def _slides_little(self) -> bool:
+        return all(
+            isinstance(pair, ContactPair)
+            and pair.sliding == "small"
+            and isinstance(pair.law, Frictionless)
+            for pair in (contact.pair for contact in self._problem.contacts)
+        )
+
     def _pays(self) -> bool:
+        if self._slides_little:
+            return True
         columns = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._problem.contacts)
         paid = self._num_iterations > columns / COLUMNS_PER_ITERATION
         return bool(self._wanted) or (paid and columns <= MOST_DOFS)
 
     def _obstacle(self) -> str:
+        if any(isinstance(contact, Tie) for contact in self._problem.contacts):
+            return "bodies are tied"
         floating = self._problem.floating
         if floating.bodies:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
@@ -399,15 +579,3 @@ class LinearBulk:
         before, self._data = self._data, self._problem.bulk.tangent_data()
         same = len(before) == len(self._data) and all(map(np.array_equal, before, self._data))
         return self._problem.comm.allreduce(not same, MPI.LOR)
-
-
-def is_symmetric(K: PETSc.Mat) -> bool:
-    """Whether x . K y = y . K x for two vectors without structure (collective)."""
-    x, y = K.createVecs()
-    Kx, Ky = x.duplicate(), x.duplicate()
-    start = K.getOwnershipRange()[0]
-    places = np.arange(start, start + x.getLocalSize(), dtype=float)
-    x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
-    K.mult(x, Kx)
-    K.mult(y, Ky)
-    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SYMMETRIC * x.norm() * Ky.norm())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Floating bodies that roll or slide: springs hold them, and let go little by little.
+"""Bodies and obstacles that roll or slide: springs hold them, and let go little by little.
 
 Where contact hardly resists a motion, as a polygon's that rolls from facet to facet, the joint
 Newton step along it is far too long. Here springs tie the bodies to where they are; a solve with
@@ -34,7 +34,7 @@ ROUGH = 1e-6
 
 
 class Held(Equations, Protocol):
-    """Equations with bodies that springs can hold; all collective."""
+    """Equations with bodies or obstacles that springs can hold; all collective."""
 
     def state(self) -> Any:
         """Copy the present state."""
@@ -43,7 +43,7 @@ class Held(Equations, Protocol):
         """Go back to a state."""
 
     def hold(self, travel: float | None) -> None:
-        """Tie floating bodies to where they are by springs, or let them go (``None``).
+        """Tie what floats or is driven to where it is by springs, or let it go (``None``).
 
         What drives a body now, or a small part of all forces on it, would strain its springs by
         ``travel`` shortest facets.

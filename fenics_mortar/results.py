@@ -29,6 +29,7 @@ from fenics_mortar.errors import MortarError, raise_together
 from fenics_mortar.obstacles import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array, Indices
+from fenics_mortar.tied import Tie
 
 MIDPOINT = {"triangle": [[1 / 3, 1 / 3]], "quadrilateral": [[0.5, 0.5]]}
 # By the number of nodes: meshio's name and the order of VTK, which is corners, edges, inside
@@ -95,7 +96,7 @@ class ResultsWriter:
         """Do nothing: all files are complete after each step."""
 
 
-def _surface_data(contact: Contact, u: Array) -> dict[str, Array]:
+def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
     o = contact.operators
     return {
         "displacement": _pad(contact.slave.gather(u)),
@@ -293,7 +294,8 @@ def plot(
             bar = figure.colorbar(bodies, cax=axes.inset_axes((1.03, 0.0, 0.025, 1.0)), label=label)
             bar.outline.set_visible(False)
         _draw_obstacles(axes, problem.tools.obstacles, low, high)
-        _draw_pressure(axes, problem.contacts, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
+        open_pairs = [c for c in problem.contacts if not isinstance(c, Tie)]
+        _draw_pressure(axes, open_pairs, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
         if scale != 1.0:
             axes.plot([], [], " ", color=INK, label=f"displacement x {scale:g}")
         if axes.get_legend_handles_labels()[1]:

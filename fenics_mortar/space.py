@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar import compat
+
+Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
 
@@ -57,3 +60,29 @@ class DisplacementSpace:
     def owned_dofs(self) -> Indices:
         """Local dofs of the nodes this rank owns, shape (``num_nodes``, 2)."""
         return self.dofs[: self.num_nodes]
+
+    def positions(self) -> Array:
+        """A local array of all dofs with the places of the nodes; zero for other unknowns."""
+        values = np.zeros(int(self.dofs.max(initial=-1)) + 1)
+        values[self.dofs] = self.V.tabulate_dof_coordinates()[:, :2]
+        return values
+
+    def move_nodes(self, nodes: Indices, X: Array) -> None:
+        """Move nodes of the mesh (collective, but without communication).
+
+        Those that the mesh has no place of its own for follow: the ones inside straight edges.
+
+        Args:
+            nodes: Global numbers of nodes of ``V``, equal on all ranks, shape (k,).
+            X: Where to, shape (k, 2) [length].
+        """
+        index_map, mesh = self.V.dofmap.index_map, self.V.mesh
+        count = index_map.size_local + index_map.num_ghosts
+        here = index_map.local_to_global(np.arange(count, dtype=np.int32))
+        own, places = compat.dofmap(self.V), compat.geometry_dofmap(mesh)
+        place = np.full(count, -1)
+        place[own[:, : places.shape[1]]] = places
+        order = np.argsort(nodes)
+        at = np.minimum(np.searchsorted(nodes[order], here), nodes.size - 1)
+        found = (nodes[order][at] == here) & (place >= 0)
+        mesh.geometry.x[place[found], :2] = X[order[at[found]]]

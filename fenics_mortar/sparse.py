@@ -22,6 +22,9 @@ import numpy.typing as npt
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
 
+# A matrix is symmetric up to this part of its size.
+SYMMETRIC = 1e-12
+
 _petsc = ctypes.CDLL(PETSc.__file__)
 _set_pattern = _petsc.MatSetPreallocationCOO
 _set_pattern.argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_void_p, ctypes.c_void_p]
@@ -89,6 +92,18 @@ def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDAr
         np.concatenate(j).astype(PETSc.IntType),
         np.concatenate(v).astype(np.float64),
     )
+
+
+def is_symmetric(K: PETSc.Mat) -> bool:
+    """Whether x . K y = y . K x for two vectors without structure (collective)."""
+    x, y = K.createVecs()
+    Kx, Ky = x.duplicate(), x.duplicate()
+    start = K.getOwnershipRange()[0]
+    places = np.arange(start, start + x.getLocalSize(), dtype=float)
+    x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
+    K.mult(x, Kx)
+    K.mult(y, Ky)
+    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SYMMETRIC * x.norm() * Ky.norm())
 
 
 def _check(code: int) -> None:

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ HINT = (
     "or a tip slips off an edge: prescribe another displacement, or start beyond"
 )
 # What of a contact is written to a file.
-KEPT = ("z", "active", "carries")
+KEPT = ("z", "active", "carries", "piece")
 
 
 @dataclass(frozen=True)
@@ -70,18 +70,20 @@ class Work(NamedTuple):
     Attributes:
         bulk: What the bodies store, less the work of applied loads.
         supports: Of the reactions.
-        contact: Of the contact forces. Without friction it vanishes with the size of facets and
-            steps: it is the energy that the discretisation adds.
+        contact: Of the contact forces.
+        friction: What friction takes up of it: shear force times slip. The rest vanishes with the
+            size of facets and steps: it is the energy that the discretisation adds.
     """
 
     bulk: float
     supports: float
     contact: float
+    friction: float = 0.0
 
     @property
     def defect(self) -> float:
-        """Contact work over the largest of the three."""
-        return abs(self.contact) / max(*map(abs, self), 1e-300)
+        """Contact work without that of friction over the largest of all."""
+        return abs(self.contact - self.friction) / max(*map(abs, self), 1e-300)
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,7 @@ def follow_path(
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
     accepted, before = problem.state(), None
-    forces = problem.forces()
+    forces, shear = problem.forces(), _shear(problem)
     while time < stop:
         step = min(step, stop - time)
         if stop - time - step < REMAINDER * step:
@@ -196,7 +198,9 @@ def follow_path(
             continue
         before, accepted = (accepted, step), problem.state()
         before_forces, forces = forces, problem.forces()
+        before_shear, shear = shear, _shear(problem)
         work = _work(problem, before[0], accepted, before_forces, forces)
+        work = work._replace(friction=_friction(problem, before_shear, shear))
         time = stop if step == stop - time else time + step
         path.steps.append(PathStep(time, step, report, path.failures, work))
         path.failures = []
@@ -236,6 +240,17 @@ def _work(
     return Work(*map(float, work))
 
 
+def _shear(problem: ContactProblem) -> list[Array]:
+    """Tangential forces of the slave nodes of every contact."""
+    return [contact.shear_force for contact in problem.contacts]
+
+
+def _friction(problem: ContactProblem, before: list[Array], after: list[Array]) -> float:
+    """Work of the mean tangential forces in a step."""
+    means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
+    return float(sum(mean @ c.slip for mean, c in zip(means, problem.contacts, strict=True)))
+
+
 def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
     """Print a line on rank 0."""
     if wanted and problem.comm.rank == 0:
@@ -261,8 +276,8 @@ def load_state(problem: ContactProblem, path: str) -> None:
     data = dict(np.load(path)) if problem.comm.rank == 0 else None
     data = problem.comm.bcast(data)
     problem.bulk.set_by_input_node(data["nodes"], data["u"])
-    z, active, carries = (
-        [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
-    )
-    state = State(problem.bulk.u.x.array.copy(), z, active, carries, data["places"], True)
-    problem.restore(state)
+    kept: dict[str, Any] = {
+        name: [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
+    }
+    problem.restore(replace(problem.state(), **kept, places=data["places"], converged=True))
+    problem.accept()

@@ -5,7 +5,7 @@ Unknown are the increment dd and the *new* multiplier z (Foltyn & Vlach 2016, eq
 right-hand side holds r = f_int - f_ext without the contact force:
 
     (K + K_c) dd + B^T z = -r         B^T z: +D^T z on slave, -M^T z on master rows
-          C dd + A_z z   = rhs        rows of the contact law, see ``contact.Rows``
+          C dd + A_z z   = rhs        rows of the contact law, see ``interface.Rows``
 
 with K_c = d(B^T z^k)/dd. The multipliers are scaled to forces, z_j = k_j zeta_j / D_jj: this keeps
 the system well conditioned where a node is only partly covered (nodal scaling, Popp, Seitz, Gee &
@@ -40,8 +40,8 @@ import numpy as np
 
 from fenics_mortar import compat, errors
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.contact import Contact, Rows
 from fenics_mortar.errors import MortarError
+from fenics_mortar.interface import Interface, Rows
 from fenics_mortar.mortar import Block
 from fenics_mortar.multigrid import OPTIONS, TouchingBodies
 from fenics_mortar.reach import Reach
@@ -85,7 +85,7 @@ class LinearSystem(ABC):
     """
 
     def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact], prefix: str, options: dict[str, Any]
+        self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
     ) -> None:
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         owners = np.concatenate([np.empty(0, np.int64), *(c.slave.owners for c in contacts)])
@@ -137,11 +137,11 @@ class LinearSystem(ABC):
             for name in ours:
                 database.delValue(name)
 
-    def local(self, contact: Contact, place: Indices) -> Indices:
+    def local(self, contact: Interface, place: Indices) -> Indices:
         """Local positions of the multipliers owned here."""
         return place[contact.slave.owned] - self._first_multiplier
 
-    def numbered(self) -> Iterator[tuple[Contact, Indices]]:
+    def numbered(self) -> Iterator[tuple[Interface, Indices]]:
         """Contacts with the numbers of their multipliers."""
         return zip(self.contacts, self.places, strict=True)
 
@@ -151,7 +151,7 @@ class LinearSystem(ABC):
             if not contact.operators.linearization.frozen:
                 yield from contact.operators.force_derivative(contact.z)
 
-    def scale(self, contact: Contact) -> Array:
+    def scale(self, contact: Interface) -> Array:
         """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
         diagonal = np.where(contact.active, contact.operators.diagonal, contact.nodal_lengths)
         return contact.stiffness / diagonal
@@ -244,7 +244,7 @@ class CondensedSystem(LinearSystem):
     """
 
     def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact], prefix: str, options: dict[str, Any]
+        self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
     ) -> None:
         super().__init__(bulk, contacts, prefix, options)
         obstacle = obstacle_to_condensation(contacts)
@@ -286,7 +286,7 @@ class CondensedSystem(LinearSystem):
 
     def _update_pattern(self) -> bool:
         """Whether the pattern of K has to grow; make the reaches anew then (collective)."""
-        now = [(contact.operators, contact.carries) for contact in self.contacts]
+        now = [(c.operators, c.carries, c.faced()) for c in self.contacts]
         holds = self._pattern == self.bulk.num_patterns and all(
             reach.holds(*state) for reach, state in zip(self._reaches, now, strict=True)
         )
@@ -338,7 +338,7 @@ class CondensedSystem(LinearSystem):
                 columns = _components(place[multipliers, None])
                 yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 
-    def _inverse(self, contact: Contact) -> Array:
+    def _inverse(self, contact: Interface) -> Array:
         """Diagonal of Z_j, zero for inactive nodes, shape (slave nodes, 2) [1 / length]."""
         diagonal = np.where(contact.active, contact.operators.diagonal, np.inf)
         return contact.free / diagonal[:, None]
@@ -374,11 +374,12 @@ class CondensedSystem(LinearSystem):
         total = r.copy()
         for contact, place in self.numbered():
             change = force.array_r.reshape(-1, 2)[self.local(contact, place)]
-            total[contact.slave.local_dofs] += change
+            dofs = contact.slave.local_dofs
+            total[dofs] = r[dofs] + change  # a node may be a slave of several pairs
         return dd, [-self._inverse(c) * c.slave.gather(total) for c in self.contacts]
 
 
-def obstacle_to_condensation(contacts: Sequence[Contact]) -> str | None:
+def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
     """Why D cannot be inverted node by node, or ``None`` if it can."""
     for contact in contacts:
         names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
@@ -390,8 +391,10 @@ def obstacle_to_condensation(contacts: Sequence[Contact]) -> str | None:
                 f"a slave node of {names} at {where} is held in one component oblique to its normal"
             )
         for other in contacts:
-            if np.intersect1d(contact.slave.nodes, other.master.nodes).size:
+            if np.intersect1d(contact.multiplier_nodes, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"
+            if np.intersect1d(contact.multiplier_nodes, other.idle_nodes).size:
+                return f"slave nodes of {names} are nodes of '{other.slave.name}' as well"
     return None
 
 
@@ -405,7 +408,7 @@ class SaddleSystem(LinearSystem):
     """Displacements and multipliers (the paper's Alg. 1)."""
 
     def __init__(
-        self, bulk: Bulk, contacts: Sequence[Contact], prefix: str, options: dict[str, Any]
+        self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
     ) -> None:
         super().__init__(bulk, contacts, prefix, options)
         size, mine = bulk.num_owned, 2 * self.num_multipliers

@@ -123,7 +123,7 @@ class _Probe:
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
         self.dz = [np.abs(z).max() * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
         self._move(0.0)
-        self._frames = [self._frame(contact) for contact in self.contacts]
+        self._frames = [contact.frame() for contact in self.contacts]
 
     def _fill(self, contact: Contact, rng: np.random.Generator) -> Array:
         size = np.abs(contact.z).max() or 0.01 * contact.stiffness.max()
@@ -143,23 +143,13 @@ class _Probe:
             contact.z, contact.active = z + step * dz, active
             contact.evaluate(u.x.array, self.problem.linearization)
 
-    def _frame(self, contact: Contact) -> tuple[Array, Array, Array]:
-        """What weighs the rows of the law, kept fixed: n k / D, tau D, A_z of inactive nodes."""
-        o = contact.operators
-        diagonal = np.where(contact.active, o.diagonal, contact.nodal_lengths)
-        normal = np.where(contact.active[:, None], o.n * (contact.stiffness / diagonal)[:, None], 0)
-        inactive = np.where(contact.active, 0.0, diagonal)
-        return normal, o.tau * (diagonal * contact.active)[:, None], inactive
-
     def values(self, step: float) -> dict[str, Array]:
         """All functions at the step; distributed arrays are parts of this rank."""
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
         bulk, laws = self.bulk.to_force * force, []
-        for contact, z0, (normal, tangent, inactive) in zip(
-            self.contacts, self.z0, self._frames, strict=True
-        ):
+        for contact, z0, frame in zip(self.contacts, self.z0, self._frames, strict=True):
             o = contact.operators
             on_slave, on_master = o.force(z0)
             for name, value in (("n", o.n), ("g", o.gap), ("D", on_slave), ("M", on_master)):
@@ -167,9 +157,7 @@ class _Probe:
             on_slave, on_master = o.force(np.where(contact.active[:, None], contact.z, 0.0))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
-            slip = np.einsum("ja,ja->j", o.tau, contact.z)
-            law = normal * o.gap[:, None] - tangent * slip[:, None] - inactive[:, None] * contact.z
-            laws.append(law[contact.slave.owned].ravel())
+            laws.append(contact.law(frame)[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         for contact in self.contacts:  # only active multipliers act, as in the system
             contact.z = np.where(contact.active[:, None], contact.z, 0.0)

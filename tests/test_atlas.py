@@ -145,6 +145,7 @@ def test_result_that_depends_on_ranks_is_wrong():
 
 # What a cell must become, and a part of the reason
 PINNED = {
+    ("rigid_tool", "loose plate, 0.2", "default"): ("converged", ""),
     ("step_size", "5", "default"): ("converged", ""),
     ("corner_on_flat", "45 flat", "default"): ("converged", ""),
     ("corner_on_flat", "45 flat", "plain_frozen"): ("failed", "not converged in 30 iterations"),

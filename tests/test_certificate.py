@@ -85,6 +85,16 @@ def test_lost_balance_is_seen():
     assert any("balance" in v for v in scene.problem.certificate().violations())
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_state_without_load_is_sound(unit):
+    """All forces are rounding; compared with each other they would not balance."""
+    scene = pressed_blocks(
+        width_upper=unit, width_lower=2.2 * unit, height_upper=unit, height_lower=unit
+    )
+    fm.follow_path(scene.problem, lambda time: None, fm.SteppingOptions(step=0.5))
+    assert scene.problem.certificate().violations() == []
+
+
 def test_nodes_of_one_pair_that_another_pair_holds_are_not_missed():
     """Two tools on one block: under the other tool its nodes have no partner in this pair."""
     boxes = {"left": (0.2, 1.0, 0.6, 0.4), "right": (1.2, 1.0, 0.6, 0.4)}

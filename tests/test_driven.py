@@ -53,6 +53,27 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
     assert np.abs(driven.reaction - moved.reaction).max() < 1e-10 * np.abs(moved.reaction).max()
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+def test_egg_rolls_until_it_lies(degree):
+    """An ellipse, free to move and to turn, on nodes that hardly resist its rolling: springs hold
+    it and let go. At rest it is pressed by its push alone, with an axis along the surface.
+    """
+    t = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    slope = np.radians(50.0)
+    turn = np.array([[np.cos(slope), np.sin(slope)], [-np.sin(slope), np.cos(slope)]])
+    points = np.column_stack([0.4 * np.cos(t), 0.25 * np.sin(t)]) @ turn
+    egg = fm.Spline(np.array([0.53, 1.01 - points[:, 1].min()]) + points, name="egg")
+    problem = block_under(egg, degree=degree)
+    egg.push(x=0.0, y=-0.2, moment=0.0)
+    report = problem.solve()
+    assert report.certificate.violations() == []
+    part = report.certificate.springs
+    assert egg.reaction == pytest.approx((0.0, 0.2, 0.0), abs=0.2 * max(part, 1e-8))
+    rise = (0.4**2 - 0.25**2) / 0.25  # of the height of its middle by the angle squared, twice
+    held = part * problem.contacts[0].arm / rise
+    assert egg.place[2] == pytest.approx(-slope, abs=1e-3 + held)
+
+
 @pytest.mark.parametrize(
     "kind, solver", [("plane", "direct"), ("open", "direct"), ("plane", "iterative")]
 )

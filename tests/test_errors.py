@@ -710,6 +710,26 @@ def test_a_pair_without_its_list_is_refused():
         problem_on(data, fm.ContactPair(data, "slave", "master"))
 
 
+def test_a_condition_without_its_list_is_refused():
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    bc = fm.dirichlet(u.function_space, data, "base", (0.0, 0.0))
+    with refused(ValueError, "bcs is a DirichletBC: .*list of"):
+        problem_on(data, u=u, bcs=bc)
+
+
+@pytest.mark.parametrize("rank", [0, 2])
+def test_energies_and_bilinear_forms_are_no_residuals(rank):
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    form = ufl.inner(u, u) * ufl.dx(metadata={"quadrature_degree": 2})
+    for argument in (ufl.TestFunction, ufl.TrialFunction)[:rank]:
+        form = ufl.derivative(form, u, argument(u.function_space))
+    pair = fm.ContactPair(data, "slave", "master")
+    with refused(ValueError, r"one test function .*ufl.derivative\(energy, u, v\)"):
+        fm.ContactProblem(form, u, [pair], petsc_options_prefix="test_errors_")
+
+
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_problem_without_pairs_is_solved(algorithm):
     data = blocks_of_arrays()

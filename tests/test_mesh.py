@@ -6,6 +6,7 @@ from petsc4py import PETSc
 
 import gmsh
 import half_cylinder_on_block
+import inclusion
 import indenter_on_block
 import numpy as np
 import pytest
@@ -460,6 +461,13 @@ def test_value_that_does_not_fit_raises_on_all_ranks(blocks):
     raises("prescribes both components", fem.Function(V), 0)
 
 
+def test_space_that_does_not_fit_raises_on_all_ranks(blocks):
+    other = compat.vector_space(read(two_blocks.build).mesh, 1)
+    mixed = compat.mixed_space(blocks.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+    for space, match in ((other, "another mesh"), (mixed, r"take W.sub\(0\)")):
+        raises_on_all_ranks(match, dirichlet, space, blocks, "lower/left", (0.0, 0.0))
+
+
 # The scripts of meshes/
 
 
@@ -576,9 +584,22 @@ def test_half_cylinder_is_fine_where_it_meets_the_block(cell):
     assert area(data, "cylinder") == pytest.approx(0.5 * np.pi, rel=5e-3)
 
 
+@pytest.mark.parametrize("order", (1, 2))
+def test_inclusion_and_plate_meet_on_the_circle(order):
+    data = read(inclusion.build, order=order)
+    assert area(data, "inclusion") == pytest.approx(np.pi / 4, rel=1e-3 if order == 1 else 1e-6)
+    assert area(data, "plate") == pytest.approx(100 - np.pi / 4, rel=1e-4)
+    assert [num_facets(data, f"{body}/arc") for body in ("inclusion", "plate")] == [24, 8]
+    for body in ("inclusion", "plate"):
+        assert np.hypot(*nodes_on(data, f"{body}/arc").T) == pytest.approx(1.0, abs=1e-12)
+    lengths = np.diff(np.sort(nodes_on(data, "plate/left")[:, 1]))
+    assert lengths.max() / lengths.min() == pytest.approx(8.0, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("build", "options"),
     (
+        (inclusion.build, {"radius": 11.0}),
         (two_blocks.build, {"cell": "hexagon"}),
         (two_blocks.build, {"split": True, "layers_upper": 3}),
         (two_blocks.build, {"n_upper": 0}),

@@ -87,6 +87,15 @@ def test_cycle_is_left_and_recorded():
     assert "a cycle of 2" in report.table()
 
 
+@pytest.mark.parametrize("factor, merged", [(2.0, False), (100.0, True)])
+def test_sets_that_change_for_long_are_merged_unless_the_residual_falls(factor, merged):
+    """The error is halved, or falls by a hundredth, in each of the 16 iterations that change."""
+    equations = Root(factor=factor, changes=[1] * 16)
+    with pytest.raises(fm.NotConvergedError) as failure:
+        solve(equations, fm.NewtonOptions(max_iterations=16))
+    assert any("a cycle of 12" in note for note in failure.value.report.notes) == merged
+
+
 def test_failure_keeps_the_record_and_says_what_is_missing():
     with pytest.raises(fm.NotConvergedError, match="residual .* .allowed") as failure:
         solve(Root(factor=3.0), fm.NewtonOptions(max_iterations=4))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from model import Body, Grid, Pose, Posed, Scene, Support, block, legs, mapped, sector
+from model import Body, Grid, Pose, Posed, Scene, Support, Tool, block, fm, legs, mapped, sector
 
 
 @dataclass(frozen=True)
@@ -152,6 +152,44 @@ def ironing(facets: float) -> Scene:
         ],
         steps=3 + count,
     )
+
+
+@family("ironing with friction: mu", 0.1, 0.3, 0.6, 1, 2)
+def rubbing(mu: float) -> Scene:
+    """The same with friction, a facet per step."""
+    return replace(ironing(1), pair={"law": fm.Coulomb(mu)})
+
+
+@family("ironing, mu = 0.3: slide per step / facet", 0.1, 0.5, 1, 3, 10)
+def rubbing_fast(facets: float) -> Scene:
+    """The same with friction: nodes slide far in one step, and enter while they do."""
+    return replace(ironing(facets), pair={"law": fm.Coulomb(0.3)})
+
+
+@family("block drawn to and fro, mu = 0.3: steps per stroke", 1, 2, 5, 20)
+def reversal(steps: int) -> Scene:
+    """A block on a block; in each stroke all nodes go from sliding by sticking to sliding."""
+    there, back, low = (0.1, -0.04, 0.0), (-0.1, -0.04, 0.0), (0.0, -0.04, 0.0)
+    upper = block(8, 6, width=0.8, height=0.5, corner=(-0.4, 0.0))
+    lower = block(18, 6, width=1.6, height=0.5, corner=(-0.8, -0.5))
+    path = legs((steps, low), (steps, there), (2 * steps, back), (2 * steps, there), (steps, low))
+    return two_blocks(upper, lower, path, 7 * steps, pair={"law": fm.Coulomb(0.3)})
+
+
+@family("pressed on a slope of 27 degrees: mu", 0, 0.2, 0.4, 0.5, 0.6, 1, 2)
+def slope(mu: float) -> Scene:
+    """A block whose bottom rises by one half, pressed straight down; it sticks above mu = 0.5."""
+
+    def above(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x = 0.8 * (s - 0.5)
+        return x, 0.5 * x + (0.6 - 0.5 * x) * t
+
+    def below(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x = 1.6 * (s - 0.5)
+        return x, -0.8 + (0.8 + 0.5 * x) * t
+
+    upper, lower = mapped(8, 6, above), mapped(18, 6, below)
+    return two_blocks(upper, lower, down(0.06, steps=3), 3, pair={"law": fm.Coulomb(mu)})
 
 
 @family("roll by 30 degrees: degrees per step", 1, 5, 10, 30)
@@ -717,6 +755,42 @@ def unit_of_length(scale: float) -> Scene:
 def unit_of_stress(scale: float) -> Scene:
     """The same in other units."""
     return punch_on_ground(steps=4, depth=0.12).scaled(1.0, scale)
+
+
+def egg() -> fm.Spline:
+    """An ellipse on its side, turned by 60 degrees."""
+    t = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    x = turned(np.column_stack([0.4 * np.cos(t), 0.25 * np.sin(t)]), 60.0)
+    return fm.Spline(x - [-0.03, x[:, 1].min() - 0.01], name="tool")
+
+
+# What a rigid tool is, and what else of it moves as forces say
+TOOLS: dict[str, tuple[Callable[[], fm.Obstacle], dict[str, float]]] = {
+    "roller": (lambda: fm.Circle((0.0, 0.55), 0.5, name="tool"), {}),
+    "corner": (
+        lambda: fm.Polygon([(0.9, 0.85), (0.0, 0.05), (-0.6, 0.85)], 0.05, name="tool"), {},
+    ),
+    "loose plate": (lambda: fm.Plane((0.15, 0.05), (0.1, -1.0), name="tool"), {"moment": 0.0}),
+    "free egg": (egg, {"x": 0.0, "moment": 0.0}),
+}  # fmt: skip
+
+
+@family("rigid tool by force: tool, force / (E width)", *(
+    f"{tool}, {force}" for tool in TOOLS for force in (0.01, 0.05, 0.2)
+))  # fmt: skip
+def rigid_tool(value: str) -> Scene:
+    """It comes from a distance; the plate is tilted, pushed aside of its middle; the egg rolls."""
+    tool, part = value.split(", ")
+    make, loose = TOOLS[tool]
+    force = -1.6 * float(part)
+    return Scene(
+        bodies=[ground(24, 9, width=1.6, height=0.8)],
+        pairs=[("ground/top", "tool")],
+        supports=[HELD],
+        steps=4,
+        tools=[Tool("tool", make, {"y": force} | loose)],
+        check=lambda posed: expect("force", posed.forces[0, 1], force, 1e-5),
+    )
 
 
 @family("few facets on a round master: facets", 3, 5)

@@ -141,12 +141,26 @@ REMEDIES = {
         "plain",
         Method("not held", adaptive=False, override=without((problem, "release_slowly", give_up))),
     ),
+    "no_holding": Remedy(
+        "springs hold rigid tools that roll, and let go",
+        "rigid_tool",
+        "free egg, 0.01",
+        "default",
+        Method("not held", override=without((problem, "release_slowly", give_up))),
+    ),
     "meshed_gaps": Remedy(
         "gaps can be set, whatever the facets leave",
         "press_fit",
         "12:16",
         "default",
         Method("gaps as meshed", pair={"initial_gap": None}),
+    ),
+    "no_cover_weights": Remedy(
+        "beyond the edge of the master the gap is that of the edge",
+        "near_miss",
+        "0.01",
+        "default",
+        Method("gaps by the basis", pair={"gap_weights": "basis"}),
     ),
     "no_hand_over": Remedy(
         "hardly covered nodes hand their multiplier to a neighbour",

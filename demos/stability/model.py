@@ -26,7 +26,9 @@ from mapped_grids import Grid, block, mapped, sector
 import fenics_mortar as fm
 from fenics_mortar import compat
 
-__all__ = ["Body", "Grid", "Posed", "Scene", "Support", "block", "legs", "mapped", "sector"]
+__all__ = [
+    "Body", "Grid", "Posed", "Scene", "Support", "Tool", "block", "fm", "legs", "mapped", "sector",
+]  # fmt: skip
 
 # Displacements along x and y, and a turn about the origin [radian].
 Pose = tuple[float, float, float]
@@ -68,6 +70,21 @@ class Support:
 
 
 @dataclass(frozen=True)
+class Tool:
+    """A rigid obstacle that a force pushes; pairs name it as their master.
+
+    Attributes:
+        name: Its name.
+        make: Makes it, anew for each problem.
+        force: Arguments of its ``push`` at time 1, growing linearly from 0.
+    """
+
+    name: str
+    make: Callable[[], fm.Obstacle]
+    force: dict[str, float]
+
+
+@dataclass(frozen=True)
 class Scene:
     """One problem of the atlas: everything but the method.
 
@@ -82,6 +99,7 @@ class Scene:
         cell: Kind of cells.
         linear: Whether the bodies are linear elastic at small strain.
         ranks: Number of ranks to run on; the record is compared with that of one rank.
+        tools: Rigid bodies.
     """
 
     bodies: Sequence[Body]
@@ -94,9 +112,11 @@ class Scene:
     cell: str = "quadrilateral"
     linear: bool = False
     ranks: int = 1
+    tools: Sequence[Tool] = ()
 
     def scaled(self, length: float, stress: float) -> Scene:
-        """The same scene in other units."""
+        """The same scene of meshed bodies in other units."""
+        assert not self.tools
 
         def pose_of(support: Support) -> Callable[[float], Pose]:
             def pose(time: float) -> Pose:
@@ -211,7 +231,11 @@ def pose_problem(
     residual, factor = residual_of(scene, data, u)
     bcs, setters = zip(*(dirichlet(V, data, support) for support in scene.supports))
     options = {**scene.pair, **pair}
-    pairs = [fm.ContactPair(data, slave, master, **options) for slave, master in scene.pairs]
+    made = {tool.name: tool.make() for tool in scene.tools}
+    pairs = [
+        fm.ContactPair(data, slave, made.get(master, master), **options)
+        for slave, master in scene.pairs
+    ]
     contact_problem = fm.ContactProblem(
         residual, u, pairs, bcs=bcs, petsc_options_prefix="atlas_", **problem
     )
@@ -220,5 +244,7 @@ def pose_problem(
         factor.value = time
         for setter in setters:
             setter(time)
+        for tool in scene.tools:
+            made[tool.name].push(**{name: time * part for name, part in tool.force.items()})
 
     return Posed(scene, contact_problem, set_loads)

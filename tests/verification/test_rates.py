@@ -45,7 +45,10 @@ def test_press_fit_on_a_curved_interface_has_full_rates_of_energy(element):
 @pytest.mark.parametrize("element, rate", [("P1", 1.0), ("Q1", 1.0), ("P2", 1.5), ("Q2", 1.5)])
 def test_hertz_has_the_rates_that_the_ends_of_the_contact_allow(element, rate):
     """Over two halvings, after which the ends lie at the same place of a facet again."""
-    assert rates(hertz, element, (32, 128))["energy"] == pytest.approx(rate, abs=0.15)
+    found = rates(hertz, element, (32, 128))
+    assert found["energy"] == pytest.approx(rate, abs=0.15)
+    assert found["pressure"] == pytest.approx(1.0, abs=0.15)
+    assert found["pressure max"] == pytest.approx(0.5, abs=0.15)
 
 
 def test_press_fit_is_lames_for_a_small_interference():

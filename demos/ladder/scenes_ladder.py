@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: MIT
+"""Four scenes that every rung of the ladder can pose: Hertz, press fit, ironing, rolling.
+
+A soft body, the slave, meets a stiff tool: a meshed body, or a rigid circle in its place. Lengths
+are in any unit, the soft body has Young's modulus 1; nu = 0.3, plane strain.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "meshes")]
+import mapped_grids
+from mapped_grids import Grid, mapped, sector
+
+import fenics_mortar as fm
+
+NU = 0.3
+MU, LMBDA = 1 / (2 * (1 + NU)), NU / ((1 + NU) * (1 - 2 * NU))
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A model.
+
+    Attributes:
+        name: What it is called.
+        rigid: Whether the tool is an obstacle.
+        strain: "linear" or "finite".
+        sliding: "small" or "finite".
+        linearization: That of Newton's method.
+    """
+
+    name: str
+    rigid: bool = False
+    strain: str = "finite"
+    sliding: str = "finite"
+    linearization: str = "full"
+
+
+FULL = Rung("full")
+RUNGS = (
+    Rung("rigid tool", rigid=True),
+    Rung("linear bulk, small sliding", strain="linear", sliding="small"),
+    Rung("linear bulk", strain="linear"),
+    Rung("small sliding", sliding="small"),
+    Rung("frozen tangent", linearization="frozen"),
+    FULL,
+)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A soft body and a tool, and how the tool moves.
+
+    Attributes:
+        name: What it is called.
+        load: What its number means.
+        unit: Its unit.
+        soft, tool: The bodies, for a load.
+        slave, master: The surfaces.
+        circle: Radius and centre of the rigid tool, for a load.
+        grip: Boundary of the tool that is moved; "" if nothing is.
+        held: Boundaries and components of the soft body that are held.
+        symmetry: The same of the tool.
+        motion: Motion (x, y, angle) of the tool at time 0 ... 1 of a load.
+        interference: Whether the meshed overlap comes by and by instead.
+        ratio: Young's modulus of the tool.
+        steps: Load steps.
+    """
+
+    name: str
+    load: str
+    soft: Callable[[float], np.ndarray]
+    tool: Callable[[float], Grid]
+    circle: Callable[[float], tuple[float, tuple[float, float]]]
+    held: tuple[tuple[str, int | None], ...]
+    loads: tuple[float, ...]
+    slave: str = "soft/top"
+    grip: str = "tool/top"
+    symmetry: tuple[tuple[str, int], ...] = ()
+    motion: Callable[[float, float], tuple[float, float, float]] = lambda load, t: (0.0, 0.0, 0.0)
+    interference: bool = False
+    ratio: float = 20.0
+    steps: int = 4
+
+
+def graded_block(columns: int, rows: int, width: float, height: float) -> np.ndarray:
+    """A block below y = 0, its rows thinner towards the top."""
+    return mapped(
+        columns,
+        rows,
+        lambda s, t: (width * (s - 0.5), -height * (0.35 * (1 - t) + 0.65 * (1 - t) ** 2)),
+    )
+
+
+def tool_segment(radius: float, columns: int) -> Grid:
+    """The lowest part of a thick ring that touches y = 0 from above."""
+    angles = (-0.8 * np.pi, -0.2 * np.pi)
+    shape = sector(columns, 5, radii=(0.5 * radius, radius), angles=angles, centre=(0.0, radius))
+    return Grid("tool", shape)
+
+
+def wheel() -> Grid:
+    """A thick ring that touches y = 0 from above."""
+    return Grid("tool", sector(120, 6, radii=(0.4, 1.0), centre=(0.0, 1.0)), closed=True)
+
+
+def ironed(load: float, t: float) -> tuple[float, float, float]:
+    """Down in the first half of the time, along in the second."""
+    return load * max(2 * t - 1, 0.0), -0.08 * min(2 * t, 1.0), 0.0
+
+
+def rolled(load: float, t: float) -> tuple[float, float, float]:
+    """Down in the first half, rolling by ``load`` degrees in the second."""
+    angle = np.radians(load) * max(2 * t - 1, 0.0)
+    return angle, -0.02 * min(2 * t, 1.0), -angle
+
+
+BOTTOM = (("soft/bottom", None),)
+SCENES = (
+    Scene(
+        "Hertz",
+        "depth / R",
+        lambda load: graded_block(100, 24, 3.0, 1.5),
+        lambda load: tool_segment(1.0, 160),
+        lambda load: (1.0, (0.0, 1.0)),
+        BOTTOM,
+        (0.001, 0.01, 0.05),
+        motion=lambda load, t: (0.0, -load * t, 0.0),
+    ),
+    Scene(
+        "press fit",
+        "interference / b",
+        lambda load: sector(100, 10, radii=(1.0, 1.5), angles=(0.0, np.pi / 2)),
+        lambda load: Grid(
+            "tool", sector(144, 10, radii=(0.5, 1.0 + load), angles=(0.0, np.pi / 2))
+        ),
+        lambda load: (1.0 + load, (0.0, 0.0)),
+        (("soft/left", 1), ("soft/right", 0)),
+        (0.001, 0.01, 0.05, 0.2),
+        grip="",
+        symmetry=(("tool/left", 1), ("tool/right", 0)),
+        interference=True,
+    ),
+    Scene(
+        "ironing",
+        "slide / R",
+        lambda load: graded_block(100, 16, 6.0, 2.0),
+        lambda load: tool_segment(1.0, 60),
+        lambda load: (1.0, (0.0, 1.0)),
+        BOTTOM,
+        (0.01, 0.1, 1.0),
+        motion=ironed,
+        steps=16,
+    ),
+    Scene(
+        "rolling",
+        "angle [degree]",
+        lambda load: graded_block(120, 16, 4.0, 1.0),
+        lambda load: wheel(),
+        lambda load: (1.0, (0.0, 1.0)),
+        BOTTOM,
+        (0.5, 5.0, 30.0),
+        motion=rolled,
+        steps=12,
+    ),
+)
+
+
+def first_piola(u: Any, strain: str) -> Any:
+    """Stress of a body of Young's modulus 1, linear elastic or neo-Hookean."""
+    if strain == "linear":
+        e = ufl.sym(ufl.grad(u))
+        return 2 * MU * e + LMBDA * ufl.tr(e) * ufl.Identity(2)
+    F = ufl.Identity(2) + ufl.grad(u)
+    inverse = ufl.inv(F).T
+    return MU * (F - inverse) + LMBDA * ufl.ln(ufl.det(F)) * inverse
+
+
+def read(scene: Scene, load: float, rigid: bool) -> Any:
+    """Mesh of the scene, without the tool if it is rigid."""
+    grids = [Grid("soft", scene.soft(load))] + ([] if rigid else [scene.tool(load)])
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    data = fm.read_gmsh(mapped_grids.build(grids), MPI.COMM_SELF)
+    gmsh.finalize()
+    return data
+
+
+@dataclass
+class Posed:
+    """A problem, the residual at finite strain, and what takes it to a time of a load."""
+
+    problem: fm.ContactProblem
+    finite: Any
+    set_time: Callable[[float], None]
+
+
+def pose(scene: Scene, load: float, rung: Rung, data: Any) -> Posed:
+    """Set up a scene by a rung."""
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": 2})
+    moduli = {"soft": 1.0} if rung.rigid else {"soft": 1.0, "tool": scene.ratio}
+    forms = {
+        strain: sum(
+            E * ufl.inner(first_piola(u, strain), ufl.grad(v)) * dx(data.bodies[name])
+            for name, E in moduli.items()
+        )
+        for strain in ("linear", "finite")
+    }
+    radius, centre = scene.circle(load)
+    circle = fm.Circle(centre, radius)
+    grip = fem.Function(V)
+    places = scene.held + (() if rung.rigid else scene.symmetry)
+    bcs = [
+        fm.dirichlet(V, data, name, np.zeros(2) if which is None else 0.0, which)
+        for name, which in places
+    ]
+    if scene.grip and not rung.rigid:
+        bcs.append(fm.dirichlet(V, data, scene.grip, grip))
+    master = circle if rung.rigid else "tool/bottom"
+    pair = fm.ContactPair(data, scene.slave, master, sliding=rung.sliding)
+    problem = fm.ContactProblem(
+        forms[rung.strain],
+        u,
+        [pair],
+        bcs=bcs,
+        petsc_options_prefix="ladder_",
+        linearization=rung.linearization,
+        newton=fm.NewtonOptions(max_iterations=100),
+    )
+    overlap = np.nan_to_num(problem.contacts[0].gap)
+
+    def set_time(t: float) -> None:
+        x, y, angle = scene.motion(load, t)
+        if scene.interference:
+            problem.contacts[0].offset = (1 - t) * overlap
+        circle.move(x=x, y=y, angle=angle)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        middle = np.array(centre)[:, None]
+        shift = np.array([[x], [y]])
+        grip.interpolate(lambda X: turn @ (X[:2] - middle) + middle + shift - X[:2])
+
+    return Posed(problem, forms["finite"], set_time)

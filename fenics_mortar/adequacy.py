@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: MIT
+"""Was the model rich enough? An estimate of its error, from one step of the next richer one.
+
+At the solution of a cheap model the equations of a richer one leave a residual; one linear solve
+with the tangent of the richer model turns it into a correction of displacement and multipliers. To
+first order the correction is the model's error, and so is the change of any quantity: it is one
+Newton step of the richer model, at the cost of one step. Where the step leaves more of the residual
+than a linear problem would, the models are far apart, and a few more are taken.
+
+The indicators are what the cheap model leaves out: for linear kinematics the rotation, whose
+spurious strain is angle^2 / 2, and the strain; for small sliding the slip over a facet's length and
+the turn of the normals. For an obstacle in the place of a stiff body there is no richer mesh: a
+body of modulus E' = E / (1 - nu^2) against another one has the compliance 1/E' + 1/E'_other, so
+leaving out the other is an error of E' / E'_other (of forces and pressures under prescribed
+displacements; half of it, of pressures, under prescribed forces).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.contact import Contact
+from fenics_mortar.errors import MortarError
+from fenics_mortar.mortar import evaluate_normals
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.surfaces import Array
+
+# Steps of the richer model at the most; one is enough if it leaves this part of the residual.
+MOST_STEPS, LINEAR = 6, 0.1
+ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
+QUANTITIES = (ENERGY, FORCE, PEAK)
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """What a model leaves out, and what that is worth.
+
+    Attributes:
+        name: The assumption.
+        indicator: How far the state is from it, in words.
+        errors: Estimated relative error by quantity; nan if nothing is known.
+    """
+
+    name: str
+    indicator: str
+    errors: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """The assumptions behind a solution; prints as a Markdown table.
+
+    Attributes:
+        assumptions: One by one, and where they are several, all together as the last.
+        tolerance: Error that is allowed.
+        quantity: Of what.
+        discretisation: Relative error that the mesh leaves, if it is known.
+    """
+
+    assumptions: list[Assumption]
+    tolerance: float
+    quantity: str
+    discretisation: float | None = None
+
+    @property
+    def error(self) -> float:
+        """Estimated relative error of the quantity by all assumptions."""
+        return max((a.errors[self.quantity] for a in self.assumptions), default=0.0)
+
+    @property
+    def suffices(self) -> bool:
+        """Whether the model is seen to be rich enough."""
+        return bool(self.error <= self.tolerance)
+
+    def verdict(self, assumption: Assumption) -> str:
+        """Judgement on one assumption, in words."""
+        error = assumption.errors[self.quantity]
+        if np.isnan(error):
+            return "unknown"
+        if error <= self.tolerance:
+            return "enough"
+        if self.discretisation is not None and error <= self.discretisation:
+            return "refine before you model more"
+        return "not enough"
+
+    def __str__(self) -> str:
+        """One row per assumption, and the error of the mesh."""
+        lines = ["| assumption | indicator | " + " | ".join(QUANTITIES) + " | verdict |"]
+        lines.append("|---|---|" + "---:|" * len(QUANTITIES) + "---|")
+        for a in self.assumptions:
+            cells = [f"{100 * a.errors[name]:.2g} %" for name in QUANTITIES]
+            lines.append(f"| {a.name} | {a.indicator} | {' | '.join(cells)} | {self.verdict(a)} |")
+        if self.discretisation is not None:
+            empty = " | " * (len(QUANTITIES) - 1)
+            lines.append(f"| mesh | | {100 * self.discretisation:.2g} % {empty} | |")
+        lines.append(
+            f"\nestimated errors; allowed are {100 * self.tolerance:g} % in {self.quantity}"
+        )
+        return "\n".join(lines)
+
+
+class AdequacyCheck:
+    """Asks of a solved problem whether its model was rich enough.
+
+    Args:
+        tolerance: Relative error that is allowed.
+        quantity: Of what: "energy norm", "total force" or "peak pressure".
+        finite_strain: UFL form of the residual at finite strain, in the same ``u``, if the
+            problem's is linear.
+        stiffness_ratio: E / (1 - nu^2) of the bodies over that of what obstacles stand for.
+        discretisation: Relative error that the mesh leaves, if it is known.
+
+    Raises:
+        ValueError: If a number is not positive or the quantity is another one.
+
+    Example:
+        ``ContactProblem(..., adequacy=fm.AdequacyCheck(0.02, finite_strain=residual))``; then
+        ``print(problem.solve().adequacy)``.
+    """
+
+    def __init__(
+        self,
+        tolerance: float = 0.01,
+        *,
+        quantity: str = ENERGY,
+        finite_strain: Any | None = None,
+        stiffness_ratio: float | None = None,
+        discretisation: float | None = None,
+    ) -> None:
+        if quantity not in QUANTITIES:
+            raise ValueError(f"quantity={quantity!r}: allowed are {', '.join(QUANTITIES)}")
+        for name, value in (("tolerance", tolerance), ("stiffness_ratio", stiffness_ratio)):
+            if value is not None and not 0.0 < value < np.inf:
+                raise ValueError(f"{name}={value}: a positive number")
+        self._tolerance, self._quantity = tolerance, quantity
+        self._finite_strain, self._stiffness_ratio = finite_strain, stiffness_ratio
+        self._discretisation = discretisation
+        self._richer: dict[str, ContactProblem] = {}
+
+    def assess(self, problem: ContactProblem) -> Adequacy:
+        """Estimate the errors of the present solution; it stays as it is (collective)."""
+        found = list(self._assumptions(problem))
+        return Adequacy(found, self._tolerance, self._quantity, self._discretisation)
+
+    def _assumptions(self, problem: ContactProblem) -> Iterator[Assumption]:
+        richer: dict[str, dict[str, Any]] = {}
+        indicators: dict[str, Callable[[ContactProblem], str]] = {}
+        if self._finite_strain is not None:
+            richer["linear strain"] = {"residual": self._finite_strain}
+            indicators["linear strain"] = describe_strain
+        if _sliding_little(problem):
+            richer["small sliding"] = {"sliding": "finite"}
+            indicators["small sliding"] = describe_sliding
+        for name, model in richer.items():
+            yield Assumption(name, indicators[name](problem), self._errors(problem, name, model))
+        yield from self._rigid(problem)
+        if len(richer) > 1:
+            everything = {key: value for model in richer.values() for key, value in model.items()}
+            name = " and ".join(richer)
+            yield Assumption(name, "", self._errors(problem, name, everything))
+
+    def _errors(
+        self, problem: ContactProblem, name: str, model: dict[str, Any]
+    ) -> dict[str, float]:
+        if name not in self._richer:
+            self._richer[name] = problem.variant(**model)
+        return estimate(problem, self._richer[name])
+
+    def _rigid(self, problem: ContactProblem) -> Iterator[Assumption]:
+        """The rule of stiffness, for obstacles."""
+        ratio, names = self._stiffness_ratio, [str(o) for o in problem.tools.obstacles]
+        for name in names:
+            known = f"stiffness ratio {ratio:.2g}" if ratio is not None else "no stiffness_ratio"
+            error = np.nan if ratio is None else ratio
+            yield Assumption(f"rigid {name}", known, dict.fromkeys(QUANTITIES, error))
+
+
+@dataclass
+class Snapshot:
+    """A solution, to be compared with another one on the same mesh.
+
+    Attributes:
+        u: Owned displacement dofs.
+        force: Total force on each slave, shape (pairs, 2) [stress length].
+        peak: Largest pressure of each pair, shape (pairs,) [stress].
+    """
+
+    u: Array
+    force: Array
+    peak: Array
+
+    @classmethod
+    def of(cls, problem: ContactProblem) -> Snapshot:
+        """The present state of a problem."""
+        return cls(
+            problem.bulk.u.x.array[: problem.bulk.num_owned].copy(),
+            np.array([contact.total_force for contact in problem.contacts]),
+            np.array([contact.pressure.max() for contact in problem.contacts]),
+        )
+
+
+def estimate(problem: ContactProblem, richer: ContactProblem) -> dict[str, float]:
+    """Relative errors of a solved problem by quantity, from a step or a few of a richer variant.
+
+    The state stays as it is (collective). What the richer model cannot even begin with is wrong
+    altogether: inf.
+    """
+    cheap, state = Snapshot.of(problem), problem.state()
+    try:
+        richer.adopt(problem)
+        start = richer.evaluate(start=True).residual
+        for _ in range(MOST_STEPS):
+            part = richer.advance().part
+            residual = richer.evaluate(start=False).residual
+            if part == 1.0 and residual <= LINEAR * start:
+                break
+        corrected = Snapshot.of(richer)
+    except MortarError:
+        return dict.fromkeys(QUANTITIES, np.inf)
+    finally:
+        richer.system.ksp.reset()
+        problem.restore(state)
+    return differences(problem, cheap, corrected)
+
+
+def differences(problem: ContactProblem, one: Snapshot, other: Snapshot) -> dict[str, float]:
+    """Relative differences of two solutions by quantity; energies by the tangent of ``problem``."""
+    bulk = problem.bulk
+    bulk.assemble_tangent()
+    x, y = bulk.K.createVecs()
+
+    def energy(u: Array) -> float:
+        x.array[:] = u
+        bulk.K.mult(x, y)
+        return abs(x.dot(y))
+
+    return {
+        ENERGY: float(np.sqrt(_part(energy(one.u - other.u), energy(strained(problem, other.u))))),
+        FORCE: _part(np.linalg.norm(one.force - other.force), np.linalg.norm(other.force)),
+        PEAK: _part(np.abs(one.peak - other.peak).max(), np.abs(other.peak).max()),
+    }
+
+
+def strained(problem: ContactProblem, u: Array) -> Array:
+    """A displacement less the rigid motion of each body that is closest to it (collective).
+
+    A finite rotation would pass for strain in the energy of a tangent.
+
+    Args:
+        problem: Knows the bodies.
+        u: Owned dofs.
+    """
+    space, rest = problem.bulk.space, u.copy()
+    X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
+    labels = problem.floating.labels[: space.num_nodes]
+    x = X + u[space.owned_dofs]
+    for label in range(problem.comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1):
+        mine = labels == label
+        sums = np.concatenate([[mine.sum()], X[mine].sum(axis=0), x[mine].sum(axis=0)])
+        count, *means = problem.comm.allreduce(sums)
+        before, now = np.split(np.array(means) / max(count, 1), 2)
+        dX, dx = X[mine] - before, x[mine] - now
+        along, across = problem.comm.allreduce(
+            np.array([(dX * dx).sum(), (dX[:, 0] * dx[:, 1] - dX[:, 1] * dx[:, 0]).sum()])
+        )
+        cosine, sine = np.array([along, across]) / (np.hypot(along, across) or 1.0)
+        rest[space.owned_dofs[mine]] = dx - dX @ np.array([[cosine, sine], [-sine, cosine]])
+    return rest
+
+
+def _part(difference: Any, size: Any) -> float:
+    """Difference over size; 0 where both vanish."""
+    return float(difference / size) if size > 0.0 else float(np.inf if difference > 0.0 else 0.0)
+
+
+def describe_strain(problem: ContactProblem) -> str:
+    """Largest rotation and strain of all cells, in words (collective)."""
+    rotation, strain = largest_strain(problem)
+    return f"rotation {np.degrees(rotation):.2g}°, strain {100 * strain:.2g} %"
+
+
+def largest_strain(problem: ContactProblem) -> tuple[float, float]:
+    """Largest rotation [radian] and principal strain of F = R U of all cells' means."""
+    F = problem.bulk.deformation_gradients().mean(axis=1)
+    rotation = np.arctan2(F[:, 1, 0] - F[:, 0, 1], F[:, 0, 0] + F[:, 1, 1])
+    stretches = np.linalg.svd(F, compute_uv=False)
+    mine = np.array([np.abs(a).max(initial=0.0) for a in (rotation, stretches - 1.0)])
+    problem.comm.Allreduce(MPI.IN_PLACE, mine, MPI.MAX)
+    return float(mine[0]), float(mine[1])
+
+
+def describe_sliding(problem: ContactProblem) -> str:
+    """Largest slip and turn of the normals of all pairs that slide little, in words."""
+    slip, turn = np.max([largest_slip(contact) for contact in _sliding_little(problem)], axis=0)
+    return f"slip {slip:.2g} facets, normals turn by {np.degrees(turn):.2g}°"
+
+
+def _sliding_little(problem: ContactProblem) -> list[Contact]:
+    """The contacts that keep the operators of the undeformed mesh."""
+    contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
+    return [contact for contact in contacts if contact.pair.sliding == "small"]
+
+
+def largest_slip(contact: Contact) -> tuple[float, float]:
+    """Largest slip of active nodes over their length, and turn of their normals [radian]."""
+    o, on = contact.operators, contact.active & contact.covered
+    jump = o.jump(o.x - contact.slave.X, o.m - contact.master.X)
+    slip = np.einsum("jc,jc->j", o.tau, jump)[on] / (o.weight * contact.nodal_lengths)[on]
+    before, now = (
+        evaluate_normals(contact.slave, x, contact.pair.normals)[0] for x in (contact.slave.X, o.x)
+    )
+    cosine = np.einsum("jc,jc->j", before, now)[on]
+    turn = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return float(np.abs(slip).max(initial=0.0)), float(turn.max(initial=0.0))

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: MIT
+"""Slip: how far slave nodes have moved along the material points that they faced.
+
+At each accepted state a slave node gets its partners, the rows of D and M over the node's weight:
+
+    b_j = D_jk x_k - M_jl x_l
+
+is how far the two are apart, mostly along the normal. The slip of the next step is what tau_j . b_j
+gains with these D and M kept, at the new positions:
+
+    u_j = tau_j . b_j(x) - (tau_j . b_j) of the accepted state.
+
+A rigid motion of everything leaves it as it is, so that it is objective. It is the usual
+-tau_j . [(D - D_old) x - (M - M_old) x] over the weight, up to the tangential parts of the mean gap
+vectors, which vanish in contact and cancel from step to step.
+
+Partners are material points whether or not there is contact yet: nodes that come to touch in a step
+slip by what they have moved along the points that they faced at its start. A node that faced
+nothing, beyond the end of the master, gets the nearest point of the master's nearest facet, which
+goes on straight beyond its ends. The partner of a node at a rigid obstacle is the obstacle's
+nearest point, which moves with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array, csr_array
+
+from fenics_mortar.mortar import Block, MortarOperators, share_of
+from fenics_mortar.obstacles import ObstacleOperators
+from fenics_mortar.surfaces import Array, Indices
+
+# Rows, columns and values of a matrix.
+Entries = tuple[Indices, Indices, Array]
+
+
+@dataclass(frozen=True)
+class Partners:
+    """Partners of all slave nodes at an accepted state, equal on all ranks.
+
+    Attributes:
+        D: Shape (slave nodes, slave nodes), rows sum to one.
+        M: Shape (slave nodes, master nodes), rows sum to one; no columns for an obstacle.
+        feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
+        start: tau_j . b_j at that state, shape (slave nodes,) [length].
+    """
+
+    D: csr_array
+    M: csr_array
+    feet: Array
+    start: Array
+
+    def apart(self, o: MortarOperators) -> Array:
+        """B at the positions of ``o``, shape (slave nodes, 2) [length]."""
+        if isinstance(o, ObstacleOperators):
+            return o.x - o.obstacle.to_space(self.feet)
+        return self.D @ o.x - self.M @ o.m
+
+    def slip(self, o: MortarOperators) -> Array:
+        """Slip since that state, shape (slave nodes,) [length]."""
+        return np.einsum("ja,ja->j", o.tau, self.apart(o)) - self.start
+
+    def derivative(self, o: MortarOperators) -> Iterator[Block]:
+        """tau_j . (D dx - M dm)_j of this rank's share: rows slave nodes, columns dofs [1].
+
+        With tau . b kept: its part by the change of tau is ``o.tangential_derivative(b)``.
+        """
+        for surface, matrix, sign in ((o.slave, self.D, 1.0), (o.master, self.M, -1.0)):
+            entries = matrix.tocoo()
+            mine = share_of(np.arange(entries.nnz), o.slave.comm)
+            j, k = entries.row[mine].astype(np.int64), entries.col[mine].astype(np.int64)
+            values = sign * entries.data[mine, None] * o.tau[j]
+            yield Block(j[:, None], surface.dofs_of(k[:, None]), values[:, None])
+
+    def derivative_by_motions(self, o: ObstacleOperators) -> Array:
+        """Derivative of the slip by the motions of the obstacle, shape (slave nodes, 3)."""
+        turned = np.stack([-o.dn_dq[:, 1], o.dn_dq[:, 0]], axis=1)
+        V = o.obstacle.motions(o.obstacle.to_space(self.feet), o.arm)
+        return np.einsum("jam,ja->jm", turned, self.apart(o)) - np.einsum("jmc,jc->jm", V, o.tau)
+
+    def pairs(self) -> tuple[Indices, Indices]:
+        """Slave nodes and the master nodes that they are coupled to."""
+        entries = self.M.tocoo()
+        return entries.row.astype(np.int64), entries.col.astype(np.int64)
+
+
+def find_partners(o: MortarOperators, faces: npt.NDArray[np.bool_]) -> Partners:
+    """Partners at the state of ``o`` (collective).
+
+    Args:
+        o: Operators of the accepted state.
+        faces: Which slave nodes have a row in D and M, shape (slave nodes,), bool.
+    """
+    if isinstance(o, ObstacleOperators):
+        size = len(o.x)
+        D, M = csr_array(np.eye(size)), csr_array((size, 0))
+        feet = o.obstacle.to_own_frame(o.x + o.phi[:, None] * o.n)
+    else:
+        s, feet = o.segments, np.zeros_like(o.x)
+        per_weight = np.where(faces, 1.0 / np.where(faces, o.weight, 1.0), 0.0)
+        own, nearest = _nearest(o, np.flatnonzero(~faces))
+        on_slave = _replicate(o, o.facet_nodes, o.facet_nodes, o.D, per_weight)
+        on_master = _replicate(o, s.slave, s.master, o.M, per_weight)
+        D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
+    start = Partners(D, M, feet, np.zeros(len(o.x))).slip(o)
+    return Partners(D, M, feet, start)
+
+
+def _replicate(
+    o: MortarOperators, rows: Indices, columns: Indices, values: Array, scale: Array
+) -> Entries:
+    """Entries of the blocks (b, K, K) of all ranks, rows scaled, on each of them (collective)."""
+    used = (values != 0.0) & (scale[rows] != 0.0)[:, :, None]
+    i = np.broadcast_to(rows[:, :, None], values.shape)[used]
+    k = np.broadcast_to(columns[:, None, :], values.shape)[used]
+    parts = o.slave.comm.allgather((i, k, values[used] * scale[i]))
+    i, k, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return i, k, v
+
+
+def _nearest(o: MortarOperators, j: Indices) -> tuple[Entries, Entries]:
+    """Entries of D and M that pair the nodes ``j`` with the line of the nearest master facet."""
+    ends = o.master.facets[:, [0, -1]]
+    chord = o.m[ends[:, 1]] - o.m[ends[:, 0]]
+    away = o.x[j, None] - o.m[ends[:, 0]]
+    part = (away * chord).sum(axis=2) / (chord**2).sum(axis=1)
+    rest = away - np.clip(part, 0.0, 1.0)[:, :, None] * chord
+    facet = np.argmin((rest**2).sum(axis=2), axis=1)
+    part = part[np.arange(j.size), facet]
+    values = np.stack([1.0 - part, part], axis=1).ravel()
+    return (j, j, np.ones(j.size)), (np.repeat(j, 2), ends[facet].ravel(), values)
+
+
+def _sum(one: Entries, other: Entries, rows: int, columns: int) -> csr_array:
+    """The matrix of two lots of entries."""
+    i, k, v = (np.concatenate(parts) for parts in zip(one, other, strict=True))
+    return coo_array((v, (i, k)), shape=(rows, columns)).tocsr()

@@ -1,0 +1,317 @@
+# SPDX-License-Identifier: MIT
+"""Friction: derivatives, exact states, objectivity, history, work, ranks."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from scenes import (
+    TIGHT,
+    homogeneous_blocks,
+    internal,
+    linear_elastic,
+    neo_hookean,
+    nodal,
+    pressed_blocks,
+    read,
+    rectangles,
+    rotation,
+)
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.laws import Nodal, Row
+
+MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 4, "layers_lower": 4}
+SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
+LAWS = {
+    "coulomb": fm.Coulomb(0.3),
+    "by pressure": fm.Coulomb(0.3, limit_by="pressure"),
+    "capped": fm.Coulomb(0.3, most=2.0),
+    "tresca": fm.Tresca(1.0),
+}
+E, NU = 100.0, 0.3
+
+
+class Creeping(fm.Law):
+    """What the docstring of ``laws`` shows."""
+
+    def piece(self, node: Nodal, before):
+        return np.ones_like(before)
+
+    def tangential(self, node: Nodal, piece) -> Row:
+        part = np.tanh(node.slip / 0.01)
+        return Row(
+            node.z_tau - 0.3 * node.z_n * part,
+            by_slip=-0.3 * node.z_n * (1.0 - part**2) / 0.01,
+            by_z_n=-0.3 * part,
+            by_z_tau=1.0,
+        )
+
+    def bound(self, pressure):
+        return 0.3 * pressure
+
+
+def blocks(law, *, degree=1, mesh=None, **problem):
+    mesh = mesh or (MESH if degree == 1 else SMALL)
+    return pressed_blocks(degree=degree, pair={"law": law}, problem=problem, **mesh)
+
+
+def drive(scene, *pushes):
+    """Solve for each place of the top; return the records."""
+    records = []
+    for push in pushes:
+        scene.loads["push"].value[:] = push
+        records.append(scene.problem.solve())
+        assert records[-1].certificate.violations() == []
+    return records
+
+
+def block_on(obstacle, *, degree=1, law=None, angle=0.0, weight=0.0):
+    """A block of 1 x 0.5 on y = 0, turned by ``angle``, held at its top; weight frees it in y."""
+    data = read(rectangles, size=0.25 * degree, block=(0.0, 0.0, 1.0, 0.5))
+    x = data.mesh.geometry.x
+    x[:, :2] = x[:, :2] @ rotation(angle).T
+    V = fm.vector_space(data.mesh, degree)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    load = fem.Constant(data.mesh, (0.0, weight))
+    residual = internal(u, neo_hookean(u, E, NU)) + ufl.inner(load, v) * ufl.dx
+    along = fem.Constant(data.mesh, 0.0)
+    held = fm.dirichlet(V, data, "block/top", along, component=0)
+    if not weight:
+        held = fm.dirichlet(V, data, "block/top", (0.0, 0.0))
+    pair = fm.ContactPair(data, "block/bottom", obstacle, law=law)
+    problem = fm.ContactProblem(
+        residual, u, [pair], bcs=[held], petsc_options_prefix="test_", newton=TIGHT
+    )
+    return problem, along
+
+
+def slopes(problem, pieces=None):
+    """Slopes of the whole system; 1 where a term is missing."""
+    if pieces is not None:
+        problem.contacts[0].piece = np.resize(pieces, problem.contacts[0].piece.size)
+    return problem.check_tangent(print_table=False).slopes["whole"]
+
+
+@pytest.mark.parametrize("law", [*LAWS, "creeping"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_tangent_has_slope_two(law, degree):
+    """Mixed as solved, then all sticking, all sliding, and sliding both ways by force."""
+    scene = blocks(LAWS.get(law) or Creeping(), degree=degree)
+    drive(scene, (0.0, -0.03), (0.02, -0.04))
+    for pieces in (None, [0], [1], [1, 0, -1, 0]):
+        assert slopes(scene.problem, pieces) == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_tangent_on_an_obstacle_has_slope_two(degree):
+    """The obstacle's motions take part: they are directions of the test."""
+    circle = fm.Circle((0.5, -2.0), 2.03)
+    problem, _ = block_on(circle, degree=degree, law=fm.Coulomb(0.4))
+    problem.solve()
+    circle.move(x=0.01, angle=0.002)
+    problem.solve()
+    for pieces in (None, [0], [1, 0, -1]):
+        assert slopes(problem, pieces) == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_sticking_blocks_are_one(algorithm, degree):
+    """A homogeneous deformation with shear: the multiplier is minus Cauchy's traction.
+
+    It is exact but for rounding: the state lies in both spaces, and the meshes do not match.
+    """
+    gradient = np.array([[0.01, 0.03], [0.0, -0.1]])
+    sides = [f"{body}/{side}" for body in ("upper", "lower") for side in ("left", "right")]
+    scene = homogeneous_blocks(
+        gradient,
+        ["upper/top", "lower/bottom", *sides],
+        degree=degree,
+        pair={"law": fm.Coulomb(0.9)},
+        problem={"algorithm": algorithm},
+        **SMALL,
+    )
+    scene.problem.solve()
+    contact, F = scene.contact, np.eye(2) + gradient
+    mu, lmbda = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
+    J = np.linalg.det(F)
+    cauchy = (mu * (F @ F.T - np.eye(2)) + lmbda * np.log(J) * np.eye(2)) / J
+    on = contact.covered
+    exact = cauchy @ [0.0, 1.0]  # the slave's normal is (0, -1), z minus its traction
+    assert contact.sticking[on].all()
+    assert np.abs(exact[0]) > 1.0
+    assert np.abs(contact.z[on] - exact).max() < 1e-10 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("law", ["coulomb", "tresca"])
+def test_sliding_block_drags_with_the_whole_bound(law):
+    scene = blocks(LAWS[law])
+    records = drive(scene, (0.0, -0.1), (0.1, -0.1), (0.2, -0.1), (0.3, -0.1))
+    contact = scene.contact
+    assert contact.active.all() and not contact.sticking.any()
+    node = contact.nodal
+    bound = 0.3 * node.z_n if law == "coulomb" else np.full_like(node.z_n, 1.0)
+    assert np.abs(np.abs(node.z_tau) - bound).max() < 1e-12 * node.z_n.max()
+    assert max(record.num_iterations for record in records) <= 8
+
+
+def test_wedge_takes_the_closed_form():
+    """H = W (tan a + mu) / (1 - mu tan a), however the block deforms: the plane stays plane."""
+    angle, mu, weight = 0.2, 0.3, 4.0
+    plane = fm.Plane((0.0, 0.0), (-np.sin(angle), np.cos(angle)))
+    problem, along = block_on(plane, law=fm.Coulomb(mu), angle=angle, weight=weight)
+    for travel in (0.05, 0.1):
+        along.value = travel
+        problem.solve()
+    contact, W = problem.contacts[0], 0.5 * weight
+    assert contact.active.any() and not contact.sticking.any()
+    force = contact.total_force
+    H = W * (np.tan(angle) + mu) / (1.0 - mu * np.tan(angle))
+    assert force == pytest.approx([-H, W], rel=1e-8)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_rigid_rotation_is_no_slip(degree):
+    """Two bodies with a curved, open interface beyond its ends; all turn by one radian."""
+    scene = blocks(fm.Coulomb(0.3), degree=degree)
+    drive(scene, (0.03, -0.05))
+    contact, u = scene.contact, scene.u.x.array
+    contact.start_step()
+    X = scene.problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    x = X + u.reshape(-1, 2)
+    u[:] = (x @ rotation(1.0).T + [3.0, -2.0] - X).ravel()
+    contact.evaluate(u, scene.problem.linearization)
+    assert np.abs(contact.slip).max() < 1e-13
+
+
+def test_slip_on_an_obstacle_is_against_its_material():
+    """A plane that moves along itself under a held block, and one that turns with the block."""
+    plane = fm.Plane((0.0, 0.0), (0.0, 1.0))
+    problem, _ = block_on(plane, law=fm.Coulomb(0.3))
+    plane.move(x=0.2)
+    contact, u = problem.contacts[0], problem.bulk.u
+    contact.start_step()
+    contact.evaluate(u.x.array, problem.linearization)
+    # tau = (1, 0) for n = (0, -1): the block moves along -tau relative to the plane
+    assert np.allclose(contact.slip, -0.2 * contact.operators.tau[:, 0], atol=1e-15)
+    plane.move(x=0.0, angle=0.7)
+    x = problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    u.x.array[:] = (x @ rotation(0.7).T - x).ravel()
+    contact.evaluate(u.x.array, problem.linearization)
+    assert np.abs(contact.slip).max() < 1e-14
+
+
+def test_nodes_that_enter_slip_by_the_motion_of_their_material():
+    """A block slides over the edge of another: nodes that faced nothing have the rigid slip."""
+    scene = blocks(fm.Coulomb(0.3), mesh={**MESH, "offset": 1.8, "gap": 0.1})
+    contact = scene.contact
+    uncovered = ~contact.covered
+    assert uncovered.any()
+    contact.start_step()
+    X = scene.problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    upper = X[:, 1] > 1.05
+    moved = np.where(upper[:, None], [-0.4, 0.0], 0.0).ravel()
+    for _ in range(2):
+        contact.evaluate(moved, scene.problem.linearization)
+        contact.update_carriers()
+    assert (contact.covered & uncovered).any()
+    assert np.abs(np.abs(contact.slip) - 0.4).max() < 1e-13
+
+
+def test_reversal_closes_a_loop():
+    """Forth and back twice: the second loop is the first, and friction takes up its area."""
+    scene = blocks(fm.Coulomb(0.3))
+    top = [0.04, 0.08, 0.04, 0.0, -0.04, -0.08, -0.04, 0.0]
+    times = np.arange(1.0, 18.0)
+    places = dict(zip(times, [0.0, *top, *top], strict=True))
+    found = []
+
+    def set_loads(time):
+        before = places.get(np.floor(time), 0.0)
+        after = places.get(np.ceil(time), 0.0)
+        scene.loads["push"].value[:] = (before + (time % 1.0) * (after - before), -0.05)
+
+    def keep(time, report):
+        found.append(scene.contact.total_force[0])
+
+    set_loads(1.0)
+    scene.problem.solve()
+    options = fm.SteppingOptions(step=1.0)
+    path = fm.follow_path(scene.problem, set_loads, options, start=1.0, stop=17.0, on_step=keep)
+    drag = np.array(found)
+    assert path.num_cuts == 0
+    assert np.abs(drag[8:] - drag[:8])[1:].max() < 1e-3 * drag.max()
+    assert drag[9] == pytest.approx(-drag[13], rel=1e-6)
+    second = path.steps[8:]
+    friction = sum(step.work.friction for step in second)
+    supports = sum(step.work.supports for step in second)
+    assert friction > 0.0
+    assert supports == pytest.approx(friction, rel=0.05)
+
+
+def test_rejected_step_leaves_no_trace(shared_path):
+    """Restored in memory and from a file, the same step has the same answer to the last bit."""
+    scene = blocks(fm.Coulomb(0.3))
+    drive(scene, (0.0, -0.05), (0.03, -0.05))
+    start = scene.problem.state()
+    fm.save_state(scene.problem, str(shared_path / "state.npz"))
+    drive(scene, (0.08, -0.05))
+    z, u = scene.contact.z.copy(), nodal(scene.problem)
+    drive(scene, (-0.05, -0.04))
+    scene.problem.restore(start)
+    drive(scene, (0.08, -0.05))
+    assert np.array_equal(scene.contact.z, z) and np.array_equal(nodal(scene.problem), u)
+    other = blocks(fm.Coulomb(0.3))
+    fm.load_state(other.problem, str(shared_path / "state.npz"))
+    drive(other, (0.08, -0.05))
+    assert np.abs(other.contact.z - z).max() < 1e-12 * np.abs(z).max()
+
+
+def test_ranks_agree():
+    """The same path on one rank: nodes stick and slide alike."""
+    path = (0.0, -0.05), (0.03, -0.05), (0.12, -0.05)
+    law = fm.Coulomb(0.3)
+    mine = pressed_blocks(pair={"law": law}, comm=MPI.COMM_SELF, **MESH)
+    ours = blocks(law)
+    drive(mine, *path[:2])
+    drive(ours, *path[:2])
+    assert np.array_equal(mine.contact.sticking, ours.contact.sticking)
+    assert 0 < ours.contact.sticking.sum() < ours.contact.active.sum()
+    first, second = drive(mine, path[2])[0], drive(ours, path[2])[0]
+    assert first.num_iterations == second.num_iterations
+    z = mine.contact.z
+    assert np.abs(ours.contact.z - z).max() < 1e-11 * np.abs(z).max()
+
+
+def test_both_algorithms_and_contact_dofs_agree():
+    """Condensed, saddle point, and reduced to the contact dofs of a linear bulk."""
+    answers = []
+    for options in ({"algorithm": "condensed"}, {"algorithm": "saddle"}, {"linear_bulk": True}):
+        scene = pressed_blocks(
+            material=linear_elastic, pair={"law": fm.Coulomb(0.3)}, problem=options, **MESH
+        )
+        drive(scene, (0.0, -0.02), (0.03, -0.02))
+        answers.append(scene.contact.z)
+    for answer in answers[1:]:
+        assert np.abs(answer - answers[0]).max() < 1e-10 * np.abs(answers[0]).max()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: fm.Coulomb(-0.1),
+        lambda: fm.Coulomb(0.1, c_t=0.0),
+        lambda: fm.Coulomb(0.1, limit_by="force"),
+        lambda: fm.Coulomb(0.1, most=0.0),
+        lambda: fm.Tresca(-1.0),
+        lambda: fm.ContactPair(fm.MeshData(None, None, None), 1, 2, law="coulomb"),
+    ],
+)
+def test_wrong_numbers_are_refused(wrong):
+    with pytest.raises(ValueError, match=r"mu=|c_t=|limit_by=|most=|stress=|law="):
+        wrong()
