@@ -50,6 +50,7 @@ class Bulk:
 
     Attributes:
         V: Space of the displacement alone.
+        residual: The form.
         units: Amount of each unknown owned here that counts like a displacement of one, shape
             (num_owned,); see ``set_units``.
         to_force: What turns the residual of each equation into a force, shape (num_owned,).
@@ -74,7 +75,7 @@ class Bulk:
         self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
         self.comm: MPI.Comm = self.V.mesh.comm
         self.prescribed = prescribed_dofs(space, u, bcs)
-        self.is_linear = False
+        self.is_linear, self.residual = False, residual
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
             expanded = expand_derivatives(jacobian)

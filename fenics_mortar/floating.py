@@ -407,8 +407,8 @@ class FloatingBodies:
         return False
 
     def _shortest_facet(self) -> float:
-        facets = (float(contact.slave.lengths.min()) for contact in self._contacts)
-        return min(facets, default=self.bodies[0].size)
+        sizes = [float(contact.slave.lengths.min()) for contact in self._contacts]
+        return min(sizes or [body.size for body in self.bodies])
 
     def _labels_of(self, surface: Surface) -> Array:
         return surface.gather(self._bulk.spread(self.labels))[:, 0]

@@ -24,6 +24,7 @@ from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
+from fenics_mortar.estimate import ErrorEstimate, Estimator
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import LINEARIZATIONS
@@ -185,6 +186,7 @@ class ContactProblem:
         if solver == "iterative" and linear_bulk is None:
             linear_bulk = False  # who iterates may lack the memory for factors
         self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
+        self._estimator: Estimator | None = None
         self._last_converged = False
         self._residuals: list[float] = []
         self._recent_sets: list[list[tuple[npt.NDArray[np.bool_], Pieces]]] = []
@@ -554,6 +556,18 @@ class ContactProblem:
         if not self.floating.held:
             return certificate
         return replace(certificate, springs=max(part for _, part in self._parts_held()))
+
+    def estimate(self) -> ErrorEstimate:
+        """Estimate the error of the present state by cells; see ``estimate``.
+
+        Raises:
+            MortarError: On all ranks, if the residual has integrals that cannot be read.
+        """
+        if self._estimator is None:
+            self._estimator = Estimator(self.bulk)
+        for contact in self.contacts:
+            contact.evaluate(self.bulk.u.x.array, self.linearization)
+        return self._estimator.evaluate(self.contacts)
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).

@@ -47,8 +47,9 @@ class ResultsWriter:
 
     The bulk has the displacement at its nodes and the values of ``fields`` at the midpoints of its
     cells. The slave surface has at its nodes the displacement, the contact pressure, the tangential
-    traction tau . z [stress], the mean gap [length], nan where there is no partner, the status
-    (0 open, 1 active) and the normal. Positions are those of the reference: warp by displacement.
+    traction tau . z [stress], the mean gap [length], nan where there is no partner, the slip of the
+    last step [length], the status (0 open, 1 active), whether it is sticking and the normal.
+    Positions are those of the reference: warp by displacement.
 
     Args:
         path: Where to write, of the first rank; missing folders are made.
@@ -97,8 +98,10 @@ class ResultsWriter:
 
 
 def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
-    o = contact.operators
-    return {
+    o, friction = contact.operators, dict[str, Any]()
+    if isinstance(contact, Contact):
+        friction = {"slip": contact.slip, "sticking": contact.sticking.astype(np.int32)}
+    return friction | {
         "displacement": _pad(contact.slave.gather(u)),
         "contact_pressure": contact.pressure,
         "tangential_traction": np.einsum("jc,jc->j", o.tau, contact.z),

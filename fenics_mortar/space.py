@@ -22,7 +22,7 @@ class DisplacementSpace:
         part: Number of the displacement's sub-space in a mixed space.
 
     Attributes:
-        whole: The same.
+        whole, part: The same.
         V: The space of the displacement alone, which numbers the nodes.
         dofs: Local dofs in ``whole`` of the local nodes, ghosts included, shape (n, 2).
         num_nodes: Nodes this rank owns, the first ones.
@@ -34,7 +34,7 @@ class DisplacementSpace:
     """
 
     def __init__(self, whole: Any, part: int = 0) -> None:
-        self.whole, self.V = whole, whole
+        self.whole, self.V, self.part = whole, whole, part
         self.block_size: int = whole.dofmap.index_map_bs
         if self.is_mixed:
             if part not in range(whole.num_sub_spaces):

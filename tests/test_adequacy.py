@@ -107,6 +107,29 @@ def test_rigid_obstacles_follow_the_rule_of_stiffness(ratio, verdict):
     assert adequacy.suffices == (verdict == "enough")
 
 
+def test_small_sliding_on_an_obstacle_that_has_moved():
+    """A richer model is set up where the obstacle is now, and yet counts from where it was."""
+    scene = pressed_blocks(**MESH)
+    found = {}
+    for strain in ("linear", "finite"):
+        u = fem.Function(scene.u.function_space)
+        laws = {"linear": linear_elastic, "finite": neo_hookean}
+        forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in laws.items()}
+        tool = fm.Circle((1.1, -1.0), 2.0)
+        pair = fm.ContactPair(scene.data, "upper/bottom", tool, sliding="small")
+        check = fm.AdequacyCheck(finite_strain=forms["finite"], stiffness_ratio=0.001)
+        problem = fm.ContactProblem(
+            forms[strain], u, [pair], bcs=scene.problem.bulk.bcs, petsc_options_prefix="test_",
+            adequacy=check if strain == "linear" else None,
+        )  # fmt: skip
+        tool.move(x=0.3, y=0.05)
+        found[strain] = problem, problem.solve().adequacy
+    problem, adequacy = found["linear"]
+    true = differences(problem, Snapshot.of(problem), Snapshot.of(found["finite"][0]))
+    errors = adequacy.assumptions[0].errors
+    assert all(0.5 < errors[name] / true[name] < 2.0 for name in QUANTITIES), (errors, true)
+
+
 def test_strain_and_rotation_of_a_known_state():
     """A turn by 0.1 radian after a stretch by 3 %, in every cell."""
     problem, _ = blocks((0.0, 0.0), strain="finite", solve=False)

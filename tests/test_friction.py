@@ -3,6 +3,7 @@
 
 from mpi4py import MPI
 
+import indenter_on_block
 import numpy as np
 import pytest
 from scenes import (
@@ -33,6 +34,7 @@ LAWS = {
     "tresca": fm.Tresca(1.0),
 }
 E, NU = 100.0, 0.3
+WORKS = "contact", "friction"
 
 
 class Creeping(fm.Law):
@@ -159,6 +161,16 @@ def test_sliding_block_drags_with_the_whole_bound(law):
     assert max(record.num_iterations for record in records) <= 8
 
 
+def test_shear_outside_the_cone_is_told():
+    scene = blocks(fm.Coulomb(0.3))
+    drive(scene, (0.0, -0.1), (0.1, -0.1))
+    assert scene.problem.certificate().pairs[0].shear < 1e-10
+    scene.contact.pair.law = fm.Coulomb(0.2)
+    told = scene.problem.certificate()
+    assert told.pairs[0].shear == pytest.approx(0.1, rel=1e-6)
+    assert any("shear" in violation for violation in told.violations())
+
+
 def test_wedge_takes_the_closed_form():
     """H = W (tan a + mu) / (1 - mu tan a), however the block deforms: the plane stays plane."""
     angle, mu, weight = 0.2, 0.3, 4.0
@@ -251,6 +263,47 @@ def test_reversal_closes_a_loop():
     supports = sum(step.work.supports for step in second)
     assert friction > 0.0
     assert supports == pytest.approx(friction, rel=0.05)
+
+
+def ironing(cells: int):
+    """A round tool pressed into a block and drawn along it over four facets; the path's record."""
+    data = read(
+        indenter_on_block.build,
+        n_block=36 * cells,
+        layers_block=10 * cells,
+        n_indenter=8 * cells,
+        layers_indenter=5 * cells,
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, tool = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [
+        fm.dirichlet(V, data, "block/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "indenter/top", tool),
+    ]
+    pair = fm.ContactPair(data, "block/top", "indenter/arc", law=fm.Coulomb(0.3))
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)), u, [pair], bcs=bcs, petsc_options_prefix="test_"
+    )
+
+    def set_loads(time):
+        tool.value[:] = (max(time - 1.0, 0.0), -0.5 * min(time, 1.0))
+
+    fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), stop=1.5)
+    return fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), start=1.5, stop=2.5)
+
+
+def test_ironing_in_long_steps_balances_its_work():
+    """What contact takes up is the work of friction, but for what vanishes with the facets."""
+    defects = []
+    for cells in (1, 2):
+        path = ironing(cells)
+        assert path.num_cuts == 0
+        assert np.median([step.report.num_iterations for step in path.steps]) <= 5 + cells
+        contact, friction = (sum(getattr(s.work, k) for s in path.steps) for k in WORKS)
+        assert friction > 0.0
+        defects.append(abs(contact / friction - 1.0))
+    assert defects[0] < 0.02
+    assert defects[1] < 0.6 * defects[0]  # at first order it would be a half
 
 
 def test_rejected_step_leaves_no_trace(shared_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import rings
 import two_blocks
+from mapped_grids import Grid, block, build
 from scenes import read
 
 from dolfinx import fem
@@ -106,3 +107,33 @@ def test_closed_quadratic_curve_starts_at_a_vertex():
     assert len(side.facets) == 11 and side.num_nodes == 22
     assert np.array_equal(side.facets[:-1, 2], side.facets[1:, 0]) and side.facets[-1, 2] == 0
     assert np.abs(side.along(np.array([0]), range(-2, 3)) - [[20, 21, 0, 1, 2]]).max() == 0
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_curves_are_welded_where_an_end_is_a_start(degree):
+    """Two bodies side by side, whose tops are one surface: their corners become one node."""
+    grids = [
+        Grid(name, block(columns, 2, width=1.0, height=1.0, corner=(x, 0.0)), {"top": "top"})
+        for name, columns, x in (("left", 3, 0.0), ("right", 4, 1.0))
+    ]
+    V, side = surface(build, "top", degree, grids=grids)
+    corners = side.nodes[np.abs(side.X[:, 0] - 1.0) < 1e-12]
+    for welds in (corners, corners[::-1]):
+        whole = side.welded(welds[None])
+        assert whole.num_nodes == side.num_nodes - 1 == 7 * degree + 1
+        assert welds[1] in whole.nodes and welds[0] not in whole.nodes
+        (node,) = np.flatnonzero(whole.previous < 0)
+        x = [whole.X[node, 0]]
+        while whole.following[node] >= 0:
+            assert whole.previous[whole.following[node]] == node
+            node = whole.following[node]
+            x.append(whole.X[node, 0])
+        assert len(x) == whole.num_nodes and (np.diff(x) < 0).all()
+        assert whole.lengths.sum() == pytest.approx(2.0)
+        assert np.array_equal(np.sort(whole.facets.ravel())[[0, -1]], [0, whole.num_nodes - 1])
+        u = fem.Function(V)
+        u.interpolate(lambda X: X[:2])
+        assert np.abs(whole.gather(u.x.array) - whole.X).max() < 1e-14
+        assert comm.allreduce(whole.owned.size) == whole.num_nodes
+    inner = side.nodes[[1, 2]]
+    assert side.welded(inner[None]).num_nodes == side.num_nodes

@@ -20,6 +20,7 @@ from dolfinx import fem
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "meshes")]
 import mapped_grids
+from exact_curved import CurvedInterface
 from exact_flat import FlatInterface
 from exact_hertz import HalfPlanes
 from exact_rings import PressFit, linear
@@ -125,6 +126,7 @@ def pose(
     displacement: Field,
     held_on: dict[str, bool],
     loads: Any = None,
+    friction: Any = None,
 ) -> tuple[Any, Any]:
     """Set up the problem; ``loads`` makes the work of the loads of x, v, dx, ds."""
     degree = ELEMENTS[choice.element][1]
@@ -137,7 +139,8 @@ def pose(
     residual = ufl.inner(law(u, *lame(exact)), ufl.grad(v)) * dx
     if loads is not None:
         residual -= loads(ufl.SpatialCoordinate(data.mesh), v, dx, ds)
-    pair = fm.ContactPair(data, slave, master, basis=choice.basis, integration=choice.integration)
+    options = {"basis": choice.basis, "integration": choice.integration, "law": friction}
+    pair = fm.ContactPair(data, slave, master, **options)
     problem = fm.ContactProblem(
         residual,
         u,
@@ -171,7 +174,7 @@ HALF_SIDE = 3.0  # half-widths
 
 
 def hertz(n: int, choice: Choice, *, graded: bool = False) -> Posed:
-    """A parabola above, the slave, on a flat body; n facets of degree 1, n / 2 of degree 2."""
+    """On grids with n facets of degree 1, n / 2 of degree 2, of the slave."""
     cell, degree = ELEMENTS[choice.element]
     exact = HalfPlanes()
     side, height = HALF_SIDE * exact.a, HALF_SIDE * exact.a
@@ -190,7 +193,12 @@ def hertz(n: int, choice: Choice, *, graded: bool = False) -> Posed:
         return np.stack([x, bottom + t * (sign * height - bottom)], axis=2)
 
     upper, lower = grid(n, 1.0), grid(5 * n // 8, -1.0)[:, ::-1]
-    data = read([Grid("upper", upper), Grid("lower", lower)], cell, degree)
+    return hertz_on(read([Grid("upper", upper), Grid("lower", lower)], cell, degree), choice)
+
+
+def hertz_on(data: Any, choice: Choice) -> Posed:
+    """A parabola above, the slave, on a flat body: boxes with the exact loads on their sides."""
+    exact = HalfPlanes()
 
     def displacement(x: np.ndarray, on_slave: np.ndarray) -> np.ndarray:
         y = np.where(on_slave, 1.0, -1.0) * np.maximum(np.abs(x[1]), 1e-30)
@@ -316,4 +324,48 @@ def flat(n: int, choice: Choice) -> Posed:
     )
 
 
-SCENES = {"hertz": hertz, "press fit": press_fit, "flat": flat}
+def curved(n: int, choice: Choice) -> Posed:
+    """The smooth solution across a circle that sticks; n facets of the slave, which is outside."""
+    cell, degree = ELEMENTS[choice.element]
+    exact = CurvedInterface()
+    a, b, c = exact.radii
+
+    def ring(n: int, radii: tuple[float, float]) -> np.ndarray:
+        columns, rows = n // degree * degree, n // 2 // degree * degree
+        return mapped_grids.sector(columns, rows, radii=radii, angles=(0.0, np.pi / 2))
+
+    grids = [Grid("outer", ring(n, (b, c))), Grid("inner", ring(2 * n // 3, (a, b)))]
+    data = read(grids, cell, degree)
+
+    def loads(x: Any, v: Any, dx: Any, ds: Any) -> Any:
+        P = neo_hookean(ufl.as_vector(exact.formula(x[0], x[1], ufl)), *lame(exact))
+        return -ufl.inner(ufl.div(P), v) * dx(metadata={"quadrature_degree": 4})
+
+    held_on = {f"outer/{side}": True for side in ("bottom", "left", "right")}
+    held_on |= {f"inner/{side}": False for side in ("top", "left", "right")}
+    u, problem = pose(
+        data,
+        choice,
+        neo_hookean,
+        exact,
+        "outer/top",
+        "inner/bottom",
+        displacement=lambda x, on: exact.displacement(x),
+        held_on=held_on,
+        loads=loads,
+        friction=fm.Tresca(10.0 * exact.E),
+    )
+    u.interpolate(lambda x: exact.displacement(x[:2]))  # all in one step is far from rest
+    return Posed(
+        data,
+        u,
+        problem,
+        "outer",
+        lambda x, on: exact.displacement(x),
+        lambda x, on: exact.gradient(x),
+        exact.pressure,
+        lame(exact),
+    )
+
+
+SCENES = {"hertz": hertz, "press fit": press_fit, "flat": flat, "curved": curved}

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
+import cylinders
 from exact_hertz import HalfPlanes
 from exact_rings import PressFit, linear
 from norms import errors
-from scenes_exact import ELEMENTS, Choice, flat, hertz, press_fit
+from scenes_exact import ELEMENTS, Choice, curved, flat, hertz, press_fit
 
 pytestmark = pytest.mark.serial
 
@@ -27,10 +28,12 @@ def rates(scene, element, sizes):
     return {name: np.log(found[0][name] / found[1][name]) / factor for name in found[0]}
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
-def test_smooth_solutions_have_full_rates(element):
+@pytest.mark.parametrize(
+    "scene, element", [*((flat, element) for element in ELEMENTS), (curved, "P1"), (curved, "P2")]
+)
+def test_smooth_solutions_have_full_rates(scene, element):
     degree = ELEMENTS[element][1]
-    found = rates(flat, element, (12, 24))
+    found = rates(scene, element, (12, 24))
     assert found["energy"] == pytest.approx(degree, abs=0.15)
     assert found["displacement"] == pytest.approx(degree + 1, abs=0.15)
 
@@ -49,6 +52,19 @@ def test_hertz_has_the_rates_that_the_ends_of_the_contact_allow(element, rate):
     assert found["energy"] == pytest.approx(rate, abs=0.15)
     assert found["pressure"] == pytest.approx(1.0, abs=0.15)
     assert found["pressure max"] == pytest.approx(0.5, abs=0.15)
+
+
+@pytest.mark.parametrize("degree, h", [(1, 0.05), (2, 0.1)])
+def test_cylinder_on_cylinder_is_hertzs(degree, h):
+    """Within the error of the theory, (a / R)^2 = 0.7 %; force up to what Newton leaves."""
+    assert cylinders.HALF_WIDTH == pytest.approx(0.680778, abs=1e-6)
+    assert cylinders.PEAK == pytest.approx(9.351351, abs=1e-6)
+    problem = cylinders.pose(h, degree)
+    problem.solve()
+    found = cylinders.compare(problem)
+    assert found["force"] == pytest.approx(1.0, abs=1e-6)
+    assert found["half-width"] == pytest.approx(1.0, abs=0.01)
+    assert found["peak"] == pytest.approx(1.0, abs=0.01)
 
 
 def test_press_fit_is_lames_for_a_small_interference():

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: MIT
+"""Stress, loads and moduli read from the residual that a user gives, whatever energy is behind it.
+
+A residual of first order is linear in v and grad v: P : grad v - f . v in a cell, -t . v on the
+boundary. So its integrand I tells them by what it makes of v = e_i and v = e_i x_J:
+
+    f_i = -I(e_i),    P_iJ = I(e_i x_J) - x_J I(e_i),    t_i = -I(e_i) on the boundary,
+
+and the same of its derivative gives the moduli dP_iJ / dF_kL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+import basix
+import ufl
+from dolfinx import fem
+from ufl.algorithms import expand_derivatives, replace
+
+from fenics_mortar import compat
+from fenics_mortar.errors import MortarError
+from fenics_mortar.space import DisplacementSpace
+from fenics_mortar.surfaces import Array, Indices
+
+# Gauss points on a side of a cell, and per direction in it
+POINTS = 3
+Subdomain = tuple[Any, Any]
+
+
+class ReferenceCell:
+    """A triangle or a square, its sides and quadrature points.
+
+    Attributes:
+        sides: Vertices of each side, shape (sides, 2).
+        edges: From the first to the second of them, shape (sides, 2).
+        normals: Outer normals of the length of the sides, shape (sides, 2).
+        s: Gauss points along a side, from 0 to 1, shape (q,).
+        side_weights: Their weights, of sum 1, shape (q,).
+        side_points: The same in the cell, shape (sides q, 2).
+        points, weights: Of the cell, shapes (p, 2) and (p,).
+        midpoint: Shape (1, 2).
+        fill: Area of a square by that of the cell.
+    """
+
+    def __init__(self, name: str) -> None:
+        kind = getattr(basix.CellType, name)
+        corners = np.asarray(basix.geometry(kind))
+        self.sides: Indices = np.array(basix.topology(kind)[1], np.int64)
+        self.midpoint: Array = corners.mean(axis=0, keepdims=True)
+        starts, ends = corners[self.sides[:, 0]], corners[self.sides[:, 1]]
+        self.edges: Array = ends - starts
+        normals = np.stack([self.edges[:, 1], -self.edges[:, 0]], axis=1)
+        outward = np.sign(np.einsum("kc,kc->k", normals, starts - self.midpoint))
+        self.normals: Array = outward[:, None] * normals
+        x, w = np.polynomial.legendre.leggauss(POINTS)
+        self.s, self.side_weights = (x + 1) / 2, w / 2
+        self.side_points: Array = (starts[:, None] + self.s[:, None] * self.edges[:, None]).reshape(
+            -1, 2
+        )
+        s, t = (a.ravel() for a in np.meshgrid(self.s, self.s, indexing="ij"))
+        weights = np.outer(self.side_weights, self.side_weights).ravel()
+        triangle = len(corners) == 3
+        self.fill = 2.0 if triangle else 1.0
+        self.points: Array = np.stack([s, t * (1 - s) if triangle else t], axis=1)
+        self.weights: Array = weights * (1 - s) if triangle else weights
+
+
+class Values(NamedTuple):
+    """Values at points of cells, of whatever shape (...).
+
+    Attributes:
+        jacobian: dx/dX, shape (..., 2, 2) [length].
+        gradient: grad u, shape (..., 2, 2).
+        stress: P, shape (..., 2, 2) [stress].
+        residual: div P + f, shape (..., 2) [stress / length].
+    """
+
+    jacobian: Array
+    gradient: Array
+    stress: Array
+    residual: Array
+
+
+class Fluxes:
+    """Compiled fluxes of a residual; values are those of the present displacement.
+
+    Args:
+        residual: UFL form, linear in a test function of the space of ``u``.
+        u: Displacement, alone or in a mixed function.
+        space: The displacement's nodes and dofs.
+
+    Raises:
+        MortarError: If the form has integrals that this cannot read.
+    """
+
+    def __init__(self, residual: Any, u: fem.Function, space: DisplacementSpace) -> None:
+        """Read and compile (collective)."""
+        self._mesh = mesh = space.V.mesh
+        self.cell = ReferenceCell(compat.cell_name(mesh))
+        self._num_cells = mesh.topology.index_map(2).size_local
+        test, trial = ufl.TestFunction(space.whole), ufl.TrialFunction(space.whole)
+        displacement = u if not space.is_mixed else ufl.split(u)[space.part]
+        trials = _trials(space)
+        x = ufl.SpatialCoordinate(mesh)  # heads each list: an expression has to know its mesh
+        bulk, boundary = _integrands(expand_derivatives(residual))
+        self._in_cells, self._on_boundary = list(bulk), list(boundary)
+        J, H = ufl.Jacobian(mesh), ufl.grad(displacement)
+        at_points, moduli, loads = [*_entries(J), *_entries(H)], [x[0]], [x[0]]
+        for integrand in bulk.values():
+            P, minus_f = _flux(integrand, test, trials, x)
+            at_points += [*_entries(P), *_entries(ufl.div(P) - minus_f)]
+            stiffness = expand_derivatives(ufl.derivative(P, u, trial))
+            for i, k in np.ndindex(2, 2):
+                moduli += _entries(_flux(stiffness[i, k], trial, trials, x)[0])
+        everywhere = np.concatenate([self.cell.points, self.cell.side_points])
+        self._values = self._compile(at_points, everywhere)
+        self._moduli = self._compile(moduli, self.cell.midpoint)
+        self._normal = fem.Constant(mesh, np.zeros(2))
+        K = ufl.JacobianInverse(mesh)
+        normal = ufl.dot(self._normal, K)
+        normal = {ufl.FacetNormal(mesh): normal / ufl.sqrt(ufl.dot(normal, normal))}
+        for integrand in boundary.values():
+            loads += _entries(-_flux(replace(integrand, normal), test, trials, x)[1])
+        self._loads = self._compile(loads, self.cell.side_points)
+
+    def in_cells(self) -> tuple[Values, Values]:
+        """Values in the owned cells: at their points (cells, p), on their sides (cells, s, q)."""
+        values = self._evaluate(self._values)
+        J, H = (values[..., i : i + 4].reshape(*values.shape[:2], 2, 2) for i in (0, 4))
+        P, r = np.zeros_like(H), np.zeros(H.shape[:3])
+        for number, subdomain in enumerate(self._in_cells):
+            on, first = self._cells_of(subdomain), 8 + 6 * number
+            P[on] += values[on, :, first : first + 4].reshape(-1, *H.shape[1:])
+            r[on] += values[on, :, first + 4 : first + 6]
+        p, sides = len(self.cell.weights), (len(self.cell.sides), self.cell.s.size)
+        inside = Values(*(a[:, :p] for a in (J, H, P, r)))
+        along = (a[:, p:].reshape(len(a), *sides, *a.shape[2:]) for a in (J, H, P, r))
+        return inside, Values(*along)
+
+    def moduli(self) -> Array:
+        """dP_iJ / dF_kL at the midpoints of the owned cells, (cells, 2, 2, 2, 2) [stress]."""
+        values = self._evaluate(self._moduli)
+        A = np.zeros((self._num_cells, 2, 2, 2, 2))
+        for number, subdomain in enumerate(self._in_cells):
+            on = self._cells_of(subdomain)
+            A[on] += values[on, 0, 16 * number + 1 : 16 * number + 17].reshape(-1, 2, 2, 2, 2)
+        return A
+
+    def loads(self, cells: Indices, sides: Indices, facets: Indices) -> Array:
+        """Tractions given by the form on sides of cells on the boundary (local).
+
+        Args:
+            cells: Local cells, shape (n,).
+            sides: Which of their sides, shape (n,).
+            facets: Local facets these are, shape (n,).
+
+        Returns:
+            Shape (n, q, 2) [stress].
+        """
+        q = self.cell.s.size
+        t = np.zeros((cells.size, q, 2))
+        for side in range(len(self.cell.sides)):
+            self._normal.value[:] = self.cell.normals[side]
+            here = np.flatnonzero(sides == side)
+            values = self._evaluate(self._loads, cells[here])[:, side * q : (side + 1) * q]
+            for number, subdomain in enumerate(self._on_boundary):
+                on = _within(subdomain, facets[here])
+                t[here[on]] += values[on, :, 2 * number + 1 : 2 * number + 3]
+        return t
+
+    def _compile(self, entries: list[Any], points: Array) -> tuple[Any, tuple[int, int]]:
+        """Compile a list of scalars for reference points (collective)."""
+        compiled = compat.create_expression(ufl.as_vector(entries), points)
+        return compiled, (len(points), len(entries))
+
+    def _evaluate(
+        self, compiled: tuple[Any, tuple[int, int]], cells: Indices | None = None
+    ) -> Array:
+        """Values at all points in owned cells, shape (cells, points, entries) (local)."""
+        expression, shape = compiled
+        cells = np.arange(self._num_cells) if cells is None else cells
+        values = compat.evaluate_expression(expression, self._mesh, cells.astype(np.int32))
+        return np.asarray(values, np.float64).reshape(cells.size, *shape)
+
+    def _cells_of(self, subdomain: Subdomain) -> npt.NDArray[np.bool_]:
+        return _within(subdomain, np.arange(self._num_cells))
+
+
+def _integrands(residual: Any) -> tuple[dict[Subdomain, Any], dict[Subdomain, Any]]:
+    """Integrands over the cells and over the boundary, by subdomain: number and tags."""
+    found: dict[str, dict[Subdomain, Any]] = {"cell": {}, "exterior_facet": {}}
+    for integral in residual.integrals():
+        kind, number, tags = (
+            integral.integral_type(),
+            integral.subdomain_id(),
+            integral.subdomain_data(),
+        )
+        if kind not in found or number == "otherwise":
+            raise MortarError(
+                f"no error can be estimated with an integral of kind {kind!r} over {number!r}; "
+                "right are integrals over cells and boundary"
+            )
+        if number == "everywhere":
+            tags = None
+        elif not hasattr(tags, "find"):
+            raise MortarError(
+                f"no error can be estimated with an integral over part {number} without MeshTags"
+            )
+        group = found[kind]
+        integrand, key = integral.integrand(), (number, tags)
+        group[key] = group[key] + integrand if key in group else integrand
+    return found["cell"], found["exterior_facet"]
+
+
+def _within(subdomain: Subdomain, entities: Indices) -> npt.NDArray[np.bool_]:
+    """Whether each of the local entities belongs to a subdomain."""
+    number, tags = subdomain
+    if tags is None:
+        return np.ones(entities.size, bool)
+    numbers = number if isinstance(number, tuple) else (number,)
+    return np.isin(entities, np.concatenate([tags.find(int(k)) for k in numbers]))
+
+
+def _trials(space: DisplacementSpace) -> Callable[[Any, Any], Any]:
+    """Make the function of the whole space whose displacement is (a, b), else zero."""
+    size, first = 2, 0
+    if space.is_mixed:
+        parts = ufl.split(ufl.TestFunction(space.whole))
+        sizes = [int(np.prod(part.ufl_shape)) for part in parts]
+        size, first = sum(sizes), sum(sizes[: space.part])
+    zero = ufl.as_ufl(0.0)
+
+    def make(a: Any, b: Any) -> Any:
+        return ufl.as_vector([zero] * first + [a, b] + [zero] * (size - first - 2))
+
+    return make
+
+
+def _flux(
+    integrand: Any, argument: Any, trials: Callable[[Any, Any], Any], x: Any
+) -> tuple[Any, Any]:
+    """What stands with grad v, a tensor, and with v, a vector, in an integrand linear in v."""
+
+    def at(a: Any, b: Any) -> Any:
+        return expand_derivatives(replace(integrand, {argument: trials(a, b)}))
+
+    zero = ufl.as_ufl(0.0)
+    one = ufl.as_ufl(1.0)
+    constant = [at(one, zero), at(zero, one)]
+    linear = [[at(x[J], zero) for J in range(2)], [at(zero, x[J]) for J in range(2)]]
+    tensor = [[linear[i][J] - x[J] * constant[i] for J in range(2)] for i in range(2)]
+    return ufl.as_tensor(tensor), ufl.as_vector(constant)
+
+
+def _entries(value: Any) -> list[Any]:
+    """Entries of a UFL vector or tensor, row by row."""
+    return [value[index] for index in np.ndindex(*value.ufl_shape)]
