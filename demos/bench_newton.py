@@ -6,10 +6,12 @@
 #
 #     python3 demos/bench_newton.py                     10k, 40k, 160k
 #     python3 demos/bench_newton.py iterative           the same by multigrid
+#     python3 demos/bench_newton.py direct iterative    both, and results/growth.png
 #     mpirun -n 2 python3 demos/bench_newton.py 640_000 1_000_000
 #
-# Numbers are medians over the load steps, of the slowest rank in each phase. Memory is the peak of
-# the process so far, of all ranks together: give sizes in ascending order.
+# Numbers are medians over the load steps, of the slowest rank in each phase. CPU time is all that
+# the busiest rank has computed, and says less about what else runs on the machine. Memory is the
+# peak of the process so far, of all ranks together: give sizes in ascending order.
 
 # +
 import resource
@@ -21,6 +23,7 @@ from mpi4py import MPI
 
 import gmsh
 import numpy as np
+from matplotlib.figure import Figure
 
 import ufl
 from dolfinx import fem
@@ -34,12 +37,13 @@ import fenics_mortar as fm
 comm = MPI.COMM_WORLD
 STEPS = 5
 CONTACT = ("search", "integrals", "assembly")
-SOLVER = "iterative" if "iterative" in sys.argv[1:] else "direct"
+SOLVERS = [solver for solver in ("direct", "iterative") if solver in sys.argv] or ["direct"]
+SIZES = [int(arg) for arg in sys.argv[1:] if arg not in SOLVERS] or [10_000, 40_000, 160_000]
 # -
 
 
 # +
-def set_up(dofs):
+def set_up(dofs, solver):
     """The problem with about so many unknowns, the length of a slave facet, what moves the top."""
     k = round(np.sqrt(dofs / 6))  # facets of the upper block: its side is 1, the lower 2.2 x 1
     model = None
@@ -60,28 +64,35 @@ def set_up(dofs):
     bcs += [fm.dirichlet(V, data, "upper/top", top)]
     pair = fm.ContactPair(data, slave="upper/bottom", master="lower/top")
     problem = fm.ContactProblem(
-        residual, u, [pair], bcs=bcs, petsc_options_prefix="bench_", solver=SOLVER
+        residual, u, [pair], bcs=bcs, petsc_options_prefix="bench_", solver=solver
     )
     return problem, 1.0 / k, top
 
 
-def measure(dofs):
+def measure(dofs, solver):
     """Dofs, iterations of a load step, and seconds per Newton iteration by phase."""
-    problem, facet, top = set_up(dofs)
+    problem, facet, top = set_up(dofs, solver)
     problem.solve()
     iterations, costs = [], []
     for _ in range(STEPS):
         top.value[0] += 0.5 * facet
         comm.barrier()
-        start = time.perf_counter()
+        start, busy = time.perf_counter(), time.process_time()
         report = problem.solve()
-        whole = time.perf_counter() - start
+        whole, busy = time.perf_counter() - start, time.process_time() - busy
         seconds = report.total_seconds()
         seconds["other"] += whole - sum(seconds.values())
         iterations.append(report.num_iterations)
-        costs.append(np.array([*seconds.values(), whole]) / report.num_iterations)
+        costs.append(
+            np.array([*seconds.values(), whole, comm.allreduce(busy, MPI.MAX)])
+            / report.num_iterations
+        )
     size = problem.bulk.V.dofmap.index_map.size_global * 2
-    return size, np.median(iterations), dict(zip([*seconds, "all"], np.median(costs, axis=0)))
+    return (
+        size,
+        np.median(iterations),
+        dict(zip(seconds, np.median(costs, axis=0))),
+    )
 
 
 def peak():
@@ -91,23 +102,51 @@ def peak():
 
 # -
 
+
 # +
-sizes, costs = [], []
-for dofs in [int(arg) for arg in sys.argv[1:] if arg != SOLVER] or [10_000, 40_000, 160_000]:
-    size, iterations, cost = measure(dofs)
-    sizes.append(size)
-    costs.append(cost)
-    contact = sum(cost[phase] for phase in CONTACT)
-    row = [str(size), f"{iterations:.0f}", *(f"{1e3 * cost[phase]:.2f}" for phase in cost)]
-    row += [f"{100 * contact / cost['all']:.1f}", f"{peak():.2f}"]
-    if comm.rank == 0:
-        if len(sizes) == 1:
-            print(f"ms per Newton iteration, {SOLVER}, {comm.size} rank{'s' * (comm.size > 1)}\n")
-            titles = ["dofs", "iterations", *cost, "contact [%]", "peak [GiB]"]
-            print("| " + " | ".join(titles) + " |")
-            print("|" + "---:|" * (len(cost) + 4))
-        print("| " + " | ".join(row) + " |", flush=True)
-if len(sizes) > 1 and comm.rank == 0:
-    growth = [np.polyfit(np.log(sizes), np.log([c[phase] for c in costs]), 1)[0] for phase in cost]
-    print("| growth | | " + " | ".join(f"{g:.2f}" for g in growth) + " | | |")
+def growth(sizes, seconds):
+    """Exponent of the power of the size that fits best."""
+    return np.polyfit(np.log(sizes), np.log(seconds), 1)[0]
+
+
+def report(solver):
+    """Print a table; return sizes and CPU seconds."""
+    sizes, costs = [], []
+    for dofs in SIZES:
+        size, iterations, cost = measure(dofs, solver)
+        sizes.append(size)
+        costs.append(cost)
+        contact = sum(cost[phase] for phase in CONTACT)
+        row = [str(size), f"{iterations:.0f}", *(f"{1e3 * cost[phase]:.2f}" for phase in cost)]
+        row += [f"{100 * contact / cost['all']:.1f}", f"{peak():.2f}"]
+        if comm.rank == 0:
+            if len(sizes) == 1:
+                ranks = f"{comm.size} rank{'s' * (comm.size > 1)}"
+                print(f"\nms per Newton iteration, {solver}, {ranks}\n")
+                titles = ["dofs", "iterations", *cost, "contact [%]", "peak [GiB]"]
+                print("| " + " | ".join(titles) + " |")
+                print("|" + "---:|" * (len(cost) + 4))
+            print("| " + " | ".join(row) + " |", flush=True)
+    if len(sizes) > 1 and comm.rank == 0:
+        exponents = [f"{growth(sizes, [c[phase] for c in costs]):.2f}" for phase in cost]
+        print("| growth | | " + " | ".join(exponents) + " | | |")
+    return sizes, [cost["CPU"] for cost in costs]
+
+
+measured = {solver: report(solver) for solver in SOLVERS}
+# -
+
+# ## Chart
+
+# +
+if len(SOLVERS) > 1 and len(SIZES) > 1 and comm.rank == 0:
+    figure = Figure((6, 3.6), layout="constrained")
+    axes = figure.add_subplot(xlabel="unknowns", ylabel="CPU seconds per Newton iteration")
+    for (solver, (sizes, seconds)), style in zip(measured.items(), ("o-", "s-")):
+        label = f"{solver}: unknowns to the power of {growth(sizes, seconds):.2f}"
+        axes.loglog(sizes, seconds, style, color={"o-": "0.4", "s-": "#c8102e"}[style], label=label)
+    axes.legend(frameon=False)
+    axes.grid(alpha=0.3)
+    Path("results").mkdir(exist_ok=True)
+    figure.savefig("results/growth.png", dpi=150)
 # -

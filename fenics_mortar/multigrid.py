@@ -7,18 +7,28 @@ let the normal motion of these nodes follow that of their partners,
 
     dd = T y,    dd_j = tau_j tau_j . y_j + n_j n_j . sum_l (M_jl / D_jj) y_l,
 
-then B = T^T K~ T is the tangent of bodies that may slide and keep touching, symmetric but for
-contact. Multigrid for B preconditions A: constraints and prescribed values are met first, by x_0;
-the rest of the right-hand side is put on the rows of T^T, and x = x_0 + T y, where y is one cycle
-for B. The iterations depend neither on the mesh nor much on the stiffness of the bodies.
+then B = L A T = T^T K~ T is the tangent of bodies that may slide and keep touching, symmetric but
+for contact; L takes back what Q gathered in tangential direction, and leaves out the constraints.
+One application to a right-hand side b has two steps:
+
+1. x_0 solves A x_0 = b within a strip along the contact surfaces, by factors: constraints are met,
+   and all that only a surface sees. Above all there are motions of the master that fall between the
+   slave's nodes: soft, though all around them is as stiff as the slave. Multigrid does not see
+   them, but they do not reach far into the bodies.
+2. x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
+
+A strip has few unknowns, O(1/h), so that its factors are made anew in each Newton iteration. The
+cycle is kept until iterations in excess of those right after it was made have cost as much.
 
 A tied node follows its partners in both directions. If all are tied, T y holds every solution, and
-with a symmetric K so is B: conjugate gradients with the cycle then solve B y = rest altogether.
+with a symmetric K so is B: conjugate gradients with the cycle then solve B y = L (b - A x_0)
+altogether.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -26,15 +36,41 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.clock import clock
 from fenics_mortar.interface import Interface
 from fenics_mortar.mortar import Block
 from fenics_mortar.sparse import BlockMatrix, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
 
-CYCLE = "hypre"
+# Measured: sweeps at half the cost of the default ones, for a few iterations more.
+CYCLE = {
+    "pc_type": "hypre",
+    "pc_hypre_boomeramg_relax_type_down": "SOR/Jacobi",
+    "pc_hypre_boomeramg_relax_type_up": "backward-SOR/Jacobi",
+    "pc_hypre_boomeramg_no_CF": None,
+    "pc_hypre_boomeramg_strong_threshold": 0.5,
+    "pc_hypre_boomeramg_P_max": 4,
+}
 # Of conjugate gradients: GMRES around them, with a tolerance of its own, then needs one iteration.
 CG_TOLERANCE, CG_MOST = 1e-9, 500
+# Each rank factors all of the strip: that is little work, and its solves need one exchange only.
+STRIP = {
+    "pc_type": "redundant",
+    "redundant_pc_type": "lu",
+    "redundant_pc_factor_mat_solver_type": "mumps",
+}
+# Options of both, below the prefix of the solver.
+OPTIONS = {
+    f"{part}_{name}": value
+    for part, options in (("cycle", CYCLE), ("strip", STRIP))
+    for name, value in options.items()
+}
+# Layers of cells on either side of a contact surface that a strip has.
+LAYERS = 2
+# Iterations that cost as much as a new cycle.
+COST = 10
+# Stiffness of the motion that T leaves out, by that of the node: it has no effect but on the
+# cycle's coarse grids, which would be stiff if it were large.
+IDLE = 1e-2
 
 
 class TouchingBodies:
@@ -43,71 +79,77 @@ class TouchingBodies:
     Args:
         bulk: The bodies.
         contacts: The contacts, with dual multipliers.
-        prefix: Prefix of the options of the cycle.
+        prefix: Prefix of the options; those of the cycle and the strip are below it.
     """
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Interface], prefix: str) -> None:
-        self._bulk, self._contacts = bulk, contacts
+        self._bulk, self._contacts, self._held = bulk, contacts, bulk.held
         size, block_size = bulk.num_owned, bulk.space.block_size
-        self._T, self._slip, self._normal = (
+        self._T, self._L, self._idle = (
             BlockMatrix(bulk.comm, size, size, block_size) for _ in range(3)
         )
-        self._cycle = PETSc.KSP().create(bulk.comm)
-        self._cycle.setOptionsPrefix(prefix)
-        self._cycle.getPC().setType(CYCLE)
+        self._strip = Strip(bulk, contacts, f"{prefix}strip_")
+        self._prefix = f"{prefix}cycle_"
+        self._cycle: Any = None
+        self._best, self._excess = 0.0, 0.0
+
+    def setUp(self, pc: PETSc.PC) -> None:
+        """Prepare for the present matrix and active sets, as PETSc calls it."""
+        A, _ = pc.getOperators()
+        self._strip.factor(A)
+        nodes = [self._active(contact) for contact in self._contacts]
+        self._T.assemble(self._motion_blocks(nodes))
+        self._L.assemble(self._equation_blocks(nodes))
+        if self._cycle is None or self._excess > COST or self._cycle.getType() == "cg":
+            self._make_cycle(A, nodes)
+        self._work = [A.createVecRight() for _ in range(3)]
+
+    def reset(self, pc: PETSc.PC) -> None:
+        """Forget the cycle, as PETSc calls it."""
+        self._cycle = None
+
+    def postSolve(self, pc: PETSc.PC, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Take notice of the iterations that a solve has taken, as PETSc calls it."""
+        left = ksp.getResidualNorm() / max(b.norm(), np.finfo(float).tiny)
+        digits, iterations = -np.log10(max(left, 1e-16)), ksp.getIterationNumber()
+        if digits > 0.0 and np.isfinite(digits):
+            self._best = self._best or iterations / digits
+            self._excess += iterations - self._best * digits
+
+    def _make_cycle(self, A: PETSc.Mat, nodes: list[tuple[Indices, Array, Array]]) -> None:
+        first = self._bulk.first
+        product = A.matMult(self._T.mat)
+        B = self._L.mat.matMult(product)
+        product.destroy()
+        idle = self._idle.assemble(
+            Block(dofs + first, dofs + first, IDLE * k[:, None, None] * (F @ F))
+            for dofs, F, k in nodes
+        )
+        B.axpy(1.0, idle, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        held = (self._held + first).astype(PETSc.IntType)
+        B.zeroRowsColumns(held, diag=1.0)
+        if self._cycle is not None:
+            self._cycle.destroy()
+        self._cycle = PETSc.KSP().create(self._bulk.comm)
+        self._cycle.setOptionsPrefix(self._prefix)
         self._cycle.setTolerances(rtol=CG_TOLERANCE, max_it=CG_MOST)
         self._cycle.setFromOptions()
-        self._held = bulk.held
-        self._nodes: list[tuple[Indices, Array, Array]] = []
-        self._B: PETSc.Mat | None = None
-        self._scale = 1.0
-
-    @clock("solve")
-    def set_up(self, K: PETSc.Mat, scale: float) -> None:
-        """Prepare the cycle for the present state.
-
-        Args:
-            K: K + K_c, without boundary conditions.
-            scale: Diagonal entry that rows of prescribed dofs have [stress].
-        """
-        self._scale = scale
-        self._nodes = [self._active(contact) for contact in self._contacts]
-        T = self._T.assemble(self._motion_blocks())
-        self._slip.assemble(self._partner_blocks(followed=False))
-        if self._B is not None:
-            self._B.destroy()
-        self._B = B = K.ptap(T)
-        normal = self._normal.assemble(
-            Block(dofs + self._bulk.first, dofs + self._bulk.first, k[:, None, None] * (F @ F))
-            for dofs, F, k in self._nodes
-        )
-        B.axpy(1.0, normal, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        held = (self._held + self._bulk.first).astype(PETSc.IntType)
-        B.zeroRowsColumns(held, diag=scale)
-        self._cycle.setType("cg" if self._all_tied() and is_symmetric(B) else "preonly")
+        self._cycle.setType("cg" if self._all_tied(nodes) and is_symmetric(B) else "preonly")
         self._cycle.setOperators(B)
         self._cycle.setUp()
+        self._best, self._excess = 0.0, 0.0
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """One application, as PETSc calls it."""
         A, _ = pc.getOperators()
-        first, held = b.duplicate(), b.duplicate()
-        held.set(0.0)
-        held.array[self._held] = b.array_r[self._held] / self._scale
-        self._T.mat.mult(held, first)
-        for dofs, F, k in self._nodes:
-            first.array[dofs] += _apply(F, b.array_r[dofs]) / k[:, None]
-        rest, change = b.duplicate(), b.duplicate()
-        A.mult(first, rest)
+        rest, gathered, y = self._work
+        self._strip.solve(b, x)
+        A.mult(x, rest)
         rest.aypx(-1.0, b)
-        self._slip.mat.multTranspose(rest, change)
-        rest.axpy(-1.0, change)
-        for dofs, F, _ in self._nodes:
-            rest.array[dofs] -= _apply(F @ F, rest.array_r[dofs])
-        rest.array[self._held] = 0.0
-        self._cycle.solve(rest, change)
-        self._T.mat.mult(change, x)
-        x.axpy(1.0, first)
+        self._L.mat.mult(rest, gathered)
+        gathered.array[self._held] = 0.0
+        self._cycle.solve(gathered, y)
+        self._T.mat.multAdd(y, x, x)
 
     def _active(self, contact: Interface) -> tuple[Indices, Array, Array]:
         """Local dofs (a, 2), what is followed (a, 2, 2) and stiffness (a,) of own active nodes."""
@@ -115,34 +157,92 @@ class TouchingBodies:
         j = contact.slave.owned[on]
         return contact.slave.local_dofs[on], contact.followed()[j], contact.stiffness[j]
 
-    def _all_tied(self) -> bool:
+    def _all_tied(self, nodes: list[tuple[Indices, Array, Array]]) -> bool:
         """Whether all active nodes follow in both directions."""
-        mine = all(np.allclose(F @ F, np.eye(2)) for _, F, _ in self._nodes)
+        mine = all(np.allclose(F @ F, np.eye(2)) for _, F, _ in nodes)
         return self._bulk.comm.allreduce(mine, MPI.LAND)
 
-    def _motion_blocks(self) -> Iterator[Block]:
+    def _motion_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
         """Blocks of T."""
-        one = np.ones(self._bulk.num_owned)
-        for dofs, F, _ in self._nodes:
-            one[dofs] = 0.0
-            yield Block(dofs + self._bulk.first, dofs + self._bulk.first, np.eye(2) - F @ F)
-        dofs = np.arange(one.size)[:, None] + self._bulk.first
-        yield Block(dofs, dofs, one[:, None, None])
-        yield from self._partner_blocks(followed=True)
+        yield from self._free_blocks(nodes)
+        for slave, master, part, followed in self._partners():
+            yield Block(slave, master, part * followed)
 
-    def _partner_blocks(self, *, followed: bool) -> Iterator[Block]:
-        """Motion of active nodes by that of their partners, as far as they follow or not."""
+    def _equation_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
+        """Blocks of L."""
+        yield from self._free_blocks(nodes)
+        for slave, master, part, followed in self._partners():
+            yield Block(master, slave, -part * (np.eye(2) - followed))
+
+    def _free_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
+        """Blocks of the identity, but for what active nodes follow."""
+        first, one = self._bulk.first, np.ones(self._bulk.num_owned)
+        for dofs, F, _ in nodes:
+            one[dofs] = 0.0
+            yield Block(dofs + first, dofs + first, np.eye(2) - F @ F)
+        dofs = np.arange(one.size)[:, None] + first
+        yield Block(dofs, dofs, one[:, None, None])
+
+    def _partners(self) -> Iterator[tuple[Indices, Indices, Array, Array]]:
+        """Dofs (p, 2) of active slave nodes and of others, M_jl / D_jj (p, 1, 1), F F."""
         for contact in self._contacts:
-            o = contact.operators
-            dyads = contact.followed() @ contact.followed()
-            dyads = dyads if followed else np.eye(2) - dyads
+            o, followed = contact.operators, contact.followed() @ contact.followed()
             for rows, columns, values in contact.force_blocks():
                 dofs, j = rows.reshape(-1, 2), columns[::2, 0] // 2
                 part = -values[::2, 0, 0] / o.diagonal[j]
                 other = dofs[:, 0] != contact.slave.dofs[j, 0]
                 dofs, j, part = dofs[other], j[other], part[other]
-                yield Block(contact.slave.dofs[j], dofs, part[:, None, None] * dyads[j])
+                yield contact.slave.dofs[j], dofs, part[:, None, None], followed[j]
 
 
-def _apply(matrices: Array, values: Array) -> Array:
-    return np.einsum("jab,jb->ja", matrices, values)
+class Strip:
+    """The rows and columns of the dofs near contact surfaces, factored; methods are collective.
+
+    Args:
+        bulk: The bodies; K holds no contact yet.
+        contacts: The contacts.
+        prefix: Prefix of the options.
+    """
+
+    def __init__(self, bulk: Bulk, contacts: Sequence[Interface], prefix: str) -> None:
+        self._prefix, self._held, self._comm = prefix, bulk.held, bulk.comm
+        dofs = _near(bulk, contacts)
+        self._rows = PETSc.IS().createGeneral((dofs + bulk.first).astype(PETSc.IntType), bulk.comm)
+        self._dofs = dofs
+        self._matrix: Any = None
+        self._factors: Any = None
+
+    def factor(self, A: PETSc.Mat) -> None:
+        """Factor the part of ``A``; its pattern may have changed."""
+        if self._matrix is not None:
+            self._factors.destroy()
+            self._matrix.destroy()
+        self._matrix = A.createSubMatrix(self._rows, self._rows)
+        self._factors = PETSc.PC().create(self._comm)
+        self._factors.setOptionsPrefix(self._prefix)
+        self._factors.setFromOptions()
+        self._factors.setOperators(self._matrix)
+        self._factors.setUp()
+        self._b, self._x = self._matrix.createVecs()
+        self._diagonal = A.getDiagonal().array_r[self._held]
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Solve for the dofs of the strip and those with prescribed values; others are zero."""
+        x.set(0.0)
+        x.array[self._held] = b.array_r[self._held] / self._diagonal
+        self._b.array[:] = b.array_r[self._dofs]
+        self._factors.apply(self._b, self._x)
+        x.array[self._dofs] = self._x.array_r
+
+
+def _near(bulk: Bulk, contacts: Sequence[Interface]) -> Indices:
+    """Local numbers of the owned dofs within ``LAYERS`` of the contact surfaces."""
+    surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
+    dofs = [s.local_dofs.ravel() + bulk.first for s in surfaces]
+    near = PETSc.IS().createGeneral(
+        np.unique(np.concatenate(dofs)).astype(PETSc.IntType), PETSc.COMM_SELF
+    )
+    bulk.K.increaseOverlap(near, LAYERS)
+    everywhere = np.unique(np.concatenate(bulk.comm.allgather(near.indices)))
+    mine = (everywhere >= bulk.first) & (everywhere < bulk.first + bulk.num_owned)
+    return everywhere[mine].astype(np.int64) - bulk.first

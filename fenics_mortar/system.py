@@ -43,7 +43,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.errors import MortarError
 from fenics_mortar.interface import Interface, Rows
 from fenics_mortar.mortar import Block
-from fenics_mortar.multigrid import TouchingBodies
+from fenics_mortar.multigrid import OPTIONS, TouchingBodies
 from fenics_mortar.reach import Reach
 from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
@@ -64,6 +64,7 @@ ITERATIVE = {
     "ksp_rtol": 1e-8,
     "ksp_max_it": 300,
     "pc_type": "python",
+    **OPTIONS,
 }
 SOLVERS: dict[Solver, dict[str, Any]] = {"direct": DIRECT, "iterative": ITERATIVE}
 # A direct solver that leaves more than this part of the right-hand side has met a singular matrix.
@@ -79,6 +80,7 @@ class LinearSystem(ABC):
         places: Global number of the multiplier of each slave node, per contact: in the order of
             their owners, so that a rank owns a contiguous range.
         num_multipliers: Multipliers this rank owns.
+        forcing: Part of the right-hand side that the next solve may leave if it is iterative.
         matrix: The matrix last assembled.
     """
 
@@ -98,6 +100,8 @@ class LinearSystem(ABC):
         self._prefix, self._options = prefix, {**DIRECT, **options}
         with self._in_database():
             self.ksp.setFromOptions()
+        self._finest, *_ = self.ksp.getTolerances()
+        self.forcing = 0.0
         self.matrix: PETSc.Mat
         self._rhs: PETSc.Vec
 
@@ -194,6 +198,8 @@ class LinearSystem(ABC):
         A direct solution that leaves more than rounding is refined once: pivots of a saddle point
         are chosen for sparsity, too, and cost digits.
         """
+        self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
+        self.forcing = 0.0
         solution, relative = self._attempt(matrix, rhs)
         if not relative <= LINEAR_TOLERANCE:  # an order that was right for other values may not be
             self.ksp.reset()
@@ -247,7 +253,7 @@ class CondensedSystem(LinearSystem):
         size, mine = bulk.num_owned, 2 * self.num_multipliers
         self._multigrid: TouchingBodies | None = None
         if self.ksp.getPC().getType() == "python":
-            self._multigrid = TouchingBodies(bulk, contacts, f"{prefix}cycle_")
+            self._multigrid = TouchingBodies(bulk, contacts, prefix)
             self.ksp.getPC().setPythonContext(self._multigrid)
         self._R = BlockMatrix(self.comm, size, mine)
         self._K_c = BlockMatrix(self.comm, size, size, bulk.space.block_size)
@@ -267,8 +273,6 @@ class CondensedSystem(LinearSystem):
         new = self._update_pattern()
         self.bulk.add_to_tangent(self._K_c.assemble(self._K_c_blocks(new)), new)
         self._slave_K = self._slave_tangent()
-        if self._multigrid is not None:
-            self._multigrid.set_up(self.bulk.K, self._largest_stiffness)
         R = self._R.assemble(self._R_blocks(laws, new))
         product = R.matMult(self._slave_K)
         self.bulk.add_to_tangent(product, new)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The iterative solver: results of the direct one, iterations that do not grow with the mesh."""
 
+from itertools import pairwise
+
 from mpi4py import MPI
 
 import numpy as np
@@ -67,15 +69,12 @@ def pressed(k, upper, lower):
     return counts
 
 
-@pytest.mark.parametrize("upper, lower", [(1.0, 1.0), (1.0, 1000.0)])
+@pytest.mark.parametrize("upper, lower", [(1.0, 1.0), (1.0, 1000.0), (1000.0, 1.0)])
 def test_iterations_do_not_grow_with_the_mesh(upper, lower):
-    counts = [max(pressed(k, upper, lower)) for k in (8, 16, 32, 64)]
-    assert max(counts) <= 12 and counts[-1] <= counts[0] + 2
-
-
-def test_a_slave_a_thousand_times_stiffer_is_solved():
-    counts = [max(pressed(k, 1000.0, 1.0)) for k in (16, 32, 64)]
-    assert max(counts) <= 40
+    """By a fifth at the most each time that the mesh is refined, whichever body is the stiffer."""
+    counts = [sum(pressed(k, upper, lower)) for k in (8, 16, 32, 64)]
+    assert max(counts) <= 36
+    assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
 
 
 @pytest.mark.parametrize("options", [{"solver": "iterative"}, {"linear_bulk": True}])

@@ -1,0 +1,100 @@
+# # A million unknowns on two cores
+#
+# A half cylinder is pressed on a block, both neo-Hookean, in three load steps from the first touch
+# on. Each refinement halves all cells:
+#
+#     mpirun -n 2 python3 demos/bench_large.py            16k unknowns
+#     mpirun -n 2 python3 demos/bench_large.py 4          1M
+#     mpirun -n 2 python3 demos/bench_large.py 3 direct   260k, by factors
+#
+# CPU seconds are those of the busiest rank: unlike the time on the clock they say little about what
+# else runs on the machine. Memory is the peak of all ranks together, meshing included.
+
+# +
+import resource
+import sys
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+root = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(root), str(root / "meshes")]
+import half_cylinder_on_block
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+SOLVER = "direct" if "direct" in sys.argv else "iterative"
+REFINEMENTS = int(next((arg for arg in sys.argv[1:] if arg.isdecimal()), 1))
+R, DEPTHS = 8.0, (0.05, 0.15, 0.25)
+# -
+
+model = None
+if comm.rank == 0:
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    model = half_cylinder_on_block.build(
+        radius=R, width=48.0, height=24.0, h=0.08, fine=1.0, growth=0.2
+    )
+    for _ in range(REFINEMENTS):
+        model.mesh.refine()
+data = fm.read_gmsh(model, comm)
+if comm.rank == 0:
+    gmsh.finalize()
+
+# +
+V = fm.vector_space(data.mesh, 1)
+u, v = fem.Function(V), ufl.TestFunction(V)
+F = ufl.Identity(2) + ufl.grad(u)
+P = 40.0 * (F - ufl.inv(F).T) + 60.0 * ufl.ln(ufl.det(F)) * ufl.inv(F).T
+residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 1})
+push = fem.Constant(data.mesh, (0.0, 0.0))
+bcs = [fm.dirichlet(V, data, "block/bottom", np.zeros(2))]
+bcs += [fm.dirichlet(V, data, "cylinder/top", push)]
+pair = fm.ContactPair(data, slave="cylinder/arc", master="block/top")
+problem = fm.ContactProblem(
+    residual, u, [pair], bcs=bcs, petsc_options_prefix="large_", solver=SOLVER
+)
+# -
+
+
+def peak():
+    """Gigabytes."""
+    return comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024**2
+
+
+def say(line):
+    if comm.rank == 0:
+        print(line, flush=True)
+
+
+# +
+say(f"{V.dofmap.index_map.size_global * 2} dofs, {SOLVER}, {comm.size} ranks\n")
+say("| depth [mm] | force [N/mm] | nodes in contact | iterations | on the clock [s] | CPU [s] |")
+say("|---:|---:|---:|---:|---:|---:|")
+iterations, clock, cpu, phases = 0, 0.0, 0.0, {}
+for depth in DEPTHS:
+    push.value[1] = -depth
+    start = time.perf_counter(), time.process_time()
+    report = problem.solve()
+    spent = time.perf_counter() - start[0], time.process_time() - start[1]
+    wall, busy = (comm.allreduce(seconds, MPI.MAX) for seconds in spent)
+    iterations, clock, cpu = iterations + report.num_iterations, clock + wall, cpu + busy
+    for phase, seconds in report.total_seconds().items():
+        phases[phase] = phases.get(phase, 0.0) + seconds
+    contact = problem.contacts[0]
+    cells = [f"{depth:.2f}", f"{contact.total_force[1]:.6f}", f"{contact.active.sum()}"]
+    cells += [f"{report.num_iterations}", f"{wall:.1f}", f"{busy:.1f}"]
+    say(f"| {' | '.join(cells)} |")
+say(f"| all | | | {iterations} | {clock:.1f} | {cpu:.1f} |\n")
+whole = sum(phases.values())
+say(", ".join(f"{phase} {100 * seconds / whole:.1f} %" for phase, seconds in phases.items()))
+say(f"peak {peak():.2f} GiB")
+# -
