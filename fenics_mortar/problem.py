@@ -83,9 +83,9 @@ class ContactProblem:
         algorithm: "condensed" (the paper's Alg. 2, dual multipliers only) or "saddle" (Alg. 1);
             condensed by default where D can be inverted node by node.
         solver: "direct" (MUMPS) or "iterative": GMRES with multigrid, see ``multigrid``; for the
-            condensed system of displacements alone. Less memory; half the processor time at
-            160,000 unknowns (``demos/bench_newton.py``), more where the interface is oblique to
-            the axes, so that the choice is the user's.
+            condensed system of displacements alone, with less memory. As many iterations on any
+            mesh while the interface is about along the axes; oblique to them they grow, so that
+            the choice is the user's.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
