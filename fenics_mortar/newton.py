@@ -243,9 +243,10 @@ def forcing(residuals: Sequence[float], goal: float) -> float:
         residuals: Those of the iterations so far.
         goal: Residual at which the iteration ends.
     """
-    last = residuals[-1]
-    expected = 0.1 * (last / residuals[-2]) ** 2 if len(residuals) > 1 else LOOSEST
-    return min(max(expected, 0.01 * goal / max(last, goal)), LOOSEST)
+    last, before = residuals[-1], residuals[-2] if len(residuals) > 1 else 0.0
+    expected = 0.1 * (last / before) ** 2 if before > 0.0 else LOOSEST
+    enough = 0.01 * goal / last if last > goal else 0.01
+    return min(max(expected, enough), LOOSEST)
 
 
 def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConvergedError:

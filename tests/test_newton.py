@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.newton import Status, Step, period_of, solve
+from fenics_mortar.newton import LOOSEST, Status, Step, forcing, period_of, solve
 
 
 class Root:
@@ -134,3 +134,11 @@ def test_table_is_markdown_with_a_row_per_iteration():
     assert sum(line.startswith("|") for line in lines) == 3 + len(report.iterations)
     assert "converged in" in lines[-1]
     assert report.total_seconds() == {"solve": float(len(report.iterations))}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("residuals", [[0.0], [0.0, 0.0], [1e-3, 0.0], [0.0, 1e-3], [1.0, 1e-3]])
+@pytest.mark.parametrize("goal", [0.0, 1e-12])
+def test_linear_solves_are_asked_for_something_whatever_the_residuals(residuals, goal):
+    """Without loads all is zero; between two iterations contact may begin."""
+    assert 0.0 < forcing(residuals, goal) <= LOOSEST
