@@ -26,7 +26,8 @@ pytest=(/usr/bin/python3 -m pytest "--color=$color")
 spread=(-n "$(nproc)" --dist loadfile) # files of tests over the cores; each test is on one rank
 # What ranks change is in the other files: these would only be the same again on three.
 same=(--ignore=tests/verification/test_patch.py --ignore=tests/verification/test_quadratic.py
-    --ignore=tests/verification/test_integration.py)
+    --ignore=tests/verification/test_integration.py --ignore=tests/verification/test_rates.py
+    --ignore=tests/verification/test_tied_rates.py --ignore=tests/verification/test_effectivity.py)
 failed=0
 summary=()
 
