@@ -137,7 +137,7 @@ REMEDIES = {
     "no_release": Remedy(
         "springs hold bodies that roll, and let go",
         "falling_wheel",
-        "10",
+        "1",
         "plain",
         Method("not held", adaptive=False, override=without((problem, "release_slowly", give_up))),
     ),
