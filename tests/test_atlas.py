@@ -90,6 +90,7 @@ def test_worker_that_crashes_gives_a_failed_cell():
     record = worker.run(task("any", 1), 20.0)
     assert record["state"] == "failed" and "crash, exit code -6" in record["reason"]
     assert not worker.alive
+    assert "no worker, exit code -6" in worker.run(task("any", 2), 20.0)["reason"]
 
 
 def test_worker_that_hangs_is_ended_and_gives_a_failed_cell():

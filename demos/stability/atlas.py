@@ -68,6 +68,8 @@ class Worker:
 
     def run(self, task: Task, seconds: float) -> Task:
         """The record of a cell; "failed" if the worker crashes or takes too long."""
+        if not self.alive:  # writing to it would be a signal that PETSc takes for an error
+            return failed(f"no worker, exit code {self._process.returncode}: {self._last()}", 0.0)
         try:
             self._process.stdin.write(json.dumps(task).encode() + b"\n")
             self._process.stdin.flush()
