@@ -4,6 +4,7 @@
 import os
 import subprocess
 import sys
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -40,8 +41,10 @@ def test_demo_runs_in_serial(demo, tmp_path):
 
 @pytest.mark.serial
 @pytest.mark.demo
-@pytest.mark.parametrize("ranks", [2, 4])
-@pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
+@pytest.mark.parametrize(
+    "demo, ranks",
+    [pytest.param(demo, ranks, id=demo.stem) for demo, ranks in zip(DEMOS, cycle((2, 4)))],
+)
 def test_demo_runs_on_several_ranks(demo, ranks, tmp_path):
     finished = run(demo, ranks, tmp_path)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-4000:]
