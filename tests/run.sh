@@ -24,10 +24,12 @@ color=no # decided here: mpirun gives each rank a terminal of its own
 if [ -t 1 ]; then color=yes; fi
 pytest=(/usr/bin/python3 -m pytest "--color=$color")
 spread=(-n "$(nproc)" --dist loadfile) # files of tests over the cores; each test is on one rank
-# What ranks change is in the other files: these would only be the same again on three.
-same=(--ignore=tests/verification/test_patch.py --ignore=tests/verification/test_quadratic.py
-    --ignore=tests/verification/test_integration.py --ignore=tests/verification/test_rates.py
-    --ignore=tests/verification/test_tied_rates.py --ignore=tests/verification/test_effectivity.py)
+# Three ranks are one core too many: there only what other partitions change, not all on top of it.
+same=()
+for file in verification/test_{patch,quadratic,integration,rates,tied_rates,effectivity} \
+    test_{tied,adequacy,small_sliding,obstacles,driven,estimate,multigrid,reduced,mixed}; do
+    same+=("--ignore=tests/$file.py")
+done
 failed=0
 summary=()
 
