@@ -51,6 +51,9 @@ from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
 from fenics_mortar.tied import Tie
 
+# How K is factored, and by which part [%] of room more than foreseen; the next if that fails: on
+# several ranks MUMPS may need far more.
+FACTORS = (("cholesky", 50), ("cholesky", 300), ("lu", 300))
 # Columns of the compliance solved for at a time.
 COLUMNS = 32
 # An iteration of the general path costs as much as about so many of these columns.
@@ -100,6 +103,29 @@ class ContactDofs:
         return local[dofs].astype(np.int64), dofs
 
 
+def factored(K: PETSc.Mat, prefix: str) -> PETSc.PC:
+    """A symmetric matrix, factored by MUMPS (collective).
+
+    Raises:
+        MortarError: On all ranks, if it cannot be.
+    """
+    for kind, room in FACTORS:
+        pc = PETSc.PC().create(K.comm)
+        pc.setOptionsPrefix(prefix)
+        pc.setType(kind)
+        pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
+        pc.setOperators(K)
+        pc.setFromOptions()
+        pc.setFactorSetUpSolverType()
+        pc.getFactorMatrix().setMumpsIcntl(14, room)
+        pc.setUp()
+        outcome = pc.getFactorMatrix().getMumpsInfog(1)
+        if outcome >= 0:
+            return pc
+        pc.destroy()
+    raise MortarError(f"the stiffness of the bodies was not factored: MUMPS says {outcome}")
+
+
 class FactoredBulk:
     """K, assembled and factored with the prescribed dofs held (collective).
 
@@ -115,14 +141,8 @@ class FactoredBulk:
         held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), comm)
         K = bulk.K.copy()
         K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
-        self._pc = PETSc.PC().create(comm)
-        self._pc.setOptionsPrefix(prefix)
-        self._pc.setType("cholesky")
-        self._pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
         K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        self._pc.setOperators(K)
-        self._pc.setFromOptions()
-        self._pc.setUp()
+        self._pc = factored(K, prefix)
         numbers, local = dofs.owned()
         free = ~bulk.prescribed[local]
         self._numbers, self._local = numbers[free], local[free]
