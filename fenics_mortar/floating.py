@@ -203,8 +203,9 @@ class FloatingBodies:
         return (self._bulk.u.x.array - self._anchor)[: self._bulk.num_owned]
 
     def parts_held(self) -> list[tuple[str, float]]:
-        """Name and force of springs over the contact force on it, of each body."""
-        return [(self.name_of(body.label), self._part_held(body)) for body in self.bodies]
+        """Name and force of springs over the contact force on it, of each body that has some."""
+        held = self.bodies if self.held else []
+        return [(self.name_of(body.label), self._part_held(body)) for body in held]
 
     def _part_held(self, body: FloatingBody) -> float:
         force = np.linalg.norm(self._resultant(body, self._spring_forces()))

@@ -26,6 +26,7 @@ f_q         -sum_k F_k . V(x_k): what the nodal forces F = D^T z, added to the i
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
@@ -61,7 +62,7 @@ MOTIONS = ("x", "y", "angle")
 EPSILON = float(np.finfo(float).eps)
 
 
-class Obstacle:
+class Obstacle(ABC):
     """A rigid solid; the user says where it is, or what drives it.
 
     Attributes:
@@ -141,9 +142,9 @@ class Obstacle:
         rows = ((one, zero), (zero, one), (-r[:, 1], r[:, 0]))
         return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
 
+    @abstractmethod
     def local(self, x: Array) -> Fields:
         """Phi, gradient and Hessian in the obstacle's own frame."""
-        raise NotImplementedError
 
 
 class Plane(Obstacle):

@@ -553,9 +553,7 @@ class ContactProblem:
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
-        if not self.floating.held:
-            return certificate
-        return replace(certificate, springs=max(part for _, part in self._parts_held()))
+        return replace(certificate, springs=max((p for _, p in self._parts_held()), default=0.0))
 
     def estimate(self) -> ErrorEstimate:
         """Estimate the error of the present state by cells; see ``estimate``.

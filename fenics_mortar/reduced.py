@@ -112,10 +112,10 @@ def factored(K: PETSc.Mat, prefix: str) -> PETSc.PC:
     for kind, room in FACTORS:
         pc = PETSc.PC().create(K.comm)
         pc.setOptionsPrefix(prefix)
-        pc.setType(kind)
+        pc.setFromOptions()
+        pc.setType(kind)  # whatever solves the whole system: many right-hand sides need factors
         pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
         pc.setOperators(K)
-        pc.setFromOptions()
         pc.setFactorSetUpSolverType()
         pc.getFactorMatrix().setMumpsIcntl(14, room)
         pc.setUp()
