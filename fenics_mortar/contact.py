@@ -376,7 +376,8 @@ class Contact(Interface):
 
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
-        self.accepted = find_partners(self.operators, self.covered)
+        rubs = not isinstance(self.pair.law, Frictionless)
+        self.accepted = find_partners(self.operators, self.covered, between=rubs)
 
     def start_step(self) -> None:
         """Count slip from the accepted state."""

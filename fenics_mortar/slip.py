@@ -30,6 +30,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
+from fenics_mortar.facing import Facing, face
 from fenics_mortar.mortar import Block, MortarOperators, share_of
 from fenics_mortar.obstacles import ObstacleOperators
 from fenics_mortar.surfaces import Array, Indices
@@ -47,12 +48,15 @@ class Partners:
         M: Shape (slave nodes, master nodes), rows sum to one; no columns for an obstacle.
         feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
         start: tau_j . b_j at that state, shape (slave nodes,) [length].
+        facing: Points between the nodes that faced each other, if they were asked for: of bodies
+            that rub against each other. The surface of an obstacle has no mesh.
     """
 
     D: csr_array
     M: csr_array
     feet: Array
     start: Array
+    facing: Facing | None = None
 
     def apart(self, o: MortarOperators) -> Array:
         """B at the positions of ``o``, shape (slave nodes, 2) [length]."""
@@ -88,13 +92,17 @@ class Partners:
         return entries.row.astype(np.int64), entries.col.astype(np.int64)
 
 
-def find_partners(o: MortarOperators, faces: npt.NDArray[np.bool_]) -> Partners:
+def find_partners(
+    o: MortarOperators, faces: npt.NDArray[np.bool_], *, between: bool = False
+) -> Partners:
     """Partners at the state of ``o`` (collective).
 
     Args:
         o: Operators of the accepted state.
         faces: Which slave nodes have a row in D and M, shape (slave nodes,), bool.
+        between: Whether to note what faces each other between the nodes, too.
     """
+    facing = None
     if isinstance(o, ObstacleOperators):
         size = len(o.x)
         D, M = csr_array(np.eye(size)), csr_array((size, 0))
@@ -105,9 +113,10 @@ def find_partners(o: MortarOperators, faces: npt.NDArray[np.bool_]) -> Partners:
         own, nearest = _nearest(o, np.flatnonzero(~faces))
         on_slave = _replicate(o, o.facet_nodes, o.facet_nodes, o.D, per_weight)
         on_master = _replicate(o, s.slave, s.master, o.M, per_weight)
+        facing = face(o, s) if between else None
         D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
     start = Partners(D, M, feet, np.zeros(len(o.x))).slip(o)
-    return Partners(D, M, feet, start)
+    return Partners(D, M, feet, start, facing)
 
 
 def _replicate(
