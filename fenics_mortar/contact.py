@@ -456,8 +456,14 @@ class Contact(Interface):
             near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= NEAR * self.nodal_lengths
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
-    def describe_overlap(self) -> str:
-        """Overlap of the present state, in words; "" if there is none."""
+    def describe_start(self) -> str:
+        """Overlap of the present state, or that nothing faces, in words; "" if there is neither."""
+        if not self.covered.any():
+            return (
+                f"no node of '{self.slave.name}' faced '{self.master.name}' before the first solve: "
+                f"nothing within {self.pair.search_radius or self._reach():.3g} along its normals, "
+                "so the pair bears no force until they come nearer"
+            )
         overlap = -np.nan_to_num(self.gap)
         j = int(np.argmax(overlap / self.nodal_lengths))
         if overlap[j] <= OVERLAP * self.nodal_lengths[j]:

@@ -195,7 +195,7 @@ class ContactProblem:
             contact.set_initial_gap()
             contact.evaluate(u.x.array, self.linearization)
         self.accept()
-        self._overlaps = [c.describe_overlap() for c in self.contacts]
+        self._starts = [c.describe_start() for c in self.contacts]
 
     # Solving
 
@@ -233,8 +233,8 @@ class ContactProblem:
         report.certificate = self.certificate()
         violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
         reactions = self.tools.record()
-        report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations, *reactions]
-        self._overlaps = []
+        report.notes[:0] = [*filter(None, self._starts), *moved, *violations, *reactions]
+        self._starts = []
         if self._adequacy is not None:
             report.adequacy = self._adequacy.assess(self)
         return report
