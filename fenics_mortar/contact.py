@@ -460,9 +460,9 @@ class Contact(Interface):
         """Overlap of the present state, or that nothing faces, in words; "" if there is neither."""
         if not self.covered.any():
             return (
-                f"no node of '{self.slave.name}' faced '{self.master.name}' before the first solve: "
-                f"nothing within {self.pair.search_radius or self._reach():.3g} along its normals, "
-                "so the pair bears no force until they come nearer"
+                f"no node of '{self.slave.name}' faced '{self.master.name}' before the first "
+                f"solve: nothing within {self.pair.search_radius or self._reach():.3g} along its "
+                "normals, so the pair bears no force until they come nearer"
             )
         overlap = -np.nan_to_num(self.gap)
         j = int(np.argmax(overlap / self.nodal_lengths))
