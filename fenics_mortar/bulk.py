@@ -82,7 +82,7 @@ class Bulk:
             self.is_linear = self.u not in expanded.coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
         self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
-        self._constants = {*residual.constants(), *jacobian.constants()}
+        self._constants = list(dict.fromkeys([*residual.constants(), *jacobian.constants()]))
         self._coefficients = {*residual.coefficients(), *jacobian.coefficients()}
         self.K: PETSc.Mat
         self.num_patterns = 0
@@ -225,6 +225,8 @@ class Bulk:
     def check_finite(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
 
+        Constants that differ between the ranks are refused as well.
+
         Raises:
             MortarError: On all ranks; says what is not finite, and where.
         """
@@ -253,6 +255,18 @@ class Bulk:
         everywhere = sorted(set().union(*self.comm.allgather(set(messages))))
         if everywhere:
             raise MortarError("; ".join(everywhere))
+        self._check_same_constants()
+
+    def _check_same_constants(self) -> None:
+        values = np.concatenate([np.zeros(0), *(np.ravel(c.value) for c in self._constants)])
+        bounds = np.stack([values, -values])
+        self.comm.Allreduce(MPI.IN_PLACE, bounds, MPI.MAX)
+        differ = np.flatnonzero(bounds[0] != -bounds[1])
+        if differ.size:
+            raise MortarError(
+                f"a constant of the residual is {-bounds[1, differ[0]]:g} on one rank and "
+                f"{bounds[0, differ[0]]:g} on another; all ranks need the same value"
+            )
 
     def count_nodes(self, dofs: npt.NDArray[np.bool_]) -> tuple[int, str]:
         """Number of nodes with any of the marked local dofs, and a place (collective).

@@ -107,7 +107,8 @@ class Obstacle(ABC):
         """Let forces drive motions: they are unknown then, and a solve finds the place.
 
         Args:
-            x: Force; what is not given stays as it is, prescribed or driven [stress length].
+            x: Force, 0 to let it move freely; what is not given stays as it is, prescribed or
+                driven [stress length].
             y: Force [stress length].
             moment: Moment about the pivot; frees the rotation [stress length^2].
         """
