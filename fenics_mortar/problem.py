@@ -22,6 +22,7 @@ from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.damping import Damped
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.estimate import ErrorEstimate, Estimator
@@ -66,6 +67,15 @@ class State:
     partners: list[tuple[Partners, Partners]]
     places: Array
     converged: bool
+
+    def towards(self, other: State, part: float) -> State:
+        """Part of the way to another state, with the sets of this one."""
+        return replace(
+            self,
+            u=self.u + part * (other.u - self.u),
+            z=[mine + part * (z - mine) for mine, z in zip(self.z, other.z, strict=True)],
+            places=self.places + part * (other.places - self.places),
+        )
 
 
 class ContactProblem:
@@ -303,7 +313,7 @@ class ContactProblem:
         """One Newton loop; where that fails and bodies float, several with springs that let go."""
         start = self.state()
         try:
-            return solve(self, self.newton)
+            return solve(Damped(self, self.newton) if self.newton.damped else self, self.newton)
         except NotConvergedError as error:
             if not self.floating.bodies and not self.tools.driven.any():
                 raise
@@ -542,6 +552,13 @@ class ContactProblem:
             contact.partners, contact.accepted = state.partners[i]
             contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged
+
+    def interface_motion(self, before: State) -> float:
+        """Largest motion of a surface since a state, in its shortest facets (collective)."""
+        change = (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
+        sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
+        motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
+        return float(max(motions, default=0.0))
 
     def extrapolate(self, before: State, factor: float) -> None:
         """Move on by ``factor`` times the change since ``before``, as far as the cells bear."""

@@ -543,6 +543,11 @@ class LinearBulk:
 
     def __init__(self, problem: Any, wanted: bool | None, prefix: str) -> None:
         self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}compliance_"
+        if wanted and problem.newton.damped:
+            raise ValueError(
+                "linear_bulk=True takes whole steps: leave out line_search and most_motion, or "
+                "give linear_bulk=False"
+            )
         linear = problem.bulk.is_linear if wanted is None else wanted
         self._possible = linear and bool(problem.contacts)
         self._data: list[Array] = []
@@ -551,7 +556,7 @@ class LinearBulk:
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
         """The reduced equations, or ``None`` for the general path; a remark (collective)."""
-        if not self._possible or self._problem.tools.driven.any():
+        if not self._possible or self._problem.newton.damped or self._problem.tools.driven.any():
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
