@@ -27,6 +27,9 @@ class Method:
         pair: Arguments of ``ContactPair``.
         newton: Arguments of ``NewtonOptions``.
         adaptive: ``follow_path``, or the scene's fixed steps by plain calls of ``solve``.
+        smallest: Smallest step over the scene's own; ``None``: what ``follow_path`` has by default.
+            Where contrast methods fail, they fail at any step: most of the time of the atlas would
+            go into the last of their cuts.
         override: What is done to the package while the cell runs.
     """
 
@@ -35,11 +38,12 @@ class Method:
     pair: dict[str, Any] = field(default_factory=dict)
     newton: dict[str, Any] = field(default_factory=dict)
     adaptive: bool = True
+    smallest: float | None = 1.0 / 64.0
     override: Callable[[], AbstractContextManager] = nullcontext
 
 
 METHODS = {
-    "default": Method("default"),
+    "default": Method("default", smallest=None),
     "saddle": Method("Alg. 1, saddle", problem={"algorithm": "saddle"}),
     "standard": Method("standard basis", pair={"basis": "standard"}),
     "plain": Method("plain Newton", adaptive=False),
