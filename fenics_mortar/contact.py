@@ -374,7 +374,8 @@ class Contact(Interface):
 
     def adopt(self, other: Contact) -> None:
         """Take over offset, weight and undeformed operators of the same pair by another model."""
-        self.offset, self.c_n, self._reference = other.offset, other.c_n, other._reference
+        self.offset, self.c_n = other.offset, other.c_n
+        self._reference = other._reference or self._reference
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve."""
