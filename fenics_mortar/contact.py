@@ -85,7 +85,8 @@ class ContactPair:
     Args:
         data: Mesh, tags and names.
         slave: Name or tag of the side that carries the multiplier (the finer or softer one).
-        master: Name or tag of the other side, or an obstacle; several pairs may share one. An
+        master: Name or tag of the other side, or an obstacle; several pairs may share one, and a
+            slave may have several masters, one pair each: in a groove a node may touch two. An
             obstacle has its own normals and no ends, so that ``normals`` matters on symmetry planes
             only, ``gap_weights="cover"`` is "basis", and "segments" and "elements" are the same:
             Gauss points on whole slave facets.
@@ -274,6 +275,11 @@ class Contact(Interface):
             return surface_without_nodes(self.slave, self.pair.master_name)
         return super()._master_surface(space)
 
+    def has_master_of(self, other: Interface) -> bool:
+        """Whether the two have the same obstacle, or masters that share a node."""
+        same = self.obstacle is not None and self.obstacle is other.pair.master
+        return same or super().has_master_of(other)
+
     def _reach(self) -> float:
         """Distance at which partners are looked for by default."""
         if self.obstacle is not None:
@@ -368,7 +374,8 @@ class Contact(Interface):
 
     def adopt(self, other: Contact) -> None:
         """Take over offset, weight and undeformed operators of the same pair by another model."""
-        self.offset, self.c_n, self._reference = other.offset, other.c_n, other._reference
+        self.offset, self.c_n = other.offset, other.c_n
+        self._reference = other._reference or self._reference
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve."""

@@ -104,7 +104,8 @@ class ContactProblem:
             see ``reduced``. By default this is seen from ``residual``, and done once it pays; with
             solver "iterative" only if asked for.
         adequacy: What asks after each solve whether the model was rich enough, an
-            ``AdequacyCheck``; its answer is ``report.adequacy``.
+            ``AdequacyCheck``; its answer is ``report.adequacy``. It may also begin each solve on a
+            cheaper model, and go on only if that was not enough.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
@@ -206,6 +207,8 @@ class ContactProblem:
             contact.evaluate(u.x.array, self.linearization)
         self.accept()
         self._starts = [c.describe_start() for c in self.contacts]
+        if adequacy is not None:
+            adequacy.prepare(self)
 
     # Solving
 
@@ -220,8 +223,16 @@ class ContactProblem:
                 at the last iterate; to solve again, reset ``u`` and mend what was wrong.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
         """
-        clock.read()
         self.bulk.check_finite()
+        report = None if self._adequacy is None else self._adequacy.climb(self)
+        report = report or self._solve_by_this_model()
+        if self._adequacy is not None:
+            report.adequacy = self._adequacy.assess(self)
+        return report
+
+    def _solve_by_this_model(self) -> NewtonReport:
+        """Solve, whatever the model's adequacy."""
+        clock.read()
         for contact in self.contacts:
             contact.start_step()
         try:
@@ -245,8 +256,6 @@ class ContactProblem:
         reactions = self.tools.record()
         report.notes[:0] = [*filter(None, self._starts), *moved, *violations, *reactions]
         self._starts = []
-        if self._adequacy is not None:
-            report.adequacy = self._adequacy.assess(self)
         return report
 
     def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
@@ -256,12 +265,14 @@ class ContactProblem:
 
         Args:
             residual: UFL form in the place of this problem's.
-            pair_options: Attributes of contact pairs instead, as ``sliding="finite"``.
+            pair_options: Attributes of contact pairs instead, as ``sliding="finite"``, or functions
+                of the present ones.
         """
         pairs = [copy(contact.pair) for contact in self.contacts]
         for pair in pairs:
             if isinstance(pair, ContactPair):
-                vars(pair).update(pair_options)
+                for name, new in pair_options.items():
+                    setattr(pair, name, new(getattr(pair, name)) if callable(new) else new)
         given = {**self._given, "pairs": pairs}
         if residual is not None:
             given.update(residual=residual, jacobian=None)

@@ -393,6 +393,9 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
         for other in contacts:
             if np.intersect1d(contact.multiplier_nodes, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"
+            both = np.intersect1d(contact.multiplier_nodes, other.multiplier_nodes)
+            if both.size and other is not contact:
+                return f"slave nodes of {names} are slaves of '{other.master.name}', too"
             if np.intersect1d(contact.multiplier_nodes, other.idle_nodes).size:
                 return f"slave nodes of {names} are nodes of '{other.slave.name}' as well"
     return None
