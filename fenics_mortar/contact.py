@@ -53,7 +53,7 @@ from fenics_mortar.obstacles import (
     surface_without_nodes,
 )
 from fenics_mortar.segments import Integration, Segments, find_segments
-from fenics_mortar.slip import Partners, find_partners
+from fenics_mortar.slip import Measure, Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface
 
@@ -123,6 +123,10 @@ class ContactPair:
         sliding: "finite", or "small": D, M and normals stay those of the undeformed mesh, and the
             gap is linear in the displacement. It suffices where slip is small beside a facet and
             normals hardly turn; with linear bulk the matrix is factored once, see ``reduced``.
+        slip: What friction measures slip by, see ``slip``. "partners": how far a node has moved
+            along the material points that it faced when the step began. "operators": the changes
+            of D and M, as most codes do. With small sliding, where these do not change, and on
+            obstacles both are the first.
         c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
             it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
             that a nonlinear step leaves behind.
@@ -151,6 +155,7 @@ class ContactPair:
         max_angle: float = 70.0,
         initial_gap: float | None = None,
         sliding: Sliding = "finite",
+        slip: Measure = "partners",
         c_n: float = 1e-3,
     ) -> None:
         for what, value, allowed in (
@@ -159,6 +164,7 @@ class ContactPair:
             ("gap_weights", gap_weights, get_args(GapWeights)),
             ("integration", integration, get_args(Integration)),
             ("sliding", sliding, get_args(Sliding)),
+            ("slip", slip, get_args(Measure)),
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
@@ -192,6 +198,7 @@ class ContactPair:
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
         self.initial_gap = initial_gap
         self.sliding: Sliding = sliding
+        self.slip: Measure = slip
         self.law: Law = law or Frictionless()
 
     def __repr__(self) -> str:
@@ -336,6 +343,14 @@ class Contact(Interface):
         else:
             operators = self._evaluate(x, m, linearization)
         self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+        if self.pair.slip == "operators":
+            _ = self.operators.vectors  # by all ranks
+
+    @property
+    def _slip_measure(self) -> Measure:
+        """The pair's, where there is a choice."""
+        one = self.obstacle is not None or self.pair.sliding == "small"
+        return "partners" if one else self.pair.slip
 
     def _evaluate(self, x: Array, m: Array, linearization: Linearization) -> MortarOperators:
         """The operators where the nodes are at ``x`` and ``m`` (collective)."""
@@ -383,7 +398,7 @@ class Contact(Interface):
 
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
-        self.accepted = find_partners(self.operators, self.covered)
+        self.accepted = find_partners(self.operators, self.covered, self._slip_measure)
 
     def start_step(self) -> None:
         """Count slip from the accepted state."""
