@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Friction against closed forms: Tresca's shear under a block and a bar; balance of work.
+"""Friction against closed forms and balances: Tresca's shear under a block and a bar, the work of
+sticking and sliding blocks, a block pushed into a channel, and a wheel that rolls.
 
 Bar of stiffness E H on a foundation that bears the shear g: under an end load P it slides as far as
 l = P / g, and so does it back, for a load less by Q, as far as m = Q / (2 g):
@@ -11,7 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from mapped_grids import Grid, block, build
+from mapped_grids import Grid, block, build, mapped
 from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, pressed_blocks, read
 
 import ufl
@@ -183,3 +184,97 @@ def test_friction_takes_up_what_is_done_and_not_stored(scene, floor):
     coarse, fine = -np.diff(works[:, 0])
     assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.1)
     assert abs(works[-1, 0] - fine / 3.0) < floor * works[-1, 1]
+
+
+@pytest.mark.serial
+def test_block_pushed_into_a_narrower_channel():
+    """The walls close by 1 % over a slope of 1 : 60, with mu = 0.1.
+
+    While it enters, the push is between mu N and that of a wedge, (mu + tan a) / (1 - mu tan a) N;
+    once inside hardly more is stored (1 % of the work), and friction takes up what is done.
+    """
+    mu, slope, steps, way = 0.1, 1 / 60, 14, 1.75
+
+    def wall(side):
+        def position(s, t):
+            narrowing = np.clip(3.0 * s - 0.9, 0.0, 0.6) * slope
+            return 3.0 * s, side * (0.5 - narrowing) + 0.3 * (t - (side < 0))
+
+        return Grid("upper" if side > 0 else "lower", mapped(24, 2, position))
+
+    pushed = Grid("pushed", block(8, 8, width=0.8, height=1.0, corner=(0.05, -0.5)))
+    data = read(build, grids=[pushed, wall(1), wall(-1)])
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, 0.0)
+    facing = ("pushed/top", "upper/bottom"), ("pushed/bottom", "lower/top")
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)),
+        u,
+        [fm.ContactPair(data, *names, law=fm.Coulomb(mu)) for names in facing],
+        bcs=[
+            fm.dirichlet(V, data, "upper/top", (0.0, 0.0)),
+            fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)),
+            fm.dirichlet(V, data, "pushed/left", push, component=0),
+        ],
+        petsc_options_prefix="channel_",
+    )
+    forces = []
+
+    def move(time):
+        push.value = way * time
+
+    def keep(time, report):
+        forces.append([contact.total_force for contact in problem.contacts])
+
+    path = fm.follow_path(problem, move, fm.SteppingOptions(1.0 / steps), on_step=keep)
+    assert path.num_cuts == 0
+    assert np.median([step.report.num_iterations for step in path.steps]) <= 5
+    above, below = np.transpose(forces, (1, 0, 2))
+    assert np.abs(above - below * [1.0, -1.0]).max() < 1e-12 * np.abs(above).max()
+    pushes, normal = -above[:, 0], -above[:, 1]
+    entering = slice(0, 6)
+    ratio = pushes[entering] / normal[entering]
+    assert (ratio > mu).all() and (ratio < (mu + slope) / (1 - mu * slope)).all()
+    inside = slice(steps - 2, steps)
+    done, taken = (sum(getattr(s.work, k) for s in path.steps[inside]) for k in WORKS)
+    assert done == pytest.approx(taken, rel=0.02)
+    assert done == pytest.approx(2.0 * pushes[inside].mean() * 2 * way / steps, rel=0.01)
+
+
+@pytest.mark.serial
+def test_wheel_that_friction_drives_rolls():
+    """A rigid wheel is turned on a block, held down by a force, and free to go where it wants.
+
+    All nodes stick but for one at the edge, so that it takes hardly work or moment, and goes its
+    circumference, but for the stretch of the ground, of the order (a / R)^2 with half the width of
+    contact a. In the end only nodes touch it that did not at the start.
+    """
+    R, P, turn, steps = 1.0, 4.0, 0.05, 10
+    ground = Grid("ground", block(48, 8, width=2.4, height=0.8, corner=(-0.6, -0.8)))
+    data = read(build, grids=[ground])
+    V, wheel = fm.vector_space(data.mesh, 1), fm.Circle((0.0, R), R)
+    u = fem.Function(V)
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)),
+        u,
+        [fm.ContactPair(data, "ground/top", wheel, law=fm.Coulomb(1.0))],
+        bcs=[fm.dirichlet(V, data, "ground/bottom", (0.0, 0.0))],
+        petsc_options_prefix="wheel_",
+    )
+    contact = problem.contacts[0]
+    wheel.push(y=-P)
+    problem.solve()
+    touched = contact.active.copy()
+    wheel.push(x=0.0)
+    work = 0.0
+    for step in range(1, steps + 1):
+        wheel.move(angle=-turn * step)
+        assert problem.solve().certificate.violations() == []
+        assert contact.sticking.sum() >= contact.active.sum() - 1
+        work += contact.friction_work
+    angle = turn * steps
+    assert not (touched & contact.active).any()
+    assert contact.active.sum() >= 8
+    assert wheel.place[0] == pytest.approx(R * angle, rel=4 * P * (1 - NU**2) / (np.pi * E * R))
+    assert abs(work) < 1e-4 * P * R * angle
+    assert abs(wheel.reaction[2]) < 2e-3 * P * R
