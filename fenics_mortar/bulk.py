@@ -87,6 +87,8 @@ class Bulk:
         self.K: PETSc.Mat
         self.num_patterns = 0
         self._num_growths: int
+        self._data: list[Array] = []
+        self._K_is_whole = False  # neither outdated nor with anything else in it
         self._create_tangent()
         self.r: PETSc.Vec = compat.create_vector(space.whole)
         dofs = compat.dofmap(self.V)[: self.V.mesh.topology.index_map(2).size_local]
@@ -116,7 +118,12 @@ class Bulk:
 
     @clock("tangent")
     def assemble_tangent(self) -> None:
-        """Assemble ``K`` at the present displacement (collective)."""
+        """Assemble ``K`` at the present displacement, unless it is known already (collective)."""
+        data = self.tangent_data() if self.is_linear else []
+        same = self._K_is_whole and all(map(np.array_equal, data, self._data))
+        if self.is_linear and self.comm.allreduce(same, MPI.LAND):
+            return
+        self._data, self._K_is_whole = data, True
         if self._num_growths > MOST_GROWTHS:
             self.K.destroy()
             self._create_tangent()
@@ -138,8 +145,16 @@ class Bulk:
         """
         structure = PETSc.Mat.Structure
         self._num_growths += grow
+        self._K_is_whole = False
         pattern = structure.DIFFERENT_NONZERO_PATTERN if grow else structure.SUBSET_NONZERO_PATTERN
         self.K.axpy(1.0, other, pattern)
+
+    def add_to_diagonal(self, values: Array) -> None:
+        """Add owned ``values`` to the diagonal of ``K`` (collective)."""
+        diagonal = self.K.getDiagonal()
+        diagonal.array[:] += values
+        self.K.setDiagonal(diagonal)
+        self._K_is_whole = False
 
     def distance_to_prescribed(self) -> Array:
         """Prescribed value minus present displacement of the ``held`` dofs (local)."""
