@@ -398,7 +398,10 @@ class Contact(Interface):
 
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
-        self.accepted = find_partners(self.operators, self.covered, self._slip_measure)
+        rubs = not isinstance(self.pair.law, Frictionless)
+        self.accepted = find_partners(
+            self.operators, self.covered, self._slip_measure, between=rubs
+        )
 
     def start_step(self) -> None:
         """Count slip from the accepted state."""

@@ -42,6 +42,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
+from fenics_mortar.facing import Facing, face
 from fenics_mortar.mortar import Block, MortarOperators, share_of
 from fenics_mortar.obstacles import ObstacleOperators
 from fenics_mortar.surfaces import Array, Indices
@@ -61,6 +62,8 @@ class Partners:
         feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
         present: s_j, what the present D and M count for, shape (slave nodes,) [1 / length].
         start: tau_j . b_j at that state, shape (slave nodes,) [length].
+        facing: Points between the nodes that faced each other, if they were asked for: of bodies
+            that rub against each other. The surface of an obstacle has no mesh.
     """
 
     D: csr_array
@@ -68,6 +71,7 @@ class Partners:
     feet: Array
     present: Array
     start: Array
+    facing: Facing | None = None
 
     def apart(self, o: MortarOperators) -> Array:
         """B at the positions of ``o``, shape (slave nodes, 2) [length]."""
@@ -108,7 +112,11 @@ class Partners:
 
 
 def find_partners(
-    o: MortarOperators, faces: npt.NDArray[np.bool_], measure: Measure = "partners"
+    o: MortarOperators,
+    faces: npt.NDArray[np.bool_],
+    measure: Measure = "partners",
+    *,
+    between: bool = False,
 ) -> Partners:
     """Partners at the state of ``o`` (collective).
 
@@ -116,8 +124,9 @@ def find_partners(
         o: Operators of the accepted state.
         faces: Which slave nodes have a row in D and M, shape (slave nodes,), bool.
         measure: Whether the present D and M count, too.
+        between: Whether to note what faces each other between the nodes, too.
     """
-    none = np.zeros(len(o.x))
+    none, facing = np.zeros(len(o.x)), None
     if isinstance(o, ObstacleOperators):
         size = len(o.x)
         D, M, present = csr_array(np.eye(size)), csr_array((size, 0)), none
@@ -128,9 +137,10 @@ def find_partners(
         own, nearest = _nearest(o, np.flatnonzero(~faces))
         on_slave = _replicate(o, o.facet_nodes, o.facet_nodes, o.D, per_weight)
         on_master = _replicate(o, s.slave, s.master, o.M, per_weight)
+        facing = face(o, s) if between else None
         D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
         present = per_weight if measure == "operators" else none
-    partners = Partners(D, M, feet, present, none)
+    partners = Partners(D, M, feet, present, none, facing)
     return replace(partners, start=partners.slip(o))
 
 
