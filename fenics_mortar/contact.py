@@ -435,6 +435,12 @@ class Contact(Interface):
         return self.active & (self.piece == STICK) & self._rubs
 
     @property
+    def sliding(self) -> npt.NDArray[np.bool_]:
+        """Whether an active node slides against friction, shape (slave nodes,), bool."""
+        rubs = self._rubs & (self.pair.law.bound(self.pressure) > 0.0)
+        return self.active & (self.piece != STICK) & rubs
+
+    @property
     def friction_work(self) -> float:
         """What friction takes up in a step, by the shear at its end [stress length^2]."""
         return float(self.shear_force @ np.where(self.active, self.slip, 0.0))

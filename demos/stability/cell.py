@@ -13,7 +13,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -23,10 +23,10 @@ from families import scene_of
 from methods import ALL_METHODS, Method
 from model import Posed, Scene, fm, pose_problem
 
-# Linear systems after which a cell is given up: so many, and more for each of the scene's steps.
-# Those that get through need less.
+# Linear systems after which a contrast method is given up: so many, and more for each of the
+# scene's steps. Those that get through need less.
 MOST_SYSTEMS = 500, 20
-STATES = ("converged", "cut", "wrong", "failed", "n/a", "not available")
+STATES = ("converged", "cut", "wrong", "failed", "dead end", "n/a", "not available")
 
 
 class GivenUpError(Exception):
@@ -96,6 +96,8 @@ def _run(scene: Scene, method: Method, comm: MPI.Comm, record: Record) -> None:
         record.reason = str(error)
         if "wrong state" in record.reason:  # so the driver says, and does not accept it
             record.state = "wrong"
+        elif getattr(getattr(error, "report", None), "dead_end", ""):  # no equilibrium beyond
+            record.state = "dead end"
     else:
         wrong = scene.check(posed)
         violations += [wrong] if wrong else []
@@ -109,11 +111,11 @@ def _adaptive(
 ) -> None:
     """The robust driver with its defaults; the scene gives the first step."""
     step = 1.0 / posed.scene.steps
-    options = {"smallest": method.smallest * step} if method.smallest else {}
+    options, set_loads = fm.SteppingOptions(step), posed.set_loads
+    if method.smallest is not None:
+        options, set_loads = replace(options, smallest=method.smallest * step), _count(posed)
     try:
-        path = fm.follow_path(
-            posed.problem, _count(posed), fm.SteppingOptions(step, **options), on_step=look
-        )
+        path = fm.follow_path(posed.problem, set_loads, options, on_step=look)
     except fm.NotConvergedError as failure:
         path = failure.report
         raise
