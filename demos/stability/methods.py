@@ -27,6 +27,9 @@ class Method:
         pair: Arguments of ``ContactPair``.
         newton: Arguments of ``NewtonOptions``.
         adaptive: ``follow_path``, or the scene's fixed steps by plain calls of ``solve``.
+        smallest: Smallest step over the scene's own; ``None``: what ``follow_path`` has by default.
+            Where contrast methods fail, they fail at any step: most of the time of the atlas would
+            go into the last of their cuts.
         override: What is done to the package while the cell runs.
     """
 
@@ -35,14 +38,17 @@ class Method:
     pair: dict[str, Any] = field(default_factory=dict)
     newton: dict[str, Any] = field(default_factory=dict)
     adaptive: bool = True
+    smallest: float | None = 1.0 / 64.0
     override: Callable[[], AbstractContextManager] = nullcontext
 
 
 METHODS = {
-    "default": Method("default"),
+    "default": Method("default", smallest=None),
     "saddle": Method("Alg. 1, saddle", problem={"algorithm": "saddle"}),
     "standard": Method("standard basis", pair={"basis": "standard"}),
     "plain": Method("plain Newton", adaptive=False),
+    "line_search": Method("with line search", newton={"line_search": True}),
+    "short_moves": Method("half a facet at most", newton={"most_motion": 0.5}),
     "no_normals": Method("without normals", problem={"linearization": "no_normals"}),
     "no_segments": Method("without segment motion", problem={"linearization": "no_segments"}),
     "frozen": Method("fixed point", problem={"linearization": "frozen"}),
