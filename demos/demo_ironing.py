@@ -97,7 +97,7 @@ if comm.rank == 0:
     axes.vlines(places, *np.transpose(bands), color="lightgray", lw=8, label="published")
     for file in sorted(Path("results").glob("ironing_*.txt")):
         columns = np.split(np.loadtxt(file, usecols=(0, 1, 2)), [1], axis=1)
-        axes.plot(*columns, label=[f"{letter}, {file.stem[-3:]} facets" for letter in "HV"])
+        axes.plot(*columns, label=[f"{force}, {int(file.stem[-3:])} facets" for force in "HV"])
     axes.legend()
     axes.figure.savefig("results/ironing_forces.png", dpi=150)
 # -
