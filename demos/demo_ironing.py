@@ -8,7 +8,7 @@
 # by 10 mm along it. Both are compressible neo-Hookean, nu = 0.32, and mu = 0.3.
 #
 #     python3 demos/demo_ironing.py          steps of 1/8 mm, 40 facets on the block
-#     python3 demos/demo_ironing.py 0.02 90  as published; draws the forces of earlier runs as well
+#     python3 demos/demo_ironing.py 0.02 60  steps as published; draws earlier runs, too
 #
 # ## Implementation
 
