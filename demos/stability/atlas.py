@@ -8,8 +8,8 @@
 Cells are kept in ``results/stability/cells.jsonl`` as they come; cells that are there are not run
 again unless ``--again`` is given. Batches of ``--scenes`` may be run one after the other, or into
 several folders (``--results``) whose ``cells.jsonl`` are put one after the other for ``--draw``; of
-a cell that is there twice the later record counts. Each worker is a process of its own: a cell that hangs or
-crashes takes it down, is recorded as failed, and the next cell gets a new worker.
+a cell that is there twice the later record counts. Each worker is a process of its own: a cell that
+hangs or crashes takes it down, is recorded as failed, and the next cell gets a new worker.
 """
 
 from __future__ import annotations
