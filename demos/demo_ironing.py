@@ -8,7 +8,7 @@
 # by 10 mm along it. Both are compressible neo-Hookean, nu = 0.32, and mu = 0.3.
 #
 #     python3 demos/demo_ironing.py          steps of 1/8 mm, 40 facets on the block
-#     python3 demos/demo_ironing.py 0.02 90  as published; draws the forces of earlier runs as well
+#     python3 demos/demo_ironing.py 0.02 60  steps as published; draws earlier runs, too
 #
 # ## Implementation
 
@@ -97,7 +97,7 @@ if comm.rank == 0:
     axes.vlines(places, *np.transpose(bands), color="lightgray", lw=8, label="published")
     for file in sorted(Path("results").glob("ironing_*.txt")):
         columns = np.split(np.loadtxt(file, usecols=(0, 1, 2)), [1], axis=1)
-        axes.plot(*columns, label=[f"{letter}, {file.stem[-3:]} facets" for letter in "HV"])
+        axes.plot(*columns, label=[f"{force}, {int(file.stem[-3:])} facets" for force in "HV"])
     axes.legend()
     axes.figure.savefig("results/ironing_forces.png", dpi=150)
 # -

@@ -345,7 +345,8 @@ def slip_defects(contact: Contact) -> Defects:
     sticks = ((sticking | held[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
     node, bound = contact.nodal, contact.pair.law.bound(contact.pressure)
     shear, bound = (here.of(np.where(contact.active, a, 0.0)) for a in (node.z_tau, bound))
-    work = np.where(sticks, 0.0, np.maximum(bound * np.abs(slip) - shear * slip, 0.0))
+    lost = np.maximum(bound * np.abs(slip) - shear * slip, 0.0)
+    work = np.where(sticks | (bound <= 0.0), 0.0, lost)
     wrong = np.where(sticks, slip, 0.0)
     return _on_facets(contact, here, wrong[..., None] * here.direction(o.tau), work)
 

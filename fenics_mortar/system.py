@@ -49,7 +49,7 @@ from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
 
 Algorithm = Literal["condensed", "saddle"]
-Solver = Literal["direct", "iterative"]
+Solver = Literal["auto", "direct", "iterative"]
 # The order of elimination is kept while values change: MUMPS then needs more room than it foresees.
 DIRECT = {
     "ksp_type": "preonly",
@@ -66,7 +66,13 @@ ITERATIVE = {
     "pc_type": "python",
     **OPTIONS,
 }
-SOLVERS: dict[Solver, dict[str, Any]] = {"direct": DIRECT, "iterative": ITERATIVE}
+SOLVERS: dict[Solver, dict[str, Any]] = {
+    "auto": ITERATIVE,
+    "direct": DIRECT,
+    "iterative": ITERATIVE,
+}
+# From so many unknowns on "auto" iterates; see ``ContactProblem``.
+MANY = 100_000
 # A direct solver that leaves more than this part of the right-hand side has met a singular matrix.
 LINEAR_TOLERANCE = 1e-5
 # One that leaves more than this is refined.
@@ -95,6 +101,8 @@ class LinearSystem(ABC):
             their owners, so that a rank owns a contiguous range.
         num_multipliers: Multipliers this rank owns.
         forcing: Part of the right-hand side that the next solve may leave if it is iterative.
+        may_factor: Whether the direct solver takes over for good if an iterative one fails.
+        remark: That it has done so, in words; "" if it has not.
         matrix: The matrix last assembled.
     """
 
@@ -109,13 +117,9 @@ class LinearSystem(ABC):
         self.places: list[Indices] = np.split(place, ends)[:-1]
         self.num_multipliers = int((owners == self.comm.rank).sum())
         self._first_multiplier = int((owners < self.comm.rank).sum())
-        self.ksp = PETSc.KSP().create(self.comm)
-        self.ksp.setOptionsPrefix(prefix)
-        self._prefix, self._options = prefix, {**DIRECT, **options}
-        with options_added(self._prefix, self._options):
-            self.ksp.setFromOptions()
-        self._finest, *_ = self.ksp.getTolerances()
-        self.forcing = 0.0
+        self._prefix = prefix
+        self._create_solver({**DIRECT, **options})
+        self.forcing, self.may_factor, self.remark = 0.0, False, ""
         self.matrix: PETSc.Mat
         self._rhs: PETSc.Vec
 
@@ -137,6 +141,14 @@ class LinearSystem(ABC):
         Returns:
             Changes of the displacement and of the multipliers.
         """
+
+    def _create_solver(self, options: dict[str, Any]) -> None:
+        self._options = options
+        self.ksp = PETSc.KSP().create(self.comm)
+        self.ksp.setOptionsPrefix(self._prefix)
+        with options_added(self._prefix, self._options):
+            self.ksp.setFromOptions()
+        self._finest, *_ = self.ksp.getTolerances()
 
     def local(self, contact: Interface, place: Indices) -> Indices:
         """Local positions of the multipliers owned here."""
@@ -208,6 +220,15 @@ class LinearSystem(ABC):
         reason = self.ksp.getConvergedReason()
         if reason < 0 or not relative <= LINEAR_TOLERANCE:
             self.ksp.reset()  # MUMPS does not factor again after it has failed
+            if self.may_factor:
+                self.may_factor = False
+                self.remark = (
+                    f"the iterative solver failed, PETSc's reason {reason}: from now on the linear "
+                    "systems are solved directly"
+                )
+                self.ksp.destroy()
+                self._create_solver(DIRECT)
+                return self._solve_linear(matrix, rhs)
             raise MortarError(
                 f"the linear system was not solved, it may be singular: PETSc's reason {reason}, "
                 f"remaining part of the right-hand side {relative:.1e}"

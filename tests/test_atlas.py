@@ -203,6 +203,15 @@ def test_scene_needs_its_remedy(record_of, name):
     assert without_it["state"] in ("wrong", "failed")
 
 
+def test_frozen_cone_pays_in_iterations(record_of):
+    """Where friction slides, its bound converges at the rate mu times the slope, not Newton's."""
+    full, frozen = (
+        record_of("slope", "0.4", method)["iterations"] for method in ("default", "frozen_cone")
+    )
+    assert max(full) <= 6
+    assert min(frozen) >= 10
+
+
 def test_iterations_do_not_depend_on_units_or_algorithm(record_of):
     cells = [("unit_of_stress", "1000000000000.0", m) for m in ("default", "saddle")]
     cells += [("unit_of_length", v, "default") for v in ("1e-06", "1000000.0")]

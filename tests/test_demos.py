@@ -17,8 +17,9 @@ LIMIT = 240
 OF_THIS_RUN = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX")
 
 
-def run(demo, ranks, folder):
-    command = [sys.executable, str(demo)]
+def run(folder, ranks, *arguments):
+    """Run python as a process of its own, or as one on each of several ranks."""
+    command = [sys.executable, *map(str, arguments)]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     environment = {k: v for k, v in os.environ.items() if not k.startswith(OF_THIS_RUN)}
@@ -36,7 +37,7 @@ def code_lines(demo):
 @pytest.mark.demo
 @pytest.mark.parametrize("demo", DEMOS, ids=lambda demo: demo.stem)
 def test_demo_runs_in_serial(demo, tmp_path):
-    finished = run(demo, 1, tmp_path)
+    finished = run(tmp_path, 1, demo)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-4000:]
 
 
@@ -47,7 +48,7 @@ def test_demo_runs_in_serial(demo, tmp_path):
     [pytest.param(demo, 4 if demo.stem in ON_FOUR else 2, id=demo.stem) for demo in DEMOS],
 )
 def test_demo_runs_on_several_ranks(demo, ranks, tmp_path):
-    finished = run(demo, ranks, tmp_path)
+    finished = run(tmp_path, ranks, demo)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-4000:]
 
 

@@ -36,10 +36,10 @@ Row = dict[str, Any]
 Size = Callable[[float, float], float]
 SIDE = HALF_SIDE * HalfPlanes().a
 # Growth of the size of cells per distance
-GROWTH = 0.25
+GROWTH = 0.4
 # Part of the squared estimate that is in the marked cells, and what becomes of their size: in small
 # steps, so that the last mesh is not much finer than it need be
-PART, FACTOR = 0.5, 0.75
+PART, FACTOR = 0.3, 0.6
 COLOURS = {"P1": "#0072b2", "P2": "#d55e00"}
 
 

@@ -180,6 +180,7 @@ def all_tasks(scenes: str = "*", methods: str = "*") -> list[Task]:
         for family in FAMILIES.values()
         for value in family.values
         for method in family.methods or METHODS
+        if chosen(family.name, METHODS[method].scenes)
     ]
     cells += [(remedy.scene, remedy.value, name) for name, remedy in REMEDIES.items()]
     return [

@@ -15,6 +15,7 @@ from whole_facet import whole_facet_basis
 from fenics_mortar import bulk, newton, problem
 from fenics_mortar.contact import Contact
 from fenics_mortar.floating import FloatingBodies
+from fenics_mortar.laws import Coulomb, Nodal
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class Method:
             Where contrast methods fail, they fail at any step: most of the time of the atlas would
             go into the last of their cuts.
         override: What is done to the package while the cell runs.
+        scenes: Patterns of the scenes that tell it from the default.
     """
 
     title: str
@@ -40,6 +42,22 @@ class Method:
     adaptive: bool = True
     smallest: float | None = 1.0 / 64.0
     override: Callable[[], AbstractContextManager] = nullcontext
+    scenes: str = "*"
+
+
+BOUND = Coulomb.limit
+
+
+def frozen_cone() -> AbstractContextManager:
+    """The bound of friction is a number, mu times the pressure of the last iterate.
+
+    The tangent of a body that slides is symmetric then, as in codes that want it so.
+    """
+
+    def limit(law: Coulomb, node: Nodal) -> tuple[Any, Any, Any]:
+        return BOUND(law, node)[0], 0.0, 0.0
+
+    return patch.object(Coulomb, "limit", limit)
 
 
 METHODS = {
@@ -55,6 +73,7 @@ METHODS = {
     "plain_frozen": Method(
         "plain fixed point", problem={"linearization": "frozen"}, adaptive=False
     ),
+    "frozen_cone": Method("frozen cone", override=frozen_cone, scenes="rubbing*,reversal,slope"),
     "whole_facet": Method(
         "basis of whole facets", pair={"gap_weights": "basis"}, override=whole_facet_basis
     ),
