@@ -53,7 +53,7 @@ from fenics_mortar.obstacles import (
     surface_without_nodes,
 )
 from fenics_mortar.segments import Integration, Segments, find_segments
-from fenics_mortar.slip import Partners, find_partners
+from fenics_mortar.slip import Measure, Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface
 
@@ -85,7 +85,8 @@ class ContactPair:
     Args:
         data: Mesh, tags and names.
         slave: Name or tag of the side that carries the multiplier (the finer or softer one).
-        master: Name or tag of the other side, or an obstacle; several pairs may share one. An
+        master: Name or tag of the other side, or an obstacle; several pairs may share one, and a
+            slave may have several masters, one pair each: in a groove a node may touch two. An
             obstacle has its own normals and no ends, so that ``normals`` matters on symmetry planes
             only, ``gap_weights="cover"`` is "basis", and "segments" and "elements" are the same:
             Gauss points on whole slave facets.
@@ -122,6 +123,10 @@ class ContactPair:
         sliding: "finite", or "small": D, M and normals stay those of the undeformed mesh, and the
             gap is linear in the displacement. It suffices where slip is small beside a facet and
             normals hardly turn; with linear bulk the matrix is factored once, see ``reduced``.
+        slip: What friction measures slip by, see ``slip``. "partners": how far a node has moved
+            along the material points that it faced when the step began. "operators": the changes
+            of D and M, as most codes do. With small sliding, where these do not change, and on
+            obstacles both are the first.
         c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
             it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
             that a nonlinear step leaves behind.
@@ -150,6 +155,7 @@ class ContactPair:
         max_angle: float = 70.0,
         initial_gap: float | None = None,
         sliding: Sliding = "finite",
+        slip: Measure = "partners",
         c_n: float = 1e-3,
     ) -> None:
         for what, value, allowed in (
@@ -158,6 +164,7 @@ class ContactPair:
             ("gap_weights", gap_weights, get_args(GapWeights)),
             ("integration", integration, get_args(Integration)),
             ("sliding", sliding, get_args(Sliding)),
+            ("slip", slip, get_args(Measure)),
         ):
             if value not in allowed:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
@@ -191,6 +198,7 @@ class ContactPair:
         self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
         self.initial_gap = initial_gap
         self.sliding: Sliding = sliding
+        self.slip: Measure = slip
         self.law: Law = law or Frictionless()
 
     def __repr__(self) -> str:
@@ -274,6 +282,11 @@ class Contact(Interface):
             return surface_without_nodes(self.slave, self.pair.master_name)
         return super()._master_surface(space)
 
+    def has_master_of(self, other: Interface) -> bool:
+        """Whether the two have the same obstacle, or masters that share a node."""
+        same = self.obstacle is not None and self.obstacle is other.pair.master
+        return same or super().has_master_of(other)
+
     def _reach(self) -> float:
         """Distance at which partners are looked for by default."""
         if self.obstacle is not None:
@@ -330,6 +343,14 @@ class Contact(Interface):
         else:
             operators = self._evaluate(x, m, linearization)
         self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
+        if self.pair.slip == "operators":
+            _ = self.operators.vectors  # by all ranks
+
+    @property
+    def _slip_measure(self) -> Measure:
+        """The pair's, where there is a choice."""
+        one = self.obstacle is not None or self.pair.sliding == "small"
+        return "partners" if one else self.pair.slip
 
     def _evaluate(self, x: Array, m: Array, linearization: Linearization) -> MortarOperators:
         """The operators where the nodes are at ``x`` and ``m`` (collective)."""
@@ -368,7 +389,8 @@ class Contact(Interface):
 
     def adopt(self, other: Contact) -> None:
         """Take over offset, weight and undeformed operators of the same pair by another model."""
-        self.offset, self.c_n, self._reference = other.offset, other.c_n, other._reference
+        self.offset, self.c_n = other.offset, other.c_n
+        self._reference = other._reference or self._reference
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve."""
@@ -376,7 +398,10 @@ class Contact(Interface):
 
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
-        self.accepted = find_partners(self.operators, self.covered)
+        rubs = not isinstance(self.pair.law, Frictionless)
+        self.accepted = find_partners(
+            self.operators, self.covered, self._slip_measure, between=rubs
+        )
 
     def start_step(self) -> None:
         """Count slip from the accepted state."""
@@ -408,6 +433,12 @@ class Contact(Interface):
     def sticking(self) -> npt.NDArray[np.bool_]:
         """Whether an active node sticks, shape (slave nodes,), bool."""
         return self.active & (self.piece == STICK) & self._rubs
+
+    @property
+    def sliding(self) -> npt.NDArray[np.bool_]:
+        """Whether an active node slides against friction, shape (slave nodes,), bool."""
+        rubs = self._rubs & (self.pair.law.bound(self.pressure) > 0.0)
+        return self.active & (self.piece != STICK) & rubs
 
     @property
     def friction_work(self) -> float:
@@ -456,8 +487,14 @@ class Contact(Interface):
             near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= NEAR * self.nodal_lengths
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
-    def describe_overlap(self) -> str:
-        """Overlap of the present state, in words; "" if there is none."""
+    def describe_start(self) -> str:
+        """Overlap of the present state, or that nothing faces, in words; "" if there is neither."""
+        if not self.covered.any():
+            return (
+                f"no node of '{self.slave.name}' faced '{self.master.name}' before the first "
+                f"solve: nothing within {self.pair.search_radius or self._reach():.3g} along its "
+                "normals, so the pair bears no force until they come nearer"
+            )
         overlap = -np.nan_to_num(self.gap)
         j = int(np.argmax(overlap / self.nodal_lengths))
         if overlap[j] <= OVERLAP * self.nodal_lengths[j]:

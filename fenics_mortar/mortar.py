@@ -23,6 +23,7 @@ its master nodes. A `Block` says where a stack of such blocks goes.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, NamedTuple, Self
 
 from mpi4py import MPI
@@ -224,14 +225,32 @@ class MortarOperators:
     def gap_derivative(self) -> list[Block]:
         """Blocks of dg/dd: rows are slave nodes, columns displacement dofs [length]."""
         if self.linearization.frozen:
-            return self._frozen_gap_derivative()
+            return self._jump_derivative(-self.n)
         return [Block(self.segments.slave, self.columns, self.dgap)]
 
-    def _frozen_gap_derivative(self) -> list[Block]:
-        """-n_j . (D_jk dx_k - M_jl dx_l): D, M and n do not move."""
+    def vector_derivative(self, along: Array) -> list[Block]:
+        """Blocks of along_j . d(D x - M m)_j/dd for ``along`` (slave nodes, 2).
+
+        Their normal parts are what dgap is for; frozen operators have no derivative of the rest,
+        which is small in contact.
+        """
+        if self.linearization.frozen:
+            return []
+        s = self.segments
+        i, k = s.pairs[:, 0], s.pairs[:, 1]
+        by_D = np.einsum("sjkq,skc,sjc->sjq", self.dD, self.x[s.slave], along[s.slave])
+        by_M = np.einsum("pjlq,plc,pjc->pjq", self.dM, self.m[s.master[i]], along[s.slave[i]])
+        return [
+            *self._jump_derivative(along),
+            Block(s.slave, self.columns, by_D),
+            Block(s.slave[i], self.columns[k], -by_M),
+        ]
+
+    def _jump_derivative(self, along: Array) -> list[Block]:
+        """along_j . (D_jk dx_k - M_jl dx_l): D and M do not move."""
         s, nodes = self.segments, self.facet_nodes
-        on_slave = -np.einsum("ejk,ejc->ejkc", self.D, self.n[nodes])
-        on_master = np.einsum("sjl,sjc->sjlc", self.M, self.n[s.slave])
+        on_slave = np.einsum("ejk,ejc->ejkc", self.D, along[nodes])
+        on_master = -np.einsum("sjl,sjc->sjlc", self.M, along[s.slave])
         sides = (
             (nodes, self.slave.dofs_of(nodes), on_slave),
             (s.slave, self.master.dofs_of(s.master), on_master),
@@ -253,6 +272,11 @@ class MortarOperators:
         """
         jump = self.jump(x - self.x, m - self.m)
         return replace(self, x=x, m=m, gap=self.gap - np.einsum("jc,jc->j", self.n, jump))
+
+    @cached_property
+    def vectors(self) -> Array:
+        """Weighted gap vectors D x - M m, shape (slave nodes, 2); at first collective."""
+        return self.jump(self.x, self.m)
 
     def jump(self, on_slave: Array, on_master: Array) -> Array:
         """D v - M w for vectors v (slave nodes, 2) and w (master nodes, 2) (collective)."""

@@ -22,6 +22,7 @@ from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.damping import Damped
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.estimate import ErrorEstimate, Estimator
@@ -68,6 +69,15 @@ class State:
     places: Array
     converged: bool
 
+    def towards(self, other: State, part: float) -> State:
+        """Part of the way to another state, with the sets of this one."""
+        return replace(
+            self,
+            u=self.u + part * (other.u - self.u),
+            z=[mine + part * (z - mine) for mine, z in zip(self.z, other.z, strict=True)],
+            places=self.places + part * (other.places - self.places),
+        )
+
 
 class ContactProblem:
     """Quasi-static equilibrium of bodies in contact.
@@ -99,7 +109,8 @@ class ContactProblem:
             see ``reduced``. By default this is seen from ``residual``, and done once it pays; with
             solver "iterative" only if asked for.
         adequacy: What asks after each solve whether the model was rich enough, an
-            ``AdequacyCheck``; its answer is ``report.adequacy``.
+            ``AdequacyCheck``; its answer is ``report.adequacy``. It may also begin each solve on a
+            cheaper model, and go on only if that was not enough.
 
     Attributes:
         contacts: The pairs bound to the mesh: multipliers, active sets, operators.
@@ -204,7 +215,9 @@ class ContactProblem:
             contact.set_initial_gap()
             contact.evaluate(u.x.array, self.linearization)
         self.accept()
-        self._overlaps = [c.describe_overlap() for c in self.contacts]
+        self._starts = [c.describe_start() for c in self.contacts]
+        if adequacy is not None:
+            adequacy.prepare(self)
 
     def _is_for_multigrid(
         self, algorithm: str, linear_bulk: bool | None, petsc_options: dict[str, Any] | None
@@ -228,8 +241,16 @@ class ContactProblem:
                 at the last iterate; to solve again, reset ``u`` and mend what was wrong.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
         """
-        clock.read()
         self.bulk.check_finite()
+        report = None if self._adequacy is None else self._adequacy.climb(self)
+        report = report or self._solve_by_this_model()
+        if self._adequacy is not None:
+            report.adequacy = self._adequacy.assess(self)
+        return report
+
+    def _solve_by_this_model(self) -> NewtonReport:
+        """Solve, whatever the model's adequacy."""
+        clock.read()
         for contact in self.contacts:
             contact.start_step()
         try:
@@ -251,10 +272,8 @@ class ContactProblem:
         report.certificate = self.certificate()
         violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
         reactions = self.tools.record()
-        report.notes[:0] = [*filter(None, self._overlaps), *moved, *violations, *reactions]
-        self._overlaps = []
-        if self._adequacy is not None:
-            report.adequacy = self._adequacy.assess(self)
+        report.notes[:0] = [*filter(None, self._starts), *moved, *violations, *reactions]
+        self._starts = []
         return report
 
     def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
@@ -264,12 +283,14 @@ class ContactProblem:
 
         Args:
             residual: UFL form in the place of this problem's.
-            pair_options: Attributes of contact pairs instead, as ``sliding="finite"``.
+            pair_options: Attributes of contact pairs instead, as ``sliding="finite"``, or functions
+                of the present ones.
         """
         pairs = [copy(contact.pair) for contact in self.contacts]
         for pair in pairs:
             if isinstance(pair, ContactPair):
-                vars(pair).update(pair_options)
+                for name, new in pair_options.items():
+                    setattr(pair, name, new(getattr(pair, name)) if callable(new) else new)
         given = {**self._given, "pairs": pairs}
         if residual is not None:
             given.update(residual=residual, jacobian=None)
@@ -321,7 +342,7 @@ class ContactProblem:
         """One Newton loop; where that fails and bodies float, several with springs that let go."""
         start = self.state()
         try:
-            return solve(self, self.newton)
+            return solve(Damped(self, self.newton) if self.newton.damped else self, self.newton)
         except NotConvergedError as error:
             if not self.floating.bodies and not self.tools.driven.any():
                 raise
@@ -562,6 +583,13 @@ class ContactProblem:
             contact.partners, contact.accepted = state.partners[i]
             contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged
+
+    def interface_motion(self, before: State) -> float:
+        """Largest motion of a surface since a state, in its shortest facets (collective)."""
+        change = (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
+        sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
+        motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
+        return float(max(motions, default=0.0))
 
     def extrapolate(self, before: State, factor: float) -> None:
         """Move on by ``factor`` times the change since ``before``, as far as the cells bear."""

@@ -79,6 +79,20 @@ LINEAR_TOLERANCE = 1e-5
 REFINED = 1e-14
 
 
+@contextmanager
+def options_added(prefix: str, options: dict[str, Any]) -> Iterator[None]:
+    """Have options in PETSc's database, but for those that the user has there already."""
+    database = PETSc.Options(prefix)
+    ours = {k: v for k, v in options.items() if not database.hasName(k)}
+    for name, value in ours.items():
+        database.setValue(name, value)
+    try:
+        yield
+    finally:
+        for name in ours:
+            database.delValue(name)
+
+
 class LinearSystem(ABC):
     """What both forms share: numbering of multipliers, prescribed values, the linear solver.
 
@@ -132,22 +146,9 @@ class LinearSystem(ABC):
         self._options = options
         self.ksp = PETSc.KSP().create(self.comm)
         self.ksp.setOptionsPrefix(self._prefix)
-        with self._in_database():
+        with options_added(self._prefix, self._options):
             self.ksp.setFromOptions()
         self._finest, *_ = self.ksp.getTolerances()
-
-    @contextmanager
-    def _in_database(self) -> Iterator[None]:
-        """Have our options in PETSc's database, but for those that the user has there already."""
-        database = PETSc.Options(self._prefix)
-        ours = {k: v for k, v in self._options.items() if not database.hasName(k)}
-        for name, value in ours.items():
-            database.setValue(name, value)
-        try:
-            yield
-        finally:
-            for name in ours:
-                database.delValue(name)
 
     def local(self, contact: Interface, place: Indices) -> Indices:
         """Local positions of the multipliers owned here."""
@@ -238,7 +239,7 @@ class LinearSystem(ABC):
         """A solution, and the part of the right-hand side that it leaves."""
         solution = rhs.duplicate()
         self.ksp.setOperators(matrix)
-        with self._in_database():
+        with options_added(self._prefix, self._options):
             self.ksp.solve(rhs, solution)
         defect, relative = self._defect(matrix, rhs, solution)
         if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
@@ -414,6 +415,9 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
         for other in contacts:
             if np.intersect1d(contact.multiplier_nodes, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"
+            both = np.intersect1d(contact.multiplier_nodes, other.multiplier_nodes)
+            if both.size and other is not contact:
+                return f"slave nodes of {names} are slaves of '{other.master.name}', too"
             if np.intersect1d(contact.multiplier_nodes, other.idle_nodes).size:
                 return f"slave nodes of {names} are nodes of '{other.slave.name}' as well"
     return None

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Friction: derivatives, exact states, objectivity, history, work, ranks."""
 
+from typing import get_args
+
 from mpi4py import MPI
 
 import indenter_on_block
@@ -18,12 +20,14 @@ from scenes import (
     rectangles,
     rotation,
 )
+from test_demos import run
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.laws import Nodal, Row
+from fenics_mortar.slip import Measure
 
 MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 4, "layers_lower": 4}
 SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
@@ -56,9 +60,12 @@ class Creeping(fm.Law):
         return 0.3 * pressure
 
 
-def blocks(law, *, degree=1, mesh=None, **problem):
+MEASURES = [{"slip": slip} for slip in get_args(Measure)]
+
+
+def blocks(law, *, degree=1, mesh=None, pair=None, **problem):
     mesh = mesh or (MESH if degree == 1 else SMALL)
-    return pressed_blocks(degree=degree, pair={"law": law}, problem=problem, **mesh)
+    return pressed_blocks(degree=degree, pair={"law": law, **(pair or {})}, problem=problem, **mesh)
 
 
 def drive(scene, *pushes):
@@ -98,11 +105,18 @@ def slopes(problem, pieces=None):
     return problem.check_tangent(print_table=False).slopes["whole"]
 
 
-@pytest.mark.parametrize("law", [*LAWS, "creeping"])
+@pytest.mark.parametrize(
+    "law, pair",
+    [
+        *((law, {}) for law in [*LAWS, "creeping"]),
+        ("coulomb", {"slip": "operators"}),
+        ("coulomb", {"slip": "operators", "basis": "standard"}),
+    ],
+)
 @pytest.mark.parametrize("degree", [1, 2])
-def test_tangent_has_slope_two(law, degree):
+def test_tangent_has_slope_two(law, pair, degree):
     """Mixed as solved, then all sticking, all sliding, and sliding both ways by force."""
-    scene = blocks(LAWS.get(law) or Creeping(), degree=degree)
+    scene = blocks(LAWS.get(law) or Creeping(), degree=degree, pair=pair)
     drive(scene, (0.0, -0.03), (0.02, -0.04))
     for pieces in (None, [0], [1], [1, 0, -1, 0]):
         assert slopes(scene.problem, pieces) == pytest.approx(2.0, abs=0.02)
@@ -186,10 +200,33 @@ def test_wedge_takes_the_closed_form():
     assert force == pytest.approx([-H, W], rel=1e-8)
 
 
+@pytest.mark.parametrize("pair", MEASURES)
 @pytest.mark.parametrize("degree", [1, 2])
-def test_rigid_rotation_is_no_slip(degree):
+def test_slip_by_operators_is_the_usual_one(degree, pair):
+    """-tau . [(D - D_old) x - (M - M_old) x] per weight; that by partners is close to it."""
+    mesh = {**(MESH if degree == 1 else SMALL), "gap": 0.01}
+    scene = blocks(fm.Coulomb(0.3), mesh=mesh, degree=degree, pair=pair)
+    drive(scene, (0.0, -0.06), (0.05, -0.07))
+    contact, u = scene.contact, scene.u.x.array
+    old, faced = contact.operators, contact.covered
+    contact.start_step()
+    X = scene.problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    moved = 0.03 * np.sin(X @ [[1.0, 2.0], [3.0, 1.0]])
+    u += (moved + np.where(X[:, 1:] > 1.005, [0.05, -0.01], 0.0)).ravel()
+    contact.evaluate(u, scene.problem.linearization)
+    new, both = contact.operators, faced & contact.covered
+    jump = new.jump(new.x, new.m) - old.jump(new.x, new.m)
+    usual = -np.einsum("ja,ja->j", new.tau, jump)[both] / old.weight[both]
+    off = np.abs(contact.slip[both] - usual).max() / np.abs(usual).max()
+    assert both.any()
+    assert off < 1e-13 if pair["slip"] == "operators" else 1e-6 < off < 1e-2
+
+
+@pytest.mark.parametrize("pair", MEASURES)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_rigid_rotation_is_no_slip(degree, pair):
     """Two bodies with a curved, open interface beyond its ends; all turn by one radian."""
-    scene = blocks(fm.Coulomb(0.3), degree=degree)
+    scene = blocks(fm.Coulomb(0.3), degree=degree, pair=pair)
     drive(scene, (0.03, -0.05))
     contact, u = scene.contact, scene.u.x.array
     contact.start_step()
@@ -217,9 +254,10 @@ def test_slip_on_an_obstacle_is_against_its_material():
     assert np.abs(contact.slip).max() < 1e-14
 
 
-def test_nodes_that_enter_slip_by_the_motion_of_their_material():
+@pytest.mark.parametrize("pair", MEASURES)
+def test_nodes_that_enter_slip_by_the_motion_of_their_material(pair):
     """A block slides over the edge of another: nodes that faced nothing have the rigid slip."""
-    scene = blocks(fm.Coulomb(0.3), mesh={**MESH, "offset": 1.8, "gap": 0.1})
+    scene = blocks(fm.Coulomb(0.3), mesh={**MESH, "offset": 1.8, "gap": 0.1}, pair=pair)
     contact = scene.contact
     uncovered = ~contact.covered
     assert uncovered.any()
@@ -306,9 +344,10 @@ def test_ironing_in_long_steps_balances_its_work():
     assert defects[1] < 0.6 * defects[0]  # at first order it would be a half
 
 
-def test_rejected_step_leaves_no_trace(shared_path):
+@pytest.mark.parametrize("pair", MEASURES)
+def test_rejected_step_leaves_no_trace(shared_path, pair):
     """Restored in memory and from a file, the same step has the same answer to the last bit."""
-    scene = blocks(fm.Coulomb(0.3))
+    scene = blocks(fm.Coulomb(0.3), pair=pair)
     drive(scene, (0.0, -0.05), (0.03, -0.05))
     start = scene.problem.state()
     fm.save_state(scene.problem, str(shared_path / "state.npz"))
@@ -318,34 +357,49 @@ def test_rejected_step_leaves_no_trace(shared_path):
     scene.problem.restore(start)
     drive(scene, (0.08, -0.05))
     assert np.array_equal(scene.contact.z, z) and np.array_equal(nodal(scene.problem), u)
-    other = blocks(fm.Coulomb(0.3))
+    other = blocks(fm.Coulomb(0.3), pair=pair)
     fm.load_state(other.problem, str(shared_path / "state.npz"))
     drive(other, (0.08, -0.05))
     assert np.abs(other.contact.z - z).max() < 1e-12 * np.abs(z).max()
 
 
-def test_ranks_agree():
+@pytest.mark.parametrize("pair", MEASURES)
+def test_ranks_agree(pair):
     """The same path on one rank: nodes stick and slide alike."""
     path = (0.0, -0.05), (0.03, -0.05), (0.12, -0.05)
     law = fm.Coulomb(0.3)
-    mine = pressed_blocks(pair={"law": law}, comm=MPI.COMM_SELF, **MESH)
-    ours = blocks(law)
+    mine = pressed_blocks(pair={"law": law, **pair}, comm=MPI.COMM_SELF, **MESH)
+    ours = blocks(law, pair=pair)
     drive(mine, *path[:2])
     drive(ours, *path[:2])
     assert np.array_equal(mine.contact.sticking, ours.contact.sticking)
     assert 0 < ours.contact.sticking.sum() < ours.contact.active.sum()
     first, second = drive(mine, path[2])[0], drive(ours, path[2])[0]
     assert first.num_iterations == second.num_iterations
-    z = mine.contact.z
-    assert np.abs(ours.contact.z - z).max() < 1e-11 * np.abs(z).max()
+    assert np.array_equal(mine.contact.piece, ours.contact.piece)
+    for quantity in ("z", "slip", "friction_work"):
+        one, all_ = (np.asarray(getattr(scene.contact, quantity)) for scene in (mine, ours))
+        assert np.abs(all_ - one).max() < 1e-11 * np.abs(one).max()
 
 
-def test_both_algorithms_and_contact_dofs_agree():
+@pytest.mark.serial
+def test_four_ranks_agree(tmp_path):
+    """The test above on more ranks than the others run on."""
+    test = f"{__file__}::test_ranks_agree"
+    finished = run(tmp_path, 4, "-m", "pytest", "-q", "-p", "no:cacheprovider", test)
+    assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-2000:]
+
+
+@pytest.mark.parametrize("pair", MEASURES)
+def test_both_algorithms_and_contact_dofs_agree(pair):
     """Condensed, saddle point, and reduced to the contact dofs of a linear bulk."""
     answers = []
     for options in ({"algorithm": "condensed"}, {"algorithm": "saddle"}, {"linear_bulk": True}):
         scene = pressed_blocks(
-            material=linear_elastic, pair={"law": fm.Coulomb(0.3)}, problem=options, **MESH
+            material=linear_elastic,
+            pair={"law": fm.Coulomb(0.3), **pair},
+            problem=options,
+            **MESH,
         )
         drive(scene, (0.0, -0.02), (0.03, -0.02))
         answers.append(scene.contact.z)
@@ -363,8 +417,9 @@ def test_both_algorithms_and_contact_dofs_agree():
         lambda: fm.Coulomb(0.1, most=0.0),
         lambda: fm.Tresca(-1.0),
         lambda: fm.ContactPair(fm.MeshData(None, None, None), 1, 2, law="coulomb"),
+        lambda: fm.ContactPair(fm.MeshData(None, None, None), 1, 2, slip="textbook"),
     ],
 )
 def test_wrong_numbers_are_refused(wrong):
-    with pytest.raises(ValueError, match=r"mu=|c_t=|limit_by=|most=|stress=|law="):
+    with pytest.raises(ValueError, match=r"mu=|c_t=|limit_by=|most=|stress=|law=|slip="):
         wrong()
