@@ -9,12 +9,19 @@ the mesh is distributed.
 What that costs each rank: with S slave and M master nodes, a Newton iteration collects positions,
 16 (S + M) bytes, sums of D, gap and cover, 32 S, contact forces, 16 (S + M), and forces on slave
 nodes to recover the multipliers, 16 S: together 80 S + 32 M bytes, however many ranks there are.
-Two blocks with 1e6 unknowns have S = 400 and M = 900 at their interface: 61 kB. With 1e9 unknowns,
-by the same count, S = 13,000 and M = 29,000: 2 MB, which is not what limits 1e3 ranks; the work on
-all nodes that every rank repeats is (normals, the sorted boxes of the search), since it does not
-shrink with its share of the facets; with solver "iterative" also the factors of a strip along the
-interface, which each rank makes. These counts are by formula, not from such a run. What would lift
-the limit: each rank keeps only its own slave facets and the master facets whose boxes touch theirs.
+`demos/bench_ranks.py` counts it: 11,928 bytes in 6 calls, the formula says 11,920, with 41,000
+unknowns on one and on two ranks, of which each has 49.7 to 50.3 % of the segments.
+
+What limits many ranks is simulated there, not run: an interface like that of two blocks, bodies cut
+into squares. With 1e9 unknowns on 1e3 ranks S = 12,911 and M = 25,821; each rank holds 5.8 MB and
+is handed 1.9 MB in an iteration, as much as on 10 ranks. That is little beside a million unknowns
+of its own; but it does not shrink, nor does the work on all nodes that every rank repeats (normals,
+the sorted boxes of the search). With solver "iterative" the strip along the interface costs more:
+its right-hand side, 1.9 MB, goes to all ranks in every linear iteration, and each makes all of its
+factors. What would lift the limit: each rank keeps its own slave facets and the master facets whose
+boxes touch theirs. The busiest then holds 1.8 MB and is handed 21 kB in 12 messages. But only 18
+ranks have slave facets, so that their share of the integrals is 1 / 18 and not 1 / 1000; and the
+strip comes first.
 """
 
 from __future__ import annotations
