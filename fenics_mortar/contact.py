@@ -391,7 +391,8 @@ class Contact(Interface):
 
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
-        self.accepted = find_partners(self.operators, self.covered, self._slip_measure)
+        touches = self.active | (self.pair.sliding == "small")
+        self.accepted = find_partners(self.operators, self.covered, touches, self._slip_measure)
 
     def start_step(self) -> None:
         """Count slip from the accepted state."""
