@@ -13,21 +13,36 @@ the turn of the normals. For an obstacle in the place of a stiff body there is n
 body of modulus E' = E / (1 - nu^2) against another one has the compliance 1/E' + 1/E'_other, so
 leaving out the other is an error of E' / E'_other (of forces and pressures under prescribed
 displacements; half of it, of pressures, under prescribed forces).
+
+Where surfaces might have friction, the richer model lets all stick that touches. What it asks for
+is the demand, its shear over its pressure; friction below the demand can do that part of the
+difference.
+
+A check that climbs begins each solve on the cheapest of the models that the problem's own form
+gives: the bulk linearized at rest and small sliding. The estimate needs a Newton step of the next
+model, so that what it costs to find a model too poor is not lost: the next goes on from there, and
+rungs that were not enough once are not tried again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact import Contact
+import ufl
+from dolfinx import fem
+
+from fenics_mortar.contact import Contact, ContactPair
 from fenics_mortar.errors import MortarError
+from fenics_mortar.laws import Frictionless, Law, Stick
 from fenics_mortar.mortar import evaluate_normals
+from fenics_mortar.newton import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
 
@@ -35,6 +50,8 @@ from fenics_mortar.surfaces import Array
 MOST_STEPS, LINEAR = 6, 0.1
 ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
 QUANTITIES = (ENERGY, FORCE, PEAK)
+# A model with a larger error than this is no good to go on from.
+FAR = 0.5
 
 
 @dataclass(frozen=True)
@@ -115,6 +132,10 @@ class AdequacyCheck:
             problem's is linear.
         stiffness_ratio: E / (1 - nu^2) of the bodies over that of what obstacles stand for.
         discretisation: Relative error that the mesh leaves, if it is known.
+        friction: Largest coefficient of friction that surfaces may have where the problem has none.
+        climb: Whether solves begin on a cheaper model, and go on to the problem's own only if the
+            estimated error of the quantity is above both the tolerance and the error of the mesh:
+            ``discretisation``, or of energy norms what the problem's ``estimate()`` says.
 
     Raises:
         ValueError: If a number is not positive or the quantity is another one.
@@ -132,21 +153,67 @@ class AdequacyCheck:
         finite_strain: Any | None = None,
         stiffness_ratio: float | None = None,
         discretisation: float | None = None,
+        friction: float | None = None,
+        climb: bool = False,
     ) -> None:
         if quantity not in QUANTITIES:
             raise ValueError(f"quantity={quantity!r}: allowed are {', '.join(QUANTITIES)}")
-        for name, value in (("tolerance", tolerance), ("stiffness_ratio", stiffness_ratio)):
+        numbers = {"tolerance": tolerance, "stiffness_ratio": stiffness_ratio, "friction": friction}
+        for name, value in numbers.items():
             if value is not None and not 0.0 < value < np.inf:
                 raise ValueError(f"{name}={value}: a positive number")
         self._tolerance, self._quantity = tolerance, quantity
         self._finite_strain, self._stiffness_ratio = finite_strain, stiffness_ratio
-        self._discretisation = discretisation
+        self._discretisation, self._mesh_error = discretisation, discretisation
+        self._friction, self._climbs = friction, climb
         self._richer: dict[str, ContactProblem] = {}
+        self._rungs: list[tuple[str, ContactProblem]] = []
+        self._climbed: list[Assumption] = []
+
+    def prepare(self, problem: ContactProblem) -> None:
+        """Set up the models below a problem, if it is to climb (collective)."""
+        if self._climbs:
+            self._rungs = list(cheaper_models(problem))
+
+    def climb(self, problem: ContactProblem) -> NewtonReport | None:
+        """Solve by the cheapest model that is enough (collective).
+
+        Returns:
+            Its record; ``None`` if only the problem's own model is left, which then is to start
+            from where the problem is.
+        """
+        start, self._climbed = problem.state(), []
+        while self._rungs:
+            name, rung = self._rungs[0]
+            rung.adopt(problem)
+            with suppress(MortarError):
+                report = rung.solve()
+                solved = rung.state()
+                errors = correct(rung, problem)
+                if errors[ENERGY] < FAR:
+                    start = replace(problem.state(), partners=start.partners)
+                problem.restore(solved)
+                if self._accepts(rung, errors):
+                    self._climbed = [Assumption(name, "the climb ended here", errors)]
+                    return report
+            problem.restore(start)
+            self._rungs.pop(0)
+        return None
+
+    def _accepts(self, rung: ContactProblem, errors: dict[str, float]) -> bool:
+        """Whether the error of a rung is below the tolerance, or below that of the mesh."""
+        error, self._mesh_error = errors[self._quantity], self._discretisation
+        if error <= self._tolerance:
+            return True
+        if self._mesh_error is None and self._quantity == ENERGY:
+            with suppress(MortarError):
+                self._mesh_error = rung.estimate().relative
+        return self._mesh_error is not None and error <= self._mesh_error
 
     def assess(self, problem: ContactProblem) -> Adequacy:
         """Estimate the errors of the present solution; it stays as it is (collective)."""
-        found = list(self._assumptions(problem))
-        return Adequacy(found, self._tolerance, self._quantity, self._discretisation)
+        found = [*self._climbed, *self._assumptions(problem)]
+        return Adequacy(found, self._tolerance, self._quantity, self._mesh_error)
 
     def _assumptions(self, problem: ContactProblem) -> Iterator[Assumption]:
         richer: dict[str, dict[str, Any]] = {}
@@ -160,6 +227,7 @@ class AdequacyCheck:
         for name, model in richer.items():
             yield Assumption(name, indicators[name](problem), self._errors(problem, name, model))
         yield from self._rigid(problem)
+        yield from self._without_friction(problem)
         if len(richer) > 1:
             everything = {key: value for model in richer.values() for key, value in model.items()}
             name = " and ".join(richer)
@@ -179,6 +247,16 @@ class AdequacyCheck:
             known = f"stiffness ratio {ratio:.2g}" if ratio is not None else "no stiffness_ratio"
             error = np.nan if ratio is None else ratio
             yield Assumption(f"rigid {name}", known, dict.fromkeys(QUANTITIES, error))
+
+    def _without_friction(self, problem: ContactProblem) -> Iterator[Assumption]:
+        """What friction could do, by what stick does and asks for."""
+        name, number = "frictionless", self._friction
+        if number is not None and any(map(_is_frictionless, problem.contacts)):
+            errors = self._errors(problem, name, {"law": _stick_instead})
+            demand = shear_demand(self._richer[name])
+            known = f"stick asks for a friction of {demand:.2g}, there may be {number:.2g}"
+            part = min(number / demand, 1.0) if demand > 0.0 else 1.0
+            yield Assumption(name, known, {key: part * error for key, error in errors.items()})
 
 
 @dataclass
@@ -206,12 +284,23 @@ class Snapshot:
 
 
 def estimate(problem: ContactProblem, richer: ContactProblem) -> dict[str, float]:
-    """Relative errors of a solved problem by quantity, from a step or a few of a richer variant.
+    """Relative errors of a solved problem by quantity; the state stays as it is (collective)."""
+    state = problem.state()
+    try:
+        return correct(problem, richer)
+    finally:
+        richer.system.ksp.reset()
+        problem.restore(state)
 
-    The state stays as it is (collective). What the richer model cannot even begin with is wrong
-    altogether: inf.
+
+def correct(problem: ContactProblem, richer: ContactProblem) -> dict[str, float]:
+    """Go on from a solved problem by a step or a few of a richer variant (collective).
+
+    Returns:
+        Relative errors of the problem by quantity. What the richer model cannot even begin with is
+        wrong altogether: inf.
     """
-    cheap, state = Snapshot.of(problem), problem.state()
+    cheap = Snapshot.of(problem)
     try:
         richer.adopt(problem)
         start = richer.evaluate(start=True).residual
@@ -220,13 +309,29 @@ def estimate(problem: ContactProblem, richer: ContactProblem) -> dict[str, float
             residual = richer.evaluate(start=False).residual
             if part == 1.0 and residual <= LINEAR * start:
                 break
-        corrected = Snapshot.of(richer)
     except MortarError:
         return dict.fromkeys(QUANTITIES, np.inf)
-    finally:
-        richer.system.ksp.reset()
-        problem.restore(state)
-    return differences(problem, cheap, corrected)
+    return differences(problem, cheap, Snapshot.of(richer))
+
+
+def cheaper_models(problem: ContactProblem) -> Iterator[tuple[str, ContactProblem]]:
+    """Variants of a problem below its own model by what they assume, the cheapest first."""
+    linear: dict[str, Any] = {}
+    if not problem.bulk.is_linear:
+        linear["residual"] = linearized(problem.bulk.residual, problem.bulk.u)
+    contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
+    if len(_sliding_little(problem)) < len(contacts):
+        names = "linear strain and small sliding" if linear else "small sliding"
+        yield names, problem.variant(**linear, sliding="small")
+    if linear:
+        yield "linear strain", problem.variant(**linear)
+
+
+def linearized(residual: Any, u: Any) -> Any:
+    """A residual's form to first order in ``u``, about u = 0."""
+    zero = fem.Function(u.function_space)
+    at_rest = ufl.replace(residual, {u: zero})
+    return at_rest + ufl.derivative(at_rest, zero, u)
 
 
 def differences(problem: ContactProblem, one: Snapshot, other: Snapshot) -> dict[str, float]:
@@ -299,6 +404,26 @@ def describe_sliding(problem: ContactProblem) -> str:
     """Largest slip and turn of the normals of all pairs that slide little, in words."""
     slip, turn = np.max([largest_slip(contact) for contact in _sliding_little(problem)], axis=0)
     return f"slip {slip:.2g} facets, normals turn by {np.degrees(turn):.2g}°"
+
+
+def shear_demand(problem: ContactProblem) -> float:
+    """Largest mean |z_tau| / z_n of all pairs whose law is to stick."""
+    demands = [
+        _part(np.abs(c.shear_force).sum(), float(np.abs(c.operators.weight * c.pressure).sum()))
+        for c in problem.contacts
+        if isinstance(c.pair, ContactPair) and isinstance(c.pair.law, Stick)
+    ]
+    return max(demands, default=0.0)
+
+
+def _is_frictionless(contact: Any) -> bool:
+    """Whether it is a contact without friction."""
+    return isinstance(contact, Contact) and isinstance(contact.pair.law, Frictionless)
+
+
+def _stick_instead(law: Law) -> Law:
+    """Stick in the place of no friction."""
+    return Stick() if isinstance(law, Frictionless) else law
 
 
 def _sliding_little(problem: ContactProblem) -> list[Contact]:

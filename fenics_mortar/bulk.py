@@ -82,11 +82,13 @@ class Bulk:
             self.is_linear = self.u not in expanded.coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
         self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
-        self._constants = {*residual.constants(), *jacobian.constants()}
+        self._constants = list(dict.fromkeys([*residual.constants(), *jacobian.constants()]))
         self._coefficients = {*residual.coefficients(), *jacobian.coefficients()}
         self.K: PETSc.Mat
         self.num_patterns = 0
         self._num_growths: int
+        self._data: list[Array] = []
+        self._K_is_whole = False  # neither outdated nor with anything else in it
         self._create_tangent()
         self.r: PETSc.Vec = compat.create_vector(space.whole)
         dofs = compat.dofmap(self.V)[: self.V.mesh.topology.index_map(2).size_local]
@@ -116,7 +118,12 @@ class Bulk:
 
     @clock("tangent")
     def assemble_tangent(self) -> None:
-        """Assemble ``K`` at the present displacement (collective)."""
+        """Assemble ``K`` at the present displacement, unless it is known already (collective)."""
+        data = self.tangent_data() if self.is_linear else []
+        same = self._K_is_whole and all(map(np.array_equal, data, self._data))
+        if self.is_linear and self.comm.allreduce(same, MPI.LAND):
+            return
+        self._data, self._K_is_whole = data, True
         if self._num_growths > MOST_GROWTHS:
             self.K.destroy()
             self._create_tangent()
@@ -138,8 +145,16 @@ class Bulk:
         """
         structure = PETSc.Mat.Structure
         self._num_growths += grow
+        self._K_is_whole = False
         pattern = structure.DIFFERENT_NONZERO_PATTERN if grow else structure.SUBSET_NONZERO_PATTERN
         self.K.axpy(1.0, other, pattern)
+
+    def add_to_diagonal(self, values: Array) -> None:
+        """Add owned ``values`` to the diagonal of ``K`` (collective)."""
+        diagonal = self.K.getDiagonal()
+        diagonal.array[:] += values
+        self.K.setDiagonal(diagonal)
+        self._K_is_whole = False
 
     def distance_to_prescribed(self) -> Array:
         """Prescribed value minus present displacement of the ``held`` dofs (local)."""
@@ -225,6 +240,8 @@ class Bulk:
     def check_finite(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
 
+        Constants that differ between the ranks are refused as well.
+
         Raises:
             MortarError: On all ranks; says what is not finite, and where.
         """
@@ -253,6 +270,18 @@ class Bulk:
         everywhere = sorted(set().union(*self.comm.allgather(set(messages))))
         if everywhere:
             raise MortarError("; ".join(everywhere))
+        self._check_same_constants()
+
+    def _check_same_constants(self) -> None:
+        values = np.concatenate([np.zeros(0), *(np.ravel(c.value) for c in self._constants)])
+        bounds = np.stack([values, -values])
+        self.comm.Allreduce(MPI.IN_PLACE, bounds, MPI.MAX)
+        differ = np.flatnonzero(bounds[0] != -bounds[1])
+        if differ.size:
+            raise MortarError(
+                f"a constant of the residual is {-bounds[1, differ[0]]:g} on one rank and "
+                f"{bounds[0, differ[0]]:g} on another; all ranks need the same value"
+            )
 
     def count_nodes(self, dofs: npt.NDArray[np.bool_]) -> tuple[int, str]:
         """Number of nodes with any of the marked local dofs, and a place (collective).

@@ -58,16 +58,16 @@ def _check_coordinates(mesh: Any) -> None:
 
 
 def check_slave_nodes(contacts: Sequence[Interface]) -> None:
-    """Refuse nodes with two multipliers."""
+    """Refuse nodes that are slaves of the same master, or of the same obstacle, in two pairs."""
     for i, one in enumerate(contacts):
         for other in contacts[i + 1 :]:
             both = np.intersect1d(one.multiplier_nodes, other.multiplier_nodes)
-            if both.size:
+            if both.size and one.has_master_of(other):
                 where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
                 raise SurfaceError(
-                    f"{both.size} nodes are slaves in two pairs, '{one.slave.name}' and "
-                    f"'{other.slave.name}', one at {place(where)}; make one of the two a "
-                    "master there, or one SignedDistance of two obstacles"
+                    f"{both.size} nodes are slaves of '{one.master.name}' in two pairs, with "
+                    f"'{one.slave.name}' and '{other.slave.name}', one at {place(where)}; give "
+                    "both sides one name, or make one of the two a master there"
                 )
 
 

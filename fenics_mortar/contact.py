@@ -85,7 +85,8 @@ class ContactPair:
     Args:
         data: Mesh, tags and names.
         slave: Name or tag of the side that carries the multiplier (the finer or softer one).
-        master: Name or tag of the other side, or an obstacle; several pairs may share one. An
+        master: Name or tag of the other side, or an obstacle; several pairs may share one, and a
+            slave may have several masters, one pair each: in a groove a node may touch two. An
             obstacle has its own normals and no ends, so that ``normals`` matters on symmetry planes
             only, ``gap_weights="cover"`` is "basis", and "segments" and "elements" are the same:
             Gauss points on whole slave facets.
@@ -281,6 +282,11 @@ class Contact(Interface):
             return surface_without_nodes(self.slave, self.pair.master_name)
         return super()._master_surface(space)
 
+    def has_master_of(self, other: Interface) -> bool:
+        """Whether the two have the same obstacle, or masters that share a node."""
+        same = self.obstacle is not None and self.obstacle is other.pair.master
+        return same or super().has_master_of(other)
+
     def _reach(self) -> float:
         """Distance at which partners are looked for by default."""
         if self.obstacle is not None:
@@ -383,7 +389,8 @@ class Contact(Interface):
 
     def adopt(self, other: Contact) -> None:
         """Take over offset, weight and undeformed operators of the same pair by another model."""
-        self.offset, self.c_n, self._reference = other.offset, other.c_n, other._reference
+        self.offset, self.c_n = other.offset, other.c_n
+        self._reference = other._reference or self._reference
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve."""
@@ -392,7 +399,13 @@ class Contact(Interface):
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
         touches = self.active | (self.pair.sliding == "small")
-        self.accepted = find_partners(self.operators, self.covered, touches, self._slip_measure)
+        self.accepted = find_partners(
+            self.operators,
+            self.covered,
+            touches,
+            self._slip_measure,
+            between=not isinstance(self.pair.law, Frictionless),
+        )
 
     def start_step(self) -> None:
         """Count slip from the accepted state."""
@@ -424,6 +437,12 @@ class Contact(Interface):
     def sticking(self) -> npt.NDArray[np.bool_]:
         """Whether an active node sticks, shape (slave nodes,), bool."""
         return self.active & (self.piece == STICK) & self._rubs
+
+    @property
+    def sliding(self) -> npt.NDArray[np.bool_]:
+        """Whether an active node slides against friction, shape (slave nodes,), bool."""
+        rubs = self._rubs & (self.pair.law.bound(self.pressure) > 0.0)
+        return self.active & (self.piece != STICK) & rubs
 
     @property
     def friction_work(self) -> float:
@@ -472,8 +491,14 @@ class Contact(Interface):
             near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= NEAR * self.nodal_lengths
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
-    def describe_overlap(self) -> str:
-        """Overlap of the present state, in words; "" if there is none."""
+    def describe_start(self) -> str:
+        """Overlap of the present state, or that nothing faces, in words; "" if there is neither."""
+        if not self.covered.any():
+            return (
+                f"no node of '{self.slave.name}' faced '{self.master.name}' before the first "
+                f"solve: nothing within {self.pair.search_radius or self._reach():.3g} along its "
+                "normals, so the pair bears no force until they come nearer"
+            )
         overlap = -np.nan_to_num(self.gap)
         j = int(np.argmax(overlap / self.nodal_lengths))
         if overlap[j] <= OVERLAP * self.nodal_lengths[j]:

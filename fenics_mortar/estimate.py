@@ -12,8 +12,13 @@ lambda + 2 mu along N and mu across it), in the cell its mean over N; t is the m
 two cells of an inner side, on the boundary the given one, on both contact surfaces that of the
 multipliers. The discrete gap is closed in the mean only: penetration g counts by (Q_nn / 2 h) g^2,
 what it takes to press it into the layers on both sides, and so does opening where all nodes of a
-facet are active; elsewhere it counts by the work z_n g. Straight facets of a curved surface leave
-gaps and overlaps that are none of the exact surface: there the estimate is high.
+facet are active; elsewhere it counts by the work z_n g. Likewise the slip s of a step: by Q along
+the facet where all its nodes stick, elsewhere by the work b |s| - z_tau s that a law with the bound
+b would have it take up and the multiplier does not. The jump of tied surfaces counts by all of Q.
+Straight facets of a curved surface leave gaps and overlaps that are none of the exact surface:
+there the estimate is high. What is left of the constraints of mixed functions, as of
+incompressibility, counts by the energy of the least change of grad u that takes it away.
+
 These are the terms of Hild and Nicaise (Numer. Math. 101, 2005) and of Krause, Veeser and Walloth
 (Numer. Math. 130, 2015), who prove them for linear elasticity on a rigid obstacle.
 
@@ -26,7 +31,7 @@ varies across it by one degree more than the cells can follow.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -39,16 +44,18 @@ from scipy.sparse.linalg import splu
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
+from fenics_mortar.facing import POINTS, WEIGHTS, Points, face, lagrange, points_of
 from fenics_mortar.fluxes import Fluxes, ReferenceCell
 from fenics_mortar.interface import Interface
+from fenics_mortar.mortar import evaluate_normals
 from fenics_mortar.surfaces import Array, Indices, Surface
 
 # b and c by degree
 IN_CELL = {1: 1 / 12, 2: 1 / 60}
 ON_SIDE = {1: 1 / 6, 2: 1 / 10}
-# Gauss points on a segment or facet of contact
-POINTS = 4
 Mask = npt.NDArray[np.bool_]
+# Dyads of the slave facets [length^3], and what counts by itself [stress length^2]
+Defects = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -58,8 +65,9 @@ class ErrorEstimate:
     Attributes:
         cells: Indicator of each cell of this rank, shape (owned cells,) [stress^1/2 length].
         size: Norm of the solution itself, the root of the integral of P : grad u [likewise].
-        parts: Norms of the terms: "cells", "sides" between cells, "boundary", "contact"
-            (tractions) and "gap"; equal on all ranks, as are ``size`` and what follows of both.
+        parts: Norms of the terms: "cells", "constraint" (of mixed functions), "sides" between
+            cells, "boundary", "contact" (tractions), "gap" (of tied surfaces: their jump) and
+            "slip"; equal on all ranks, as are ``size`` and what follows of both.
         mesh: The mesh.
     """
 
@@ -106,21 +114,20 @@ class Estimator:
         self._fluxes = Fluxes(bulk.residual, bulk.u, bulk.space)
         self._sides = Sides(bulk, self._fluxes.cell.sides)
         self._degree = self._sides.nodes.shape[2] - 1
+        self._held = bulk.prescribed.astype(float)
 
     def evaluate(self, interfaces: Sequence[Interface]) -> ErrorEstimate:
-        """Estimate the error of the present state, at which all is evaluated (collective).
-
-        Tied surfaces count by their tractions; what their displacements differ by between the
-        nodes does not.
-        """
+        """Estimate the error of the present state, at which all is evaluated (collective)."""
         cell, sides = self._fluxes.cell, self._sides
         inside, along = self._fluxes.in_cells()
-        A = self._fluxes.moduli()
+        A, C = self._fluxes.moduli()
         volume = np.abs(np.linalg.det(inside.jacobian)) * cell.weights
         square = cell.fill * volume.sum(axis=1)
         Q = 0.5 * np.einsum("tiJkJ->tik", A)[:, None]
         work = (volume * _work(Q, inside.residual)).sum(axis=1)
         parts = {"cells": IN_CELL[self._degree] * square * work}
+        work = (volume * _work_of_constraints(A, C, inside.constraint)).sum(axis=1)
+        parts["constraint"] = work
 
         N, measure = _outlines(along.jacobian, cell)
         Q = np.einsum("tiJkL,tsqJ,tsqL->tsqik", A, N, N)
@@ -132,14 +139,14 @@ class Estimator:
         for name, on in (("sides", sides.inner), ("boundary", boundary), ("contact", touching)):
             parts[name] = np.where(on, work, 0.0).sum(axis=1)
 
-        layer = np.einsum("tsqik,tsqi,tsqk->tsq", Q, N, N).mean(axis=2) / height
-        parts["gap"] = np.zeros(len(work))
-        for contact in (pair for pair in interfaces if isinstance(pair, Contact)):
-            squared_gap, work_of_gap = gap_defects(contact)
-            t, s, facet = sides.of_surface(contact.slave)
-            share = 0.5 if contact.obstacle is None else 1.0  # two layers, one behind the other
-            work = share * layer[t, s] * squared_gap[facet] + work_of_gap[facet]
-            np.add.at(parts["gap"], t, work)
+        layer = Q.mean(axis=2) / height[..., None, None]
+        parts |= {name: np.zeros(len(work)) for name in ("gap", "slip")}
+        for pair in interfaces:
+            t, s, facet = sides.of_surface(pair.slave)
+            share = 0.5 if pair.master.num_nodes else 1.0  # two layers, one behind the other
+            for name, (dyads, lost) in interface_defects(pair).items():
+                work = share * np.einsum("tik,tik->t", layer[t, s], dyads[facet]) + lost[facet]
+                np.add.at(parts[name], t, work)
 
         size2 = np.sum(volume * np.einsum("tpiJ,tpiJ->tp", inside.stress, inside.gradient))
         terms = [size2, *(part.sum() for part in parts.values())]
@@ -161,7 +168,8 @@ class Estimator:
             for surface, force in zip((pair.slave, pair.master), forces, strict=True):
                 if surface.num_nodes:
                     t, k, facet = sides.of_surface(surface)
-                    nodal = nodal_tractions(surface, -force)[surface.facets[facet]]
+                    held = surface.gather(self._held).all(axis=1)
+                    nodal = nodal_tractions(surface, -force, held)[surface.facets[facet]]
                     backward = surface.nodes[surface.facets[facet, 0]] != sides.first(t, k)
                     nodal = np.where(backward[:, None, None], nodal[:, ::-1], nodal)
                     defects[t, k] -= np.einsum("qk,nkc->nqc", shape, nodal)
@@ -240,6 +248,19 @@ def _work(Q: Array, t: Array) -> Array:
     return (along**2 / np.maximum(np.abs(values), np.finfo(float).tiny)).sum(axis=-1)
 
 
+def _work_of_constraints(A: Array, C: Array, c: Array) -> Array:
+    """Twice the energy of the least grad u that takes the constraints back to zero, (cells, p).
+
+    Args:
+        A: Moduli with the other unknowns kept, shape (cells, 2, 2, 2, 2).
+        C: Derivative of the constraints by grad u, shape (cells, constraints, 2, 2).
+        c: Values of the constraints, shape (cells, p, constraints).
+    """
+    flat = C.reshape(*C.shape[:2], 4)
+    H = np.einsum("tak,tpk->tpa", np.linalg.pinv(flat), c)
+    return np.abs(np.einsum("tpa,tab,tpb->tp", H, A.reshape(-1, 4, 4), H))
+
+
 def _outlines(jacobian: Array, cell: ReferenceCell) -> tuple[Array, Array]:
     """Outer normals (cells, sides, q, 2) and weights (cells, sides, q) [length] of all sides."""
     length = np.linalg.norm(np.einsum("tsqcX,sX->tsqc", jacobian, cell.edges), axis=3)
@@ -250,53 +271,98 @@ def _outlines(jacobian: Array, cell: ReferenceCell) -> tuple[Array, Array]:
 # Contact surfaces: replicated, as everything there
 
 
-def lagrange(s: Array, degree: int) -> tuple[Array, Array]:
-    """Shape functions along a facet at ``s`` in -1 ... 1 and their slopes: (..., degree + 1)."""
-    if degree == 1:
-        return np.stack([1 - s, 1 + s], -1) / 2, np.stack([-0.5 + 0 * s, 0.5 + 0 * s], -1)
-    shape = np.stack([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2], -1)
-    return shape, np.stack([s - 0.5, -2 * s, s + 0.5], -1)
-
-
-def nodal_tractions(surface: Surface, forces: Array) -> Array:
+def nodal_tractions(surface: Surface, forces: Array, held: Mask) -> Array:
     """Nodal values of the traction whose forces on the nodes are ``forces``, both (n, 2).
 
-    Per reference length [stress]: the projection to the functions of the displacement.
+    Per reference length [stress]: the projection to the functions of the displacement. What force
+    acts on a node that is ``held`` (n,) is of no consequence: at the end of a surface it has the
+    value that goes on from the two nodes next to it.
     """
-    s, w = np.polynomial.legendre.leggauss(POINTS)
-    shape, slope = lagrange(s, surface.degree)
-    measure = w * np.linalg.norm(np.einsum("qk,mkc->mqc", slope, surface.X[surface.facets]), axis=2)
+    shape, slope = lagrange(POINTS, surface.degree)
+    measure = WEIGHTS * np.linalg.norm(
+        np.einsum("qk,mkc->mqc", slope, surface.X[surface.facets]), axis=2
+    )
     blocks = np.einsum("mq,qj,qk->mjk", measure, shape, shape)
     rows, columns = (np.broadcast_to(surface.facets[a], blocks.shape) for a in _ROW_COLUMN)
     size = surface.num_nodes
-    mass = coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), (size, size))
-    return np.asarray(splu(mass.tocsc()).solve(forces))
+    mass = coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), (size, size)).tolil()
+    rhs = forces.copy()
+    for end, first, second in _ends(surface, held):
+        part = np.linalg.norm(surface.X[[end, first]] - surface.X[[first, second]], axis=1)
+        ratio = part[0] / part[1]
+        mass[end], rhs[end] = 0.0, 0.0
+        mass[end, [end, first, second]] = measure.max() * np.array([1.0, -1.0 - ratio, ratio])
+    return np.asarray(splu(mass.tocsc()).solve(rhs))
+
+
+def _ends(surface: Surface, held: Mask) -> list[list[int]]:
+    """Held nodes at ends of a surface, and the two next to each, if there are two."""
+    triples = [
+        surface.along(np.flatnonzero(held & (before < 0)), range(0, 3 * way, way))
+        for before, way in ((surface.previous, 1), (surface.following, -1))
+    ]
+    both = np.concatenate(triples)
+    return both[(both >= 0).all(axis=1)].tolist()
 
 
 _ROW_COLUMN = (np.s_[:, :, None], np.s_[:, None, :])
 
 
-def gap_defects(contact: Contact) -> tuple[Array, Array]:
-    """What the gap does on each slave facet, two arrays (facets,) (collective).
+def interface_defects(pair: Interface) -> dict[str, Defects]:
+    """What is wrong between the nodes of an interface, by its kind (collective)."""
+    if isinstance(pair, Contact):
+        return {"gap": gap_defects(pair), "slip": slip_defects(pair)}
+    o, X = pair.operators, (pair.slave.X, pair.master.X)
+    n, _ = evaluate_normals(pair.slave, X[0], "opposite")
+    facing = face(replace(o, x=X[0], m=X[1], n=n), o.segments)
+    jump = facing.apart(o.x - X[0], o.m - X[1])
+    return {"gap": _on_facets(pair, facing, jump, 0.0 * facing.s)}
 
-    The integral of g^2 where the gap is wrong [length^3]: where it is a penetration, or where all
-    nodes are active. And that of z_n g elsewhere [stress length^2].
-    """
+
+def gap_defects(contact: Contact) -> Defects:
+    """The gap where it is a penetration, or where all nodes are active; else z_n g (collective)."""
     o, segments = contact.operators, contact.intersections()
-    s, w = np.polynomial.legendre.leggauss(POINTS)
-    middle, half = segments.ends.mean(axis=1), np.diff(segments.ends)[:, 0] / 2
-    shape, slope = lagrange(middle[:, None] + half[:, None] * s, contact.slave.degree)
-    nodes = segments.slave
-    measure = half[:, None] * w
-    measure = measure * np.linalg.norm(np.einsum("nqk,nkc->nqc", slope, o.x[nodes]), axis=2)
-    gap = o.sample_gaps(o.x + contact.offset[:, None] * o.n, segments, s)
-    closed = contact.active[nodes[:, [0, -1]]].all(axis=1)[:, None]
-    pressure = np.maximum(np.einsum("nqk,nk->nq", shape, contact.pressure[nodes]), 0.0)
+    here = points_of(segments, contact.slave)
+    gap = o.sample_gaps(o.x + contact.offset[:, None] * o.n, segments, POINTS)
+    closed = contact.active[here.slave[:, [0, -1]]].all(axis=1)[:, None]
+    pressure = np.maximum(here.of(contact.pressure), 0.0)
     wrong = np.where(closed, gap, np.minimum(gap, 0.0))
     work = np.where(closed, 0.0, pressure * np.maximum(gap, 0.0))
-    facet = np.repeat(segments.facets, np.diff(segments.offsets))
-    sums = np.zeros((2, len(contact.slave.facets)))
-    for row, density in zip(sums, (wrong**2, work), strict=True):
-        np.add.at(row, facet, (measure * density).sum(axis=1))
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, sums)
-    return sums[0], sums[1]
+    return _on_facets(contact, here, wrong[..., None] * here.direction(o.n), work)
+
+
+def slip_defects(contact: Contact) -> Defects:
+    """The slip where all nodes stick; else what the bound would take up, and the shear does not.
+
+    Collective. It is the slip of the last step: that of points that faced each other at its start,
+    or along an obstacle, whose surface has no mesh, that of the nodes.
+    """
+    o, facing = contact.operators, contact.partners.facing
+    here = points_of(o.segments, contact.slave) if facing is None else facing
+    slip = here.of(contact.slip) if facing is None else facing.slip(o)
+    ends, held = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
+    sticking = contact.sticking[ends]
+    sticks = ((sticking | held[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
+    node, bound = contact.nodal, contact.pair.law.bound(contact.pressure)
+    shear, bound = (here.of(np.where(contact.active, a, 0.0)) for a in (node.z_tau, bound))
+    lost = np.maximum(bound * np.abs(slip) - shear * slip, 0.0)
+    work = np.where(sticks | (bound <= 0.0), 0.0, lost)
+    wrong = np.where(sticks, slip, 0.0)
+    return _on_facets(contact, here, wrong[..., None] * here.direction(o.tau), work)
+
+
+def _on_facets(pair: Interface, here: Points, wrong: Array, work: Array) -> Defects:
+    """Integrals over slave facets, (facets, 2, 2) and (facets,), of densities (collective).
+
+    Args:
+        pair: The interface.
+        here: Points of this rank's share.
+        wrong: Vectors whose dyads count by the stiffness of a layer, shape (n, q, 2) [length].
+        work: What counts by itself, shape (n, q) [stress length].
+    """
+    measure = here.measure(pair.operators.x)
+    dyads = np.einsum("nq,nqi,nqk->nik", measure, wrong, wrong).reshape(-1, 4)
+    sums = np.zeros((len(pair.slave.facets), 5))
+    np.add.at(sums, here.facet, np.column_stack([dyads, (measure * work).sum(axis=1)]))
+    pair.slave.comm.Allreduce(MPI.IN_PLACE, sums)
+    return sums[:, :4].reshape(-1, 2, 2), sums[:, 4]

@@ -160,9 +160,7 @@ class FloatingBodies:
                 drive = float(np.linalg.norm(self._resultant(body, total))) / max(force, 1e-300)
                 stiffness[body.label] = float(np.clip(drive, LEAST_SPRING, 1.0)) * body.stiffest
             springs = self._spread(stiffness)
-        diagonal = self._bulk.K.getDiagonal()
-        diagonal.array[:] += springs
-        self._bulk.K.setDiagonal(diagonal)
+        self._bulk.add_to_diagonal(springs)
 
     def hold(self, total: Array, travel: float) -> None:
         """Tie the bodies to where they are by springs of their own; see ``release``.

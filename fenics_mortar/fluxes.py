@@ -6,13 +6,16 @@ boundary. So its integrand I tells them by what it makes of v = e_i and v = e_i 
 
     f_i = -I(e_i),    P_iJ = I(e_i x_J) - x_J I(e_i),    t_i = -I(e_i) on the boundary,
 
-and the same of its derivative gives the moduli dP_iJ / dF_kL.
+and the same of its derivative gives the moduli dP_iJ / dF_kL. With the test function q = 1 of
+another unknown, as a pressure, it is a constraint on the displacement: zero in all places.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
+
+from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +32,8 @@ from fenics_mortar.surfaces import Array, Indices
 
 # Gauss points on a side of a cell, and per direction in it
 POINTS = 3
+# A part of the largest of all values that is rounding
+ROUNDING = 1e-10
 Subdomain = tuple[Any, Any]
 
 
@@ -78,12 +83,14 @@ class Values(NamedTuple):
         gradient: grad u, shape (..., 2, 2).
         stress: P, shape (..., 2, 2) [stress].
         residual: div P + f, shape (..., 2) [stress / length].
+        constraint: What the constraints ought to make zero, shape (..., constraints).
     """
 
     jacobian: Array
     gradient: Array
     stress: Array
     residual: Array
+    constraint: Array
 
 
 class Fluxes:
@@ -105,18 +112,22 @@ class Fluxes:
         self._num_cells = mesh.topology.index_map(2).size_local
         test, trial = ufl.TestFunction(space.whole), ufl.TrialFunction(space.whole)
         displacement = u if not space.is_mixed else ufl.split(u)[space.part]
-        trials = _trials(space)
+        motion, others = _arguments(space)
         x = ufl.SpatialCoordinate(mesh)  # heads each list: an expression has to know its mesh
         bulk, boundary = _integrands(expand_derivatives(residual))
         self._in_cells, self._on_boundary = list(bulk), list(boundary)
+        self._num_constraints = len(others)
         J, H = ufl.Jacobian(mesh), ufl.grad(displacement)
         at_points, moduli, loads = [*_entries(J), *_entries(H)], [x[0]], [x[0]]
         for integrand in bulk.values():
-            P, minus_f = _flux(integrand, test, trials, x)
+            P, minus_f = _flux(integrand, test, motion, x)
+            both = [_constraint(integrand, test, other, x) for other in others]
+            constraints, fluxes = [c for c, _ in both], [f[k] for _, f in both for k in (0, 1)]
             at_points += [*_entries(P), *_entries(ufl.div(P) - minus_f)]
-            stiffness = expand_derivatives(ufl.derivative(P, u, trial))
-            for i, k in np.ndindex(2, 2):
-                moduli += _entries(_flux(stiffness[i, k], trial, trials, x)[0])
+            at_points += [*constraints, *fluxes]
+            for part in [*_entries(P), *constraints]:
+                derivative = expand_derivatives(ufl.derivative(part, u, trial))
+                moduli += _entries(_flux(derivative, trial, motion, x)[0])
         everywhere = np.concatenate([self.cell.points, self.cell.side_points])
         self._values = self._compile(at_points, everywhere)
         self._moduli = self._compile(moduli, self.cell.midpoint)
@@ -125,31 +136,52 @@ class Fluxes:
         normal = ufl.dot(self._normal, K)
         normal = {ufl.FacetNormal(mesh): normal / ufl.sqrt(ufl.dot(normal, normal))}
         for integrand in boundary.values():
-            loads += _entries(-_flux(replace(integrand, normal), test, trials, x)[1])
+            loads += _entries(-_flux(replace(integrand, normal), test, motion, x)[1])
         self._loads = self._compile(loads, self.cell.side_points)
 
     def in_cells(self) -> tuple[Values, Values]:
-        """Values in the owned cells: at their points (cells, p), on their sides (cells, s, q)."""
-        values = self._evaluate(self._values)
+        """Values in the owned cells: at their points (cells, p), on their sides (cells, s, q).
+
+        Raises:
+            MortarError: On all ranks, if an unknown beside the displacement has a flux of its own.
+        """
+        values, count = self._evaluate(self._values), self._num_constraints
         J, H = (values[..., i : i + 4].reshape(*values.shape[:2], 2, 2) for i in (0, 4))
-        P, r = np.zeros_like(H), np.zeros(H.shape[:3])
+        sums = np.zeros((*values.shape[:2], 6 + 3 * count))
         for number, subdomain in enumerate(self._in_cells):
-            on, first = self._cells_of(subdomain), 8 + 6 * number
-            P[on] += values[on, :, first : first + 4].reshape(-1, *H.shape[1:])
-            r[on] += values[on, :, first + 4 : first + 6]
+            on, first = self._cells_of(subdomain), 8 + sums.shape[2] * number
+            sums[on] += values[on, :, first : first + sums.shape[2]]
+        P, r, c = sums[..., :4].reshape(H.shape), sums[..., 4:6], sums[..., 6 : 6 + count]
+        self._refuse_fluxes(sums[..., 6 + count :], sums)
         p, sides = len(self.cell.weights), (len(self.cell.sides), self.cell.s.size)
-        inside = Values(*(a[:, :p] for a in (J, H, P, r)))
-        along = (a[:, p:].reshape(len(a), *sides, *a.shape[2:]) for a in (J, H, P, r))
+        inside = Values(*(a[:, :p] for a in (J, H, P, r, c)))
+        along = (a[:, p:].reshape(len(a), *sides, *a.shape[2:]) for a in (J, H, P, r, c))
         return inside, Values(*along)
 
-    def moduli(self) -> Array:
-        """dP_iJ / dF_kL at the midpoints of the owned cells, (cells, 2, 2, 2, 2) [stress]."""
+    def _refuse_fluxes(self, fluxes: Array, values: Array) -> None:
+        """Raise if these are not rounding beside all values (collective)."""
+        largest = np.array([np.abs(a).max(initial=0.0) for a in (fluxes, values)])
+        self._mesh.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+        if largest[0] > ROUNDING * largest[1]:
+            raise MortarError(
+                "no error can be estimated with the gradient of another test function than that of "
+                "the displacement; right are constraints without it, as (div(u) - p / kappa) * q"
+            )
+
+    def moduli(self) -> tuple[Array, Array]:
+        """Derivatives by F at the midpoints of the owned cells.
+
+        Returns:
+            dP_iJ / dF_kL, shape (cells, 2, 2, 2, 2) [stress], and that of the constraints, shape
+            (cells, constraints, 2, 2).
+        """
         values = self._evaluate(self._moduli)
-        A = np.zeros((self._num_cells, 2, 2, 2, 2))
+        sums = np.zeros((self._num_cells, 4 + self._num_constraints, 2, 2))
         for number, subdomain in enumerate(self._in_cells):
-            on = self._cells_of(subdomain)
-            A[on] += values[on, 0, 16 * number + 1 : 16 * number + 17].reshape(-1, 2, 2, 2, 2)
-        return A
+            on, size = self._cells_of(subdomain), sums[0].size
+            here = values[on, 0, size * number + 1 : size * number + size + 1]
+            sums[on] += here.reshape(-1, *sums.shape[1:])
+        return sums[:, :4].reshape(-1, 2, 2, 2, 2), sums[:, 4:]
 
     def loads(self, cells: Indices, sides: Indices, facets: Indices) -> Array:
         """Tractions given by the form on sides of cells on the boundary (local).
@@ -226,19 +258,32 @@ def _within(subdomain: Subdomain, entities: Indices) -> npt.NDArray[np.bool_]:
     return np.isin(entities, np.concatenate([tags.find(int(k)) for k in numbers]))
 
 
-def _trials(space: DisplacementSpace) -> Callable[[Any, Any], Any]:
-    """Make the function of the whole space whose displacement is (a, b), else zero."""
+def _arguments(space: DisplacementSpace) -> tuple[Callable[[Any, Any], Any], list[Any]]:
+    """Functions of the whole space: of displacement (a, b), else zero, and of other unknowns."""
     size, first = 2, 0
     if space.is_mixed:
         parts = ufl.split(ufl.TestFunction(space.whole))
         sizes = [int(np.prod(part.ufl_shape)) for part in parts]
         size, first = sum(sizes), sum(sizes[: space.part])
-    zero = ufl.as_ufl(0.0)
 
-    def make(a: Any, b: Any) -> Any:
-        return ufl.as_vector([zero] * first + [a, b] + [zero] * (size - first - 2))
+    def make(values: dict[int, Any]) -> Any:
+        return ufl.as_vector([values.get(k, ufl.as_ufl(0.0)) for k in range(size)])
 
-    return make
+    others = [k for k in range(size) if k not in (first, first + 1)]
+    return (
+        lambda a, b: make({first: a, first + 1: b}),
+        [lambda a, k=k: make({k: a}) for k in others],
+    )
+
+
+def _constraint(integrand: Any, test: Any, other: Callable[[Any], Any], x: Any) -> tuple[Any, Any]:
+    """What stands with q, a number, and with grad q, a vector, in an integrand linear in q."""
+
+    def at(a: Any) -> Any:
+        return expand_derivatives(replace(integrand, {test: other(a)}))
+
+    constant = at(ufl.as_ufl(1.0))
+    return constant, ufl.as_vector([at(x[J]) - x[J] * constant for J in range(2)])
 
 
 def _flux(

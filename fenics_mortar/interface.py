@@ -153,6 +153,10 @@ class Interface(ABC):
         """Global numbers of the slave nodes that may carry a multiplier."""
         return self.slave.nodes[self._may_carry]
 
+    def has_master_of(self, other: Interface) -> bool:
+        """Whether the masters of the two share a node."""
+        return bool(np.intersect1d(self.master.nodes, other.master.nodes).size)
+
     @property
     def idle_nodes(self) -> Indices:
         """Global numbers of the other slave nodes: they bear forces of their neighbours."""

@@ -111,6 +111,22 @@ class Frictionless(Law):
         return np.zeros_like(pressure)
 
 
+class Stick(Law):
+    """Whatever touches sticks, whatever it takes: (k / l) u = 0."""
+
+    def piece(self, node: Nodal, before: Pieces) -> Pieces:
+        """All stick."""
+        return np.full_like(before, STICK)
+
+    def tangential(self, node: Nodal, piece: Pieces) -> Row:
+        """The slip."""
+        return Row(node.stiffness * node.slip, by_slip=node.stiffness)
+
+    def bound(self, pressure: Array) -> Array:
+        """None that could be reached."""
+        return np.full_like(pressure, np.inf)
+
+
 class Friction(Law):
     """Nodes stick while |z_tau| is below a bound b, and slide along it.
 

@@ -31,6 +31,7 @@ class Status:
         num_changed: Nodes that entered or left it.
         noise: Residual that rounding leaves at this state [force].
         sets: Equal for equal sets, to recognise a cycle.
+        part: Part of the last step that was kept in the end.
     """
 
     residual: float
@@ -40,6 +41,7 @@ class Status:
     num_changed: int
     noise: float
     sets: bytes = b""
+    part: float = 1.0
 
 
 class Step(NamedTuple):
@@ -77,6 +79,8 @@ class NewtonOptions:
         max_iterations: Linear systems solved at the most.
         residual_tolerance: Residual over force, the largest force seen so far.
         increment_tolerance: Largest displacement increment over the largest displacement.
+        line_search: Whether steps are halved while they raise the residual; see ``damping``.
+        most_motion: Largest motion of a surface in one iteration over its shortest facet.
 
     Raises:
         ValueError: If a number is not positive.
@@ -85,6 +89,8 @@ class NewtonOptions:
     max_iterations: int = 30
     residual_tolerance: float = 1e-10
     increment_tolerance: float = 1e-6
+    line_search: bool = False
+    most_motion: float = np.inf
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -93,6 +99,13 @@ class NewtonOptions:
         for what in ("residual_tolerance", "increment_tolerance"):
             if not 0.0 < getattr(self, what) < np.inf:
                 raise ValueError(f"{what}={getattr(self, what)}: a positive number")
+        if not self.most_motion > 0.0:
+            raise ValueError(f"most_motion={self.most_motion}: a positive number of facets")
+
+    @property
+    def damped(self) -> bool:
+        """Whether steps may end early by ``line_search`` or ``most_motion``."""
+        return self.line_search or bool(np.isfinite(self.most_motion))
 
 
 @dataclass(frozen=True)
@@ -192,6 +205,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
                 noted.add(step.note)
                 report.notes.append(f"iteration {number}: {step.note}")
         status = equations.evaluate(start=number == 0)
+        step = step._replace(part=step.part * status.part)
         report.force = max(report.force, status.force)
         report.iterations.append(
             Iteration(

@@ -107,7 +107,8 @@ class Obstacle(ABC):
         """Let forces drive motions: they are unknown then, and a solve finds the place.
 
         Args:
-            x: Force; what is not given stays as it is, prescribed or driven [stress length].
+            x: Force, 0 to let it move freely; what is not given stays as it is, prescribed or
+                driven [stress length].
             y: Force [stress length].
             moment: Moment about the pivot; frees the rotation [stress length^2].
         """
@@ -238,11 +239,14 @@ class Spline(Obstacle):
         parts = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
         starts = (knots[:-1, None] + chords[:, None] * parts).ravel()
         self._samples = np.append(starts, self._end)
+        self._points = self._curve(self._samples) - self.pivot
+        self._squares = (self._points**2).sum(axis=1)
 
     def local(self, x: Array) -> Fields:
         """Distance to the nearest point of the curve, by Newton's method from the best sample."""
-        away = np.linalg.norm(x[:, None] - self._curve(self._samples)[None], axis=2)
-        t = self._samples[np.argmin(away, axis=1)]
+        t = self._samples[
+            np.argmin(self._squares - 2.0 * (x - self.pivot) @ self._points.T, axis=1)
+        ]
         longest = np.diff(self._samples).max()
         for _ in range(NEWTON_STEPS):
             c, d, dd = self._jet(t)

@@ -30,7 +30,7 @@ class Reach:
     def __init__(
         self, o: MortarOperators, carries: npt.NDArray[np.bool_], faced: tuple[Indices, Indices]
     ) -> None:
-        self._slave, self._master, self._carries = o.slave, o.master, carries.copy()
+        self._slave, self._master, self._idle = o.slave, o.master, _idle(o, carries)
         self._met = np.union1d(_met(o, MARGIN), _faced(o, *faced))
         facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
@@ -41,7 +41,7 @@ class Reach:
     ) -> bool:
         """Whether a state couples nothing else."""
         inside = np.isin(np.union1d(_met(o, 0), _faced(o, *faced)), self._met, assume_unique=True)
-        return bool(inside.all()) and np.array_equal(carries, self._carries)
+        return bool(inside.all()) and np.array_equal(self._idle, _idle(o, carries))
 
     def derivative_pattern(self) -> Block:
         """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
@@ -59,7 +59,7 @@ class Reach:
     def force_pattern(self) -> tuple[Indices, Indices]:
         """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act, but for their own.
 
-        These are of master nodes, and of slave nodes that carry no multiplier themselves.
+        These are of master nodes, and of slave nodes whose own multiplier does not act.
         """
         degree = self._slave.degree
         carriers = self._slave.along(self._facet, range(degree + 1))
@@ -68,9 +68,20 @@ class Reach:
         idle, sharer = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
         dofs = np.concatenate([on_master, self._slave.dofs[idle]])
         multiplier = np.concatenate([carriers.ravel(), sharer])
-        acts = self._carries[multiplier]
-        acts[len(on_master) :] &= ~self._carries[idle]
+        acts = ~self._idle[multiplier]
+        acts[len(on_master) :] &= self._idle[idle]
         return dofs[acts], multiplier[acts]
+
+
+def _idle(o: MortarOperators, carries: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Slave nodes that carry no multiplier, or whose force those of others bear, (slave nodes,).
+
+    The second are nodes of curved facets just beyond the edge of the master, see ``mortar``.
+    """
+    facet, _, k = np.nonzero(o.D * (1.0 - np.eye(o.D.shape[1])))
+    idle = ~carries
+    idle[o.facet_nodes[facet, k]] = True
+    return idle
 
 
 def _met(o: MortarOperators, margin: int) -> Indices:

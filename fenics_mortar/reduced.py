@@ -48,12 +48,15 @@ from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
 from fenics_mortar.sparse import flatten, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
-from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE
+from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE, options_added
 from fenics_mortar.tied import Tie
 
 # How K is factored, and by which part [%] of room more than foreseen; the next if that fails: on
 # several ranks MUMPS may need far more.
 FACTORS = (("cholesky", 50), ("cholesky", 300), ("lu", 300))
+# How MUMPS orders what is eliminated: by approximate minimum fill. Its own choice takes longer than
+# the factors, which are made once.
+ORDERING = 2
 # Columns of the compliance solved for at a time.
 COLUMNS = 32
 # An iteration of the general path costs as much as about so many of these columns.
@@ -116,9 +119,8 @@ def factored(K: PETSc.Mat, prefix: str) -> PETSc.PC:
         pc.setType(kind)  # whatever solves the whole system: many right-hand sides need factors
         pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
         pc.setOperators(K)
-        pc.setFactorSetUpSolverType()
-        pc.getFactorMatrix().setMumpsIcntl(14, room)
-        pc.setUp()
+        with options_added(prefix, {"mat_mumps_icntl_7": ORDERING, "mat_mumps_icntl_14": room}):
+            pc.setUp()
         outcome = pc.getFactorMatrix().getMumpsInfog(1)
         if outcome >= 0:
             return pc
@@ -127,17 +129,16 @@ def factored(K: PETSc.Mat, prefix: str) -> PETSc.PC:
 
 
 class FactoredBulk:
-    """K, assembled and factored with the prescribed dofs held (collective).
+    """K, factored with the prescribed dofs held (collective).
 
     Args:
-        bulk: The bodies; their tangent is constant.
+        bulk: The bodies; their tangent is constant, and assembled.
         dofs: The contact dofs.
         prefix: Prefix of PETSc's options.
     """
 
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
         self._bulk, self._dofs, comm = bulk, dofs, bulk.comm
-        bulk.assemble_tangent()
         held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), comm)
         K = bulk.K.copy()
         K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
@@ -194,7 +195,7 @@ class Compliance(FactoredBulk):
     """The answers of the contact dofs to forces on them, and on prescribed dofs (collective).
 
     Args:
-        bulk: The bodies; their tangent is constant.
+        bulk: The bodies; their tangent is constant, and assembled.
         dofs: The contact dofs.
         prefix: Prefix of PETSc's options.
 
@@ -435,6 +436,7 @@ class SmallSlidingEquations(ReducedEquations):
         super().__init__(problem, prefix)
         self._count = sum(place.size for place in self._system.places)
         self._carries = np.empty(0, bool)
+        self._open: list[Array] = []
 
     def _factor(self, prefix: str) -> Any:
         return FactoredBulk(self._bulk, self._dofs, prefix)
@@ -482,10 +484,14 @@ class SmallSlidingEquations(ReducedEquations):
             self._carries = carries
             self._answers = np.zeros((self._dofs.size, self._count))
             self._known = np.zeros(self._count, bool)
+            self._open = []
+        if self._force is None or not self._open:
+            for contact in self._problem.contacts:
+                contact.evaluate(self._bulk.u.x.array, self._problem.linearization)
+            self._open = [contact.operators.gap for contact in self._problem.contacts]
         self._gaps, self._active = np.zeros(self._count), np.zeros(self._count, bool)
-        for contact, place in self._system.numbered():
-            contact.evaluate(self._bulk.u.x.array, self._problem.linearization)
-            self._gaps[place] = self._system.scale(contact) * contact.operators.gap
+        for (contact, place), gap in zip(self._system.numbered(), self._open, strict=True):
+            self._gaps[place] = self._system.scale(contact) * gap
             self._active[place] = contact.active
 
     def _pushes(self) -> csr_array:
@@ -543,6 +549,11 @@ class LinearBulk:
 
     def __init__(self, problem: Any, wanted: bool | None, prefix: str) -> None:
         self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}compliance_"
+        if wanted and problem.newton.damped:
+            raise ValueError(
+                "linear_bulk=True takes whole steps: leave out line_search and most_motion, or "
+                "give linear_bulk=False"
+            )
         linear = problem.bulk.is_linear if wanted is None else wanted
         self._possible = linear and bool(problem.contacts)
         self._data: list[Array] = []
@@ -551,7 +562,7 @@ class LinearBulk:
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
         """The reduced equations, or ``None`` for the general path; a remark (collective)."""
-        if not self._possible or self._problem.tools.driven.any():
+        if not self._possible or self._problem.newton.damped or self._problem.tools.driven.any():
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0

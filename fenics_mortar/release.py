@@ -76,18 +76,26 @@ def release_slowly(
     arrived = equations.state()
     equations.hold(None)
     try:
-        return report.followed_by(solve(equations, options))
+        return _then(report, equations, options)
     except NotConvergedError as error:
-        report = report.followed_by(error.report)
+        report = error.report
         equations.restore(arrived)
         for _ in range(REPEATS):
             equations.hold(TRAVEL)
-            report = report.followed_by(solve(equations, options))
+            report = _then(report, equations, options)
         part, words = equations.remaining()
         if part > MOST_HELD:
             raise NotConvergedError(f"{failed.report.reason}; {words}", report) from error
         report.notes.append(words)
         return report
+
+
+def _then(report: NewtonReport, equations: Held, options: NewtonOptions) -> NewtonReport:
+    """A record with that of one more solve, which an error holds as well."""
+    try:
+        return report.followed_by(solve(equations, options))
+    except NotConvergedError as error:
+        raise NotConvergedError(str(error), report.followed_by(error.report)) from error
 
 
 def _move_on_springs(
@@ -100,9 +108,9 @@ def _move_on_springs(
         start = equations.state()
         equations.hold(aim)
         try:
-            report = report.followed_by(solve(equations, rough))
+            report = _then(report, equations, rough)
         except NotConvergedError as error:
-            report, aim, failures = report.followed_by(error.report), LESS * aim, failures + 1
+            report, aim, failures = error.report, LESS * aim, failures + 1
             equations.restore(start)
             if failures == MOST_FAILURES:
                 raise NotConvergedError(failed.report.reason, report) from error

@@ -23,7 +23,7 @@ import ufl
 from ufl.algorithms import extract_arguments
 
 from fenics_mortar import compat
-from fenics_mortar.bulk import AROUND
+from fenics_mortar.bulk import AROUND, Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError, raise_together
 from fenics_mortar.obstacles import Obstacle
@@ -42,6 +42,12 @@ CELLS = {
 }
 
 
+# Obstacles are drawn as far beyond the bodies, by the size of these.
+AROUND_BODIES = 0.15
+# The outlines of obstacles are looked for on a grid of so many points in each direction.
+GRID = 400
+
+
 class ResultsWriter:
     """Time series for ParaView: ``<path>.pvd`` and, for each pair, ``<path>_contact_<slave>.pvd``.
 
@@ -49,7 +55,8 @@ class ResultsWriter:
     cells. The slave surface has at its nodes the displacement, the contact pressure, the tangential
     traction tau . z [stress], the mean gap [length], nan where there is no partner, the slip of the
     last step [length], the status (0 open, 1 active), whether it is sticking and the normal.
-    Positions are those of the reference: warp by displacement.
+    Obstacles are outlines in and somewhat around the box of the bodies, with their displacement, in
+    ``<path>_obstacle_<name>.pvd``. Positions are those of the reference: warp by displacement.
 
     Args:
         path: Where to write, of the first rank; missing folders are made.
@@ -70,24 +77,34 @@ class ResultsWriter:
         path = _prepare(comm, path, ".pvd")
         cells = _owned_cells(problem)
         self._nodes, numbers = np.unique(cells, return_inverse=True)
-        X = problem.bulk.V.tabulate_dof_coordinates()[self._nodes]
-        self._bulk = _Series(comm, path, X, numbers.reshape(cells.shape), CELLS)
-        self._surfaces = []
-        names = [re.sub(r"\W+", "_", contact.slave.name) for contact in problem.contacts]
-        for i, (name, contact) in enumerate(zip(names, problem.contacts, strict=True)):
-            name = name if names.count(name) == 1 else f"{name}_{i}"
-            series = path.with_name(f"{path.name}_contact_{name}")
-            facets = contact.slave.facets[: None if comm.rank == 0 else 0]
-            self._surfaces.append(_Series(comm, series, _pad(contact.slave.X), facets, FACETS))
+        self._X = problem.bulk.V.tabulate_dof_coordinates()[self._nodes]
+        self._cells = numbers.reshape(cells.shape)
+        self._bulk = _Series(comm, path, len(cells) > 0)
+
+        def series(what: str, names: list[str]) -> list[_Series]:
+            """Those of things that the first rank writes, numbered where names are equal."""
+            names = [re.sub(r"\W+", "_", name) for name in names]
+            names = [n if names.count(n) == 1 else f"{n}_{i}" for i, n in enumerate(names)]
+            paths = [path.with_name(f"{path.name}_{what}_{name}") for name in names]
+            return [_Series(comm, path, comm.rank == 0) for path in paths]
+
+        self._surfaces = series("contact", [contact.slave.name for contact in problem.contacts])
+        self._obstacles = series("obstacle", [o.name for o in problem.tools.obstacles])
 
     def write(self, time: float) -> None:
         """Write the present state as that of ``time`` (collective)."""
-        u, dofs = self._problem.bulk.u.x.array, self._problem.bulk.space.dofs
+        problem = self._problem
+        u, dofs = problem.bulk.u.x.array, problem.bulk.space.dofs
         cell_data = {name: _pad(field.evaluate()) for name, field in self._fields.items()}
-        self._bulk.write(time, {"displacement": _pad(u[dofs[self._nodes]])}, cell_data)
-        for series, contact in zip(self._surfaces, self._problem.contacts, strict=True):
-            contact.evaluate(u, self._problem.linearization)
-            series.write(time, _surface_data(contact, u), {})
+        data = {"displacement": _pad(u[dofs[self._nodes]])}
+        self._bulk.write(time, partial(_piece, self._X, self._cells, CELLS, data, cell_data))
+        for series, contact in zip(self._surfaces, problem.contacts, strict=True):
+            contact.evaluate(u, problem.linearization)
+            X, data = _pad(contact.slave.X), _surface_data(contact, u)
+            series.write(time, partial(_piece, X, contact.slave.facets, FACETS, data))
+        box = _box(problem.bulk)
+        for series, obstacle in zip(self._obstacles, problem.tools.obstacles, strict=True):
+            series.write(time, partial(_outline, obstacle, *box))
 
     def __enter__(self) -> ResultsWriter:
         """Return the writer."""
@@ -111,28 +128,84 @@ def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
     }
 
 
-class _Series:
-    """One .vtu a step and rank that has cells, and the .pvd that lists them."""
+def _piece(
+    X: Array,
+    cells: Indices,
+    kinds: dict[int, Any],
+    point_data: dict[str, Array],
+    cell_data: dict[str, Array] | None = None,
+) -> Any:
+    """What one rank writes: points (n, 3), cells in the order of dolfinx, values at both."""
+    import meshio
 
-    def __init__(
-        self, comm: MPI.Comm, path: Path, X: Array, cells: Indices, kinds: dict[int, Any]
-    ) -> None:
-        kind, order = kinds[cells.shape[1]]
-        self._comm, self._path, self._X, self._cells = comm, path, X, [(kind, cells[:, order])]
-        self._ranks = np.flatnonzero(comm.allgather(len(cells)))
+    kind, order = kinds[cells.shape[1]]
+    data = {name: [values] for name, values in (cell_data or {}).items()}
+    return meshio.Mesh(X, [(kind, cells[:, order])], point_data, data)
+
+
+def _box(bulk: Bulk) -> tuple[Array, Array]:
+    """The box of the deformed bodies and somewhat around it, its lower and upper corner."""
+    x = bulk.positions()
+    low, high = (
+        bulk.comm.allreduce(corner, operation)
+        for corner, operation in (
+            (x.min(axis=0, initial=np.inf), MPI.MIN), (x.max(axis=0, initial=-np.inf), MPI.MAX)
+        )
+    )  # fmt: skip
+    margin = AROUND_BODIES * (high - low).max()
+    return low - margin, high + margin
+
+
+def _outline(obstacle: Obstacle, low: Array, high: Array) -> Any:
+    """Where phi = 0 in a box: points in the obstacle's frame, with their displacement.
+
+    Out of sight it is a line without length at the pivot: files without points cannot be read.
+    """
+    lines = _zeros(obstacle, low, high) or [np.tile(obstacle.pivot + obstacle.place[:2], (2, 1))]
+    points = np.concatenate(lines)
+    first = np.setdiff1d(np.arange(len(points)), np.cumsum([len(line) for line in lines]) - 1)
+    own = obstacle.to_own_frame(points)
+    data = {"displacement": _pad(points - own)}
+    return _piece(_pad(own), np.stack([first, first + 1], axis=1), FACETS, data)
+
+
+def _zeros(obstacle: Obstacle, low: Array, high: Array) -> list[Array]:
+    """The lines phi = 0 in a box, each (n, 2)."""
+    from matplotlib.figure import Figure
+
+    x, y, points = _grid(low, high)
+    phi = obstacle.evaluate(points)[0].reshape(GRID, GRID)
+    if not phi.min() < 0.0 < phi.max():
+        return []
+    lines = Figure().add_subplot().contour(x, y, phi, [0.0]).allsegs[0]
+    for _ in range(2):  # from the chords of the grid to the curve
+        fields = [obstacle.evaluate(line) for line in lines]
+        lines = [
+            line - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
+            for line, (phi, gradient, _) in zip(lines, fields, strict=True)
+        ]
+    return lines
+
+
+def _grid(low: Array, high: Array) -> tuple[Array, Array, Array]:
+    """Places x and y of a grid in a box, each (GRID,), and all its points (GRID^2, 2)."""
+    x, y = (np.linspace(a, b, GRID) for a, b in zip(low, high, strict=True))
+    return x, y, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+class _Series:
+    """One .vtu a step and rank that has a piece, and the .pvd that lists them."""
+
+    def __init__(self, comm: MPI.Comm, path: Path, has_piece: bool) -> None:
+        self._comm, self._path = comm, path
+        self._ranks = np.flatnonzero(comm.allgather(has_piece))
         self._times: list[float] = []
 
-    def write(self, time: float, point_data: dict[str, Array], cell_data: dict[str, Array]) -> None:
-        """Write a step, then the list of all steps (collective)."""
+    def write(self, time: float, piece: Callable[[], Any]) -> None:
+        """Write a step, then the list of all steps (collective); ``piece`` makes this rank's."""
         mine = self._file(len(self._times), self._comm.rank)
-
-        def write_piece() -> None:
-            import meshio
-
-            data = {name: [values] for name, values in cell_data.items()}
-            meshio.Mesh(self._X, self._cells, point_data, data).write(mine)
-
         has_piece = self._comm.rank in self._ranks
+        write_piece = partial(_write_piece, piece, mine)
         _try_together(self._comm, has_piece, write_piece, f"cannot write '{mine}'")
         self._times.append(float(time))
         index = self._path.with_name(f"{self._path.name}.pvd")
@@ -149,6 +222,10 @@ class _Series:
                 file = quoteattr(self._file(step, rank).name)
                 lines.append(f'<DataSet timestep="{time!r}" part="{part}" file={file}/>')
         return "\n".join([*lines, "</Collection></VTKFile>", ""])
+
+
+def _write_piece(piece: Callable[[], Any], path: Path) -> None:
+    piece().write(path)
 
 
 class _CellField:
@@ -244,8 +321,6 @@ def contact_table(problem: ContactProblem) -> str:
 # Picture
 
 INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
-# Obstacles are drawn as far beyond the bodies, by the size of these.
-AROUND_BODIES = 0.15
 
 
 def plot(
@@ -296,7 +371,8 @@ def plot(
         if field is not None:
             bar = figure.colorbar(bodies, cax=axes.inset_axes((1.03, 0.0, 0.025, 1.0)), label=label)
             bar.outline.set_visible(False)
-        _draw_obstacles(axes, problem.tools.obstacles, low, high)
+        margin = AROUND_BODIES * float((high - low).max())
+        _draw_obstacles(axes, problem.tools.obstacles, low - margin, high + margin)
         open_pairs = [c for c in problem.contacts if not isinstance(c, Tie)]
         _draw_pressure(axes, open_pairs, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
         if scale != 1.0:
@@ -332,12 +408,10 @@ def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | Non
 
 
 def _draw_obstacles(axes: Any, obstacles: list[Obstacle], low: Array, high: Array) -> None:
-    """The solid parts of obstacles, phi < 0, in and somewhat around the box of the bodies."""
-    margin = AROUND_BODIES * float((high - low).max())
-    x, y = (np.linspace(a - margin, b + margin, 400) for a, b in zip(low, high, strict=True))
-    points = np.stack(np.meshgrid(x, y), axis=-1)
+    """The solid parts of obstacles, phi < 0, in a box."""
+    x, y, points = _grid(low, high)
     for obstacle in obstacles:
-        phi = obstacle.evaluate(points.reshape(-1, 2))[0].reshape(points.shape[:2])
+        phi = obstacle.evaluate(points)[0].reshape(GRID, GRID)
         if phi.min() < 0.0:
             axes.contourf(x, y, phi, [phi.min(), 0.0], colors=[GREY], alpha=0.35, zorder=0)
             axes.contour(x, y, phi, [0.0], colors=[INK], linewidths=0.8)

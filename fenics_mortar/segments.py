@@ -19,6 +19,7 @@ nodes the constraints are those of node-to-segment contact.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -161,7 +162,7 @@ class _Pieces(NamedTuple):
 def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Pieces]:
     """Offsets, master facets and pieces of segments with one Gauss rule for all."""
     offsets, masters, fixed, ends = search.find_segments(*search_for)
-    s, w = np.polynomial.legendre.leggauss(points)
+    s, w = gauss_rule(points)
     spans = np.tile([0, points], (len(masters), 1))
     spread = np.tile([0.0, 1.0 / 3.0], (len(masters), 1))
     return offsets, masters, _Pieces(ends, fixed, s, w, spans, spread)
@@ -186,13 +187,19 @@ def _runs(
     return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans, spread)
 
 
+@cache
+def gauss_rule(points: int) -> tuple[Array, Array]:
+    """Points and weights of Gauss on [-1, 1]."""
+    return np.polynomial.legendre.leggauss(points)
+
+
 def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array, Array]:
     """Points and weights on a whole facet of ``size`` nodes: Gauss, or for "nodes" Lobatto.
 
     The points of the latter are the nodes: the trapezoidal rule or Simpson's.
     """
     if integration != "nodes":
-        return np.polynomial.legendre.leggauss(points)
+        return gauss_rule(points)
     weights = {2: [1.0, 1.0], 3: [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]}
     return np.linspace(-1.0, 1.0, size), np.array(weights[size])
 

@@ -28,9 +28,10 @@ one step turn their tangents to each other as they flatten. For the first measur
 an accepted state of a node that is open there is the one midway between both sides: motion along
 the normal midway is no slip. Two cylinders, pressed in one step and then sheared, so have the shear
 of Cattaneo and Mindlin up to 1.5 % (1.1 % if pressed without friction), against 39 % by the second
-(``demos/accuracy/cattaneo.py``). In ironing in long steps, where but one side turns, the energy
-balance is worse by a part of what it is off, 0.55 % for 0.48 %. The first measure also needs no derivatives of D and M, and has a meaning
-where these do not change: it is the default. The second is for comparison with other codes.
+(``demos/accuracy/cattaneo.py``). In ironing, where but one side turns, the energy balance of
+long steps is off by 0.55 %, by the slave's tangent 0.48 %. The first measure needs no derivatives
+of D and M, and has a meaning where these do not change: it is the default. The second is for
+comparison with other codes.
 
 Partners are material points whether or not there is contact yet: nodes that come to touch in a step
 slip by what they have moved along the points that they faced at its start. A node that faced
@@ -50,6 +51,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
+from fenics_mortar.facing import Facing, face
 from fenics_mortar.mortar import Block, MortarOperators, evaluate_normals, share_of
 from fenics_mortar.obstacles import ObstacleOperators
 from fenics_mortar.surfaces import Array, Indices
@@ -69,6 +71,8 @@ class Partners:
         feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
         present: s_j, what the present D and M count for, shape (slave nodes,) [1 / length].
         start: tau_j . b_j at that state, shape (slave nodes,) [length].
+        facing: Points between the nodes that faced each other, if they were asked for: of bodies
+            that rub against each other. The surface of an obstacle has no mesh.
     """
 
     D: csr_array
@@ -76,6 +80,7 @@ class Partners:
     feet: Array
     present: Array
     start: Array
+    facing: Facing | None = None
 
     def apart(self, o: MortarOperators) -> Array:
         """B at the positions of ``o``, shape (slave nodes, 2) [length]."""
@@ -120,6 +125,8 @@ def find_partners(
     faces: npt.NDArray[np.bool_],
     touches: npt.NDArray[np.bool_],
     measure: Measure = "partners",
+    *,
+    between: bool = False,
 ) -> Partners:
     """Partners at the state of ``o`` (collective).
 
@@ -128,8 +135,9 @@ def find_partners(
         faces: Which slave nodes have a row in D and M, shape (slave nodes,), bool.
         touches: Which are in contact, or have a tangent that never turns.
         measure: Whether the present D and M count, too.
+        between: Whether to note what faces each other between the nodes, too.
     """
-    none = np.zeros(len(o.x))
+    none, facing = np.zeros(len(o.x)), None
     if isinstance(o, ObstacleOperators):
         size = len(o.x)
         D, M, present = csr_array(np.eye(size)), csr_array((size, 0)), none
@@ -140,9 +148,10 @@ def find_partners(
         own, nearest = _nearest(o, np.flatnonzero(~faces))
         on_slave = _replicate(o, o.facet_nodes, o.facet_nodes, o.D, per_weight)
         on_master = _replicate(o, s.slave, s.master, o.M, per_weight)
+        facing = face(o, s) if between else None
         D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
         present = per_weight if measure == "operators" else none
-    partners = Partners(D, M, feet, present, none)
+    partners = Partners(D, M, feet, present, none, facing)
     tangent = np.where(touches[:, None], o.tau, _midway(o, M))
     return replace(partners, start=np.einsum("ja,ja->j", tangent, partners.apart(o)))
 

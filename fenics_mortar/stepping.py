@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.errors import NotConvergedError
 from fenics_mortar.newton import NewtonReport
 from fenics_mortar.problem import ContactProblem, State
@@ -16,6 +17,8 @@ from fenics_mortar.surfaces import Array
 
 # What is left of the path below this part of a step is taken with the step.
 REMAINDER = 1e-6
+# Part of the first step by which loads go on to ask why a path ends.
+ONWARD = 1e-3
 # What the end of a path may mean.
 HINT = (
     "If smaller steps do not help, the path may turn or jump here, as where an arch snaps through "
@@ -105,11 +108,13 @@ class PathReport:
         steps: The accepted steps.
         failures: Records of the failed attempts at the step after the last accepted one.
         finished: Whether the end was reached.
+        dead_end: Why there is no equilibrium beyond its last step, if that is sure; else "".
     """
 
     steps: list[PathStep] = field(default_factory=list)
     failures: list[NewtonReport] = field(default_factory=list)
     finished: bool = False
+    dead_end: str = ""
 
     @property
     def num_iterations(self) -> int:
@@ -189,11 +194,11 @@ def follow_path(
             problem.restore(accepted)
             _say(problem, print_steps, f"time {time + step:.6g}: cut, {failure}")
             if step <= options.smallest:
+                set_loads(min(time + ONWARD * options.step, stop))
+                path.dead_end = why_path_ends(problem)
                 set_loads(time)
-                raise NotConvergedError(
-                    f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {HINT}",
-                    path,
-                ) from failure
+                words = _last_words(time, step, path.dead_end, failure)
+                raise NotConvergedError(words, path) from failure
             step = max(options.cut * step, options.smallest)
             continue
         before, accepted = (accepted, step), problem.state()
@@ -211,6 +216,13 @@ def follow_path(
             step = min(options.growth * step, largest)
     path.finished = True
     return path
+
+
+def _last_words(time: float, step: float, why: str, failure: NotConvergedError) -> str:
+    """Where a path ends and why."""
+    if why:
+        return f"the path ends at {time:.6g}: {why}. A step of {step:.1e} fails; {failure}"
+    return f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {HINT}"
 
 
 def _solve_soundly(problem: ContactProblem) -> NewtonReport:

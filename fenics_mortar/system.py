@@ -49,7 +49,7 @@ from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
 
 Algorithm = Literal["condensed", "saddle"]
-Solver = Literal["direct", "iterative"]
+Solver = Literal["auto", "direct", "iterative"]
 # The order of elimination is kept while values change: MUMPS then needs more room than it foresees.
 DIRECT = {
     "ksp_type": "preonly",
@@ -66,11 +66,31 @@ ITERATIVE = {
     "pc_type": "python",
     **OPTIONS,
 }
-SOLVERS: dict[Solver, dict[str, Any]] = {"direct": DIRECT, "iterative": ITERATIVE}
+SOLVERS: dict[Solver, dict[str, Any]] = {
+    "auto": ITERATIVE,
+    "direct": DIRECT,
+    "iterative": ITERATIVE,
+}
+# From so many unknowns on "auto" iterates; see ``ContactProblem``.
+MANY = 100_000
 # A direct solver that leaves more than this part of the right-hand side has met a singular matrix.
 LINEAR_TOLERANCE = 1e-5
 # One that leaves more than this is refined.
 REFINED = 1e-14
+
+
+@contextmanager
+def options_added(prefix: str, options: dict[str, Any]) -> Iterator[None]:
+    """Have options in PETSc's database, but for those that the user has there already."""
+    database = PETSc.Options(prefix)
+    ours = {k: v for k, v in options.items() if not database.hasName(k)}
+    for name, value in ours.items():
+        database.setValue(name, value)
+    try:
+        yield
+    finally:
+        for name in ours:
+            database.delValue(name)
 
 
 class LinearSystem(ABC):
@@ -81,6 +101,8 @@ class LinearSystem(ABC):
             their owners, so that a rank owns a contiguous range.
         num_multipliers: Multipliers this rank owns.
         forcing: Part of the right-hand side that the next solve may leave if it is iterative.
+        may_factor: Whether the direct solver takes over for good if an iterative one fails.
+        remark: That it has done so, in words; "" if it has not.
         matrix: The matrix last assembled.
     """
 
@@ -95,13 +117,9 @@ class LinearSystem(ABC):
         self.places: list[Indices] = np.split(place, ends)[:-1]
         self.num_multipliers = int((owners == self.comm.rank).sum())
         self._first_multiplier = int((owners < self.comm.rank).sum())
-        self.ksp = PETSc.KSP().create(self.comm)
-        self.ksp.setOptionsPrefix(prefix)
-        self._prefix, self._options = prefix, {**DIRECT, **options}
-        with self._in_database():
-            self.ksp.setFromOptions()
-        self._finest, *_ = self.ksp.getTolerances()
-        self.forcing = 0.0
+        self._prefix = prefix
+        self._create_solver({**DIRECT, **options})
+        self.forcing, self.may_factor, self.remark = 0.0, False, ""
         self.matrix: PETSc.Mat
         self._rhs: PETSc.Vec
 
@@ -124,18 +142,13 @@ class LinearSystem(ABC):
             Changes of the displacement and of the multipliers.
         """
 
-    @contextmanager
-    def _in_database(self) -> Iterator[None]:
-        """Have our options in PETSc's database, but for those that the user has there already."""
-        database = PETSc.Options(self._prefix)
-        ours = {k: v for k, v in self._options.items() if not database.hasName(k)}
-        for name, value in ours.items():
-            database.setValue(name, value)
-        try:
-            yield
-        finally:
-            for name in ours:
-                database.delValue(name)
+    def _create_solver(self, options: dict[str, Any]) -> None:
+        self._options = options
+        self.ksp = PETSc.KSP().create(self.comm)
+        self.ksp.setOptionsPrefix(self._prefix)
+        with options_added(self._prefix, self._options):
+            self.ksp.setFromOptions()
+        self._finest, *_ = self.ksp.getTolerances()
 
     def local(self, contact: Interface, place: Indices) -> Indices:
         """Local positions of the multipliers owned here."""
@@ -207,6 +220,15 @@ class LinearSystem(ABC):
         reason = self.ksp.getConvergedReason()
         if reason < 0 or not relative <= LINEAR_TOLERANCE:
             self.ksp.reset()  # MUMPS does not factor again after it has failed
+            if self.may_factor:
+                self.may_factor = False
+                self.remark = (
+                    f"the iterative solver failed, PETSc's reason {reason}: from now on the linear "
+                    "systems are solved directly"
+                )
+                self.ksp.destroy()
+                self._create_solver(DIRECT)
+                return self._solve_linear(matrix, rhs)
             raise MortarError(
                 f"the linear system was not solved, it may be singular: PETSc's reason {reason}, "
                 f"remaining part of the right-hand side {relative:.1e}"
@@ -217,7 +239,7 @@ class LinearSystem(ABC):
         """A solution, and the part of the right-hand side that it leaves."""
         solution = rhs.duplicate()
         self.ksp.setOperators(matrix)
-        with self._in_database():
+        with options_added(self._prefix, self._options):
             self.ksp.solve(rhs, solution)
         defect, relative = self._defect(matrix, rhs, solution)
         if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
@@ -393,6 +415,9 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
         for other in contacts:
             if np.intersect1d(contact.multiplier_nodes, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"
+            both = np.intersect1d(contact.multiplier_nodes, other.multiplier_nodes)
+            if both.size and other is not contact:
+                return f"slave nodes of {names} are slaves of '{other.master.name}', too"
             if np.intersect1d(contact.multiplier_nodes, other.idle_nodes).size:
                 return f"slave nodes of {names} are nodes of '{other.slave.name}' as well"
     return None

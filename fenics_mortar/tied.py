@@ -343,7 +343,7 @@ class Tie(Interface):
     def set_initial_gap(self) -> None:
         """There is none to set."""
 
-    def describe_overlap(self) -> str:
+    def describe_start(self) -> str:
         """What is tied does not overlap."""
         return ""
 

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from scenes import internal, linear_elastic, neo_hookean, nodal, pressed_blocks
+from scenes import TIGHT, internal, linear_elastic, neo_hookean, nodal, pressed_blocks
 
 from dolfinx import fem
 
@@ -162,3 +162,124 @@ def test_rigid_motions_of_the_bodies_are_no_strain():
 def test_options_are_checked(options, message):
     with pytest.raises(ValueError, match=message):
         fm.AdequacyCheck(**options)
+
+
+@pytest.mark.parametrize(
+    "width, push, friction, verdict",
+    [
+        (1.0, (0.0, -0.05), 0.3, "enough"),  # equal blocks: neither of the two wants to slip
+        (2.2, (0.0, -0.05), 0.01, "enough"),
+        (2.2, (0.0, -0.05), 0.3, "not enough"),
+        (2.2, (0.1, -0.1), 0.05, "not enough"),
+    ],
+)
+def test_frictionless_against_stick(width, push, friction, verdict):
+    """Stick and its demand foretell what Coulomb's law does, with a true error of the same side."""
+    found = {}
+    for law in (fm.Frictionless(), fm.Coulomb(friction)):
+        scene = pressed_blocks(**MESH, width_upper=1.0, width_lower=width, pair={"law": law})
+        scene.loads["push"].value[:] = push
+        scene.problem.solve()
+        found[type(law)] = scene.problem
+    problem, rough = found.values()
+    before = problem.state()
+    check = fm.AdequacyCheck(0.02, friction=friction)
+    (assumption,) = (adequacy := check.assess(problem)).assumptions
+    assert np.array_equal(problem.state().u, before.u)
+    assert adequacy.verdict(assumption) == verdict and "stick asks for" in assumption.indicator
+    true = differences(problem, Snapshot.of(problem), Snapshot.of(rough))[ENERGY]
+    assert (true <= 0.02) == (verdict == "enough")
+    assert 0.5 < assumption.errors[ENERGY] / true < 2.0
+
+
+STRICT = {"tolerance": 1e-6, "discretisation": 1e-6}
+PATH = [(0.0, -0.02), (0.05, -0.1), (0.1, -0.1)]
+
+
+def climbing(law=None, **check):
+    """Blocks of the full model, alone or with a climb, and how often K is factored for them."""
+    scene = pressed_blocks(**MESH)
+    u = fem.Function(scene.u.function_space)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", law=law)
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=scene.problem.bulk.bcs,
+        petsc_options_prefix="test_", newton=TIGHT,
+        adequacy=fm.AdequacyCheck(climb=True, **check) if check else None,
+    )  # fmt: skip
+    steps, advance = [], problem.advance
+    problem.advance = lambda: steps.append(1) or advance()
+    return problem, scene.loads["push"].value, steps
+
+
+@pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
+def test_climb_reaches_the_full_model_where_it_is_needed(law):
+    """Slip counts from the accepted states, whatever models were tried in between."""
+    (full, push, _), (problem, same_push, _) = climbing(law), climbing(law, **STRICT)
+    for step in PATH:
+        push[:] = same_push[:] = step
+        full.solve()
+        report = problem.solve()
+        assert report.certificate.violations() == []
+        assert report.adequacy.suffices and not report.adequacy.assumptions
+        u, w = nodal(full), nodal(problem)
+        assert np.abs(u - w).max() < 1e-9 * np.abs(u).max()
+        z, w = full.contacts[0].z, problem.contacts[0].z
+        assert np.abs(z - w).max() < 1e-8 * np.abs(z).max()
+
+
+def test_climb_stays_where_it_is_enough():
+    """A step of the full model for each load instead of all; the answer is the cheap model's."""
+    (full, push, steps), (problem, same_push, few) = climbing(), climbing(tolerance=0.05)
+    for depth in (0.005, 0.01, 0.02):
+        push[1] = same_push[1] = -depth
+        full.solve()
+        report = problem.solve()
+        (assumption,) = report.adequacy.assumptions
+        assert assumption.name == "linear strain and small sliding" and report.adequacy.suffices
+        assert report.certificate.violations() == []
+        true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
+        assert 0.5 < assumption.errors[ENERGY] / true[ENERGY] < 2.0
+    assert len(few) == 3 and len(steps) >= 9
+
+
+def test_climb_ends_on_a_rung_between():
+    """Slip of a facet, hardly any strain: linear, but sliding as it is."""
+    problem, push, steps = climbing(tolerance=0.02)
+    full, same_push, _ = climbing()
+    push[:] = same_push[:] = (0.3, -0.003)
+    names = [a.name for a in problem.solve().adequacy.assumptions]
+    assert names == ["linear strain"]
+    full.solve()
+    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
+    assert 1e-5 < true[ENERGY] < 0.02
+    del steps[:]
+    problem.solve()
+    assert len(steps) == 1  # the rung below is not tried again
+
+
+def test_climb_stops_at_the_error_of_the_mesh():
+    """Known or estimated; the table says so."""
+    for known in ({}, {"discretisation": 0.5}):
+        problem, push, _ = climbing(tolerance=1e-4, **known)
+        push[1] = -0.02
+        adequacy = problem.solve().adequacy
+        (assumption,) = adequacy.assumptions
+        assert not adequacy.suffices and adequacy.discretisation > adequacy.error
+        assert adequacy.verdict(assumption) == "refine before you model more"
+
+
+def test_climb_goes_on_where_a_rung_fails(monkeypatch):
+    """A cheap model that has no solution leaves no trace."""
+    (full, push, _), (problem, same_push, _) = climbing(), climbing(tolerance=0.5)
+    for _, rung in problem._adequacy._rungs:
+
+        def fail(rung=rung):
+            rung.bulk.u.x.array[:] = 0.01
+            raise fm.MortarError("no")
+
+        monkeypatch.setattr(rung, "solve", fail)
+    push[:] = same_push[:] = PATH[1]
+    full.solve()
+    problem.solve()
+    u, w = nodal(full), nodal(problem)
+    assert np.abs(u - w).max() < 1e-9 * np.abs(u).max()

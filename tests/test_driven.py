@@ -268,18 +268,6 @@ def test_loaded_obstacle_that_slides_away_is_named():
     assert "obstacle 'plane' can move along" in str(error.value)
 
 
-def test_two_obstacles_on_one_slave_are_refused():
-    """Its nodes would have two multipliers; the error says what to do."""
-    data = read(rectangles, size=0.5, block=(0.0, 0.0, 1.0, 1.0))
-    V = fm.vector_space(data.mesh, 1)
-    u = fem.Function(V)
-    obstacles = [fm.Plane((0.0, 1.0), (0.0, -1.0)), fm.Circle((0.5, 1.5), 0.5)]
-    pairs = [fm.ContactPair(data, "block/top", obstacle) for obstacle in obstacles]
-    residual = internal(u, neo_hookean(u, E, NU))
-    with pytest.raises(fm.SurfaceError, match="one SignedDistance of two obstacles"):
-        fm.ContactProblem(residual, u, pairs, petsc_options_prefix="two_")
-
-
 def test_bad_loads():
     for load in ({"y": np.nan}, {"moment": (1.0,)}, {"x": np.inf}):
         with pytest.raises(ValueError):

@@ -14,6 +14,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar import compat
 from fenics_mortar.estimate import ErrorEstimate
 
 # Blocks of unlike material with rollers on the left and below, free on the right
@@ -22,7 +23,7 @@ MESH = {"n_upper": 3, "n_lower": 5, "layers_upper": 2, "layers_lower": 3}
 EXACT = 1e-7
 
 
-def column(law, degree, weight, cell="triangle", traction=-3.0, extra=None):
+def column(law, degree, weight, cell="triangle", traction=-3.0, extra=None, pair=None):
     """Two blocks of equal width under a traction on top and their own weight."""
     data = scenes.read(two_blocks.build, cell=cell, width_upper=1.0, width_lower=1.0, **MESH)
     V = fm.vector_space(data.mesh, degree)
@@ -39,20 +40,36 @@ def column(law, degree, weight, cell="triangle", traction=-3.0, extra=None):
         residual += extra(u, v)
     bcs = [fm.dirichlet(V, data, "lower/bottom", 0.0, component=1)]
     bcs.append(fm.dirichlet(V, data, ["lower/left", "upper/left"], 0.0, component=0))
-    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    pair = (pair or fm.ContactPair)(data, "upper/bottom", "lower/top")
     return fm.ContactProblem(
         residual, u, [pair], bcs=bcs, petsc_options_prefix="estimate_", newton=scenes.TIGHT
     )
 
 
+def rubbing(data, slave, master):
+    return fm.ContactPair(data, slave, master, law=fm.Coulomb(0.3))
+
+
+def move_upper(problem, step):
+    """Move all nodes above the interface, whatever is prescribed."""
+    bulk = problem.bulk
+    u = bulk.u.x.array
+    upper = np.zeros(bulk.space.dofs.shape[0], bool)
+    tags = problem.contacts[0].pair.data
+    cells = tags.cell_tags.find(tags.body_tag("upper"))
+    upper[np.unique(compat.dofmap(bulk.V)[cells])] = True
+    u[bulk.space.dofs[upper]] += step
+
+
+@pytest.mark.parametrize("pair", [fm.ContactPair, rubbing, fm.TiedPair])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize(
     "law, degree, weight",
     [(scenes.neo_hookean, 1, 0.0), (scenes.linear_elastic, 2, 5.0)],
 )
-def test_no_error_is_seen_in_what_the_cells_can_follow(law, degree, weight, cell):
+def test_no_error_is_seen_in_what_the_cells_can_follow(law, degree, weight, cell, pair):
     """Uniform stress with degree 1, stress that is linear under the own weight with degree 2."""
-    problem = column(law, degree, weight, cell)
+    problem = column(law, degree, weight, cell, pair=pair)
     problem.solve()
     estimate = problem.estimate()
     assert estimate.relative < EXACT
@@ -82,6 +99,29 @@ def test_every_term_sees_what_is_wrong():
         assert wrong.parts[part] > 0.01 * wrong.size, part
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("pair, part", [(rubbing, "slip"), (fm.TiedPair, "gap")])
+def test_sliding_of_what_sticks_is_seen(pair, part, degree):
+    """On the length 1: half of (shear modulus E / 2 / height of a layer) times the slip squared."""
+    problem = column(scenes.linear_elastic, degree, 0.0, pair=pair)
+    problem.solve()
+    assert problem.estimate().parts[part] < EXACT
+    move_upper(problem, (0.01, 0.0))
+    wrong = problem.estimate()
+    assert wrong.parts[part] == pytest.approx(np.sqrt(0.5 * 50.0 / 0.5) * 0.01, rel=0.02)
+
+
+def test_shear_below_the_bound_in_sliding_is_seen():
+    """The bound 0.3 x 3 would take up work on the slip 0.01 that no shear does."""
+    problem = column(scenes.linear_elastic, 1, 0.0, pair=rubbing)
+    problem.solve()
+    (contact,) = problem.contacts
+    contact.piece[:] = 1
+    move_upper(problem, (0.01, 0.0))
+    wrong = problem.estimate()
+    assert wrong.parts["slip"] == pytest.approx(np.sqrt(0.3 * 3.0 * 0.01), rel=0.02)
+
+
 def test_estimate_does_not_depend_on_the_ranks():
     def pressed(comm):
         scene = scenes.pressed_blocks(comm=comm, cell="triangle", n_upper=6, n_lower=8)
@@ -109,8 +149,8 @@ def test_fewest_cells_are_marked():
     assert estimate.mark(1.0).tolist() == [0, 1, 2, 3]
 
 
-def test_mixed_functions_have_the_stress_of_their_pressure():
-    """A block under all-round pressure does not move: all stress is the pressure."""
+def block_under_pressure(extra=None):
+    """Incompressible blocks under all-round pressure do not move: all stress is the pressure."""
     data = scenes.read(two_blocks.build, cell="triangle", width_upper=1.0, width_lower=1.0, **MESH)
     W = fm.mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
     w = fem.Function(W)
@@ -118,6 +158,8 @@ def test_mixed_functions_have_the_stress_of_their_pressure():
     dx = ufl.dx(metadata={"quadrature_degree": 4})
     strain = ufl.sym(ufl.grad(u))
     residual = (ufl.inner(2 * strain - p * ufl.Identity(2), ufl.grad(v)) - q * ufl.div(u)) * dx
+    if extra is not None:
+        residual += extra(p, q) * dx
     ds = ufl.Measure("ds", data.mesh, subdomain_data=data.facet_tags)
     top = data.boundary_tag("upper/top")
     residual += 0.01 * ufl.inner(ufl.FacetNormal(data.mesh), v) * ds(top)
@@ -125,9 +167,25 @@ def test_mixed_functions_have_the_stress_of_their_pressure():
     bcs = [fm.dirichlet(W.sub(0), data, sides, 0.0, component=0)]
     bcs.append(fm.dirichlet(W.sub(0), data, "lower/bottom", 0.0, component=1))
     pair = fm.ContactPair(data, "upper/bottom", "lower/top")
-    problem = fm.ContactProblem(residual, w, [pair], bcs=bcs, petsc_options_prefix="mixed_")
+    return fm.ContactProblem(residual, w, [pair], bcs=bcs, petsc_options_prefix="mixed_")
+
+
+def test_mixed_functions_have_the_stress_and_the_constraint_of_their_pressure():
+    """A stretch by 0.01 leaves div u = 0.01; half of it in each direction has 0.01^2 on area 2."""
+    problem = block_under_pressure()
     problem.solve()
     assert problem.estimate().total < EXACT
+    dofs = problem.bulk.space.dofs
+    problem.bulk.u.x.array[dofs[:, 0]] += 0.01 * problem.bulk.positions().reshape(-1, 2)[:, 0]
+    assert problem.estimate().parts["constraint"] == pytest.approx(0.01 * np.sqrt(2.0))
+
+
+def test_unknowns_with_a_flux_of_their_own_are_refused():
+    problem = block_under_pressure(lambda p, q: 0.1 * ufl.inner(ufl.grad(p), ufl.grad(q)))
+    _, pressures = problem.bulk.space.whole.sub(1).collapse()
+    problem.bulk.u.x.array[pressures] = np.arange(len(pressures))
+    with pytest.raises(fm.MortarError, match="gradient of another test function"):
+        problem.estimate()
 
 
 @pytest.mark.serial  # on several ranks dolfinx refuses them before, for a mesh without ghosts

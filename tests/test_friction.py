@@ -20,6 +20,7 @@ from scenes import (
     rectangles,
     rotation,
 )
+from test_demos import run
 
 import ufl
 from dolfinx import fem
@@ -400,8 +401,18 @@ def test_ranks_agree(pair):
     assert 0 < ours.contact.sticking.sum() < ours.contact.active.sum()
     first, second = drive(mine, path[2])[0], drive(ours, path[2])[0]
     assert first.num_iterations == second.num_iterations
-    z = mine.contact.z
-    assert np.abs(ours.contact.z - z).max() < 1e-11 * np.abs(z).max()
+    assert np.array_equal(mine.contact.piece, ours.contact.piece)
+    for quantity in ("z", "slip", "friction_work"):
+        one, all_ = (np.asarray(getattr(scene.contact, quantity)) for scene in (mine, ours))
+        assert np.abs(all_ - one).max() < 1e-11 * np.abs(one).max()
+
+
+@pytest.mark.serial
+def test_four_ranks_agree(tmp_path):
+    """The test above on more ranks than the others run on."""
+    test = f"{__file__}::test_ranks_agree"
+    finished = run(tmp_path, 4, "-m", "pytest", "-q", "-p", "no:cacheprovider", test)
+    assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-2000:]
 
 
 @pytest.mark.parametrize("pair", MEASURES)

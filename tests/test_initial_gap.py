@@ -51,6 +51,22 @@ def test_overlap_of_polygons_is_interference_and_is_told():
     assert "overlap" not in problem.solve().table()
 
 
+def test_pair_that_never_faces_is_told():
+    """The inside of the inner ring looks at its hollow: no part of the outer ring is in its way."""
+    data = read(rings.build, n_inner=16, n_outer=12, layers_inner=3, layers_outer=3)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("outer/outside", "inner/outside")]
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)), u,
+        [fm.ContactPair(data, "inner/inside", "outer/outside", search_radius=0.5)],
+        bcs=bcs, petsc_options_prefix="away_",
+    )  # fmt: skip
+    table = problem.solve().table()
+    assert "no node of 'inner/inside' faced 'outer/outside'" in table and "within 0.5" in table
+    assert "faced" not in problem.solve().table()
+
+
 def test_closed_gaps_leave_polygons_without_stress():
     problem = press_fit(initial_gap=0.0)
     assert np.abs(problem.contacts[0].gap).max() < 1e-15

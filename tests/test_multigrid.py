@@ -15,6 +15,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.system import ITERATIVE
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}
@@ -42,9 +43,10 @@ def test_results_are_those_of_the_direct_solver(slave, degree):
     assert largest(z[0] - z[1]) < 1e-8 * largest(z[0])
 
 
-def pressed(k, upper, lower):
+def pressed(k, upper, lower, inclination):
     """Linear iterations of each Newton iteration, k facets to the length of the slave."""
-    data = read(two_blocks.build, n_upper=k, n_lower=2 * k, layers_upper=k, layers_lower=k)
+    mesh = {"n_upper": k, "n_lower": 2 * k, "layers_upper": k, "layers_lower": k}
+    data = read(two_blocks.build, inclination=np.radians(inclination), **mesh)
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
     dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": 2})
@@ -69,10 +71,13 @@ def pressed(k, upper, lower):
     return counts
 
 
-@pytest.mark.parametrize("upper, lower", [(1.0, 1.0), (1.0, 1000.0), (1000.0, 1.0)])
-def test_iterations_do_not_grow_with_the_mesh(upper, lower):
+@pytest.mark.parametrize(
+    "upper, lower, inclination",
+    [(1, 1, 0.0), (1, 1000, 0.0), (1000, 1, 0.0), (1, 1, 20.0), (1000, 1, 20.0)],
+)
+def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination):
     """By a fifth at the most each time that the mesh is refined, whichever body is the stiffer."""
-    counts = [sum(pressed(k, upper, lower)) for k in (8, 16, 32, 64)]
+    counts = [sum(pressed(k, upper, lower, inclination)) for k in (8, 16, 32, 64)]
     assert max(counts) <= 36
     assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
 
@@ -96,9 +101,53 @@ def test_rigid_obstacle_is_pressed_into_a_block(options):
 
 
 def test_what_it_cannot_do_is_said():
-    with pytest.raises(ValueError, match="allowed are direct, iterative"):
+    with pytest.raises(ValueError, match="allowed are auto, direct, iterative"):
         pressed_blocks(problem={"solver": "guess"}, **MESH)
     with pytest.raises(ValueError, match="algorithm='saddle' is asked for"):
         pressed_blocks(problem={"solver": "iterative", "algorithm": "saddle"}, **MESH)
     with pytest.raises(ValueError, match="D is not diagonal"):
         pressed_blocks(pair={"basis": "standard"}, problem={"solver": "iterative"}, **MESH)
+
+
+def solver_of(problem):
+    return {"gmres": "iterative", "preonly": "direct"}[problem.system.ksp.getType()]
+
+
+@pytest.mark.parametrize(
+    "many, options, expected",
+    [
+        (0, {}, "iterative"),
+        (10**9, {}, "direct"),
+        (0, {"solver": "direct"}, "direct"),
+        (0, {"algorithm": "saddle"}, "direct"),
+        (0, {"petsc_options": {"pc_type": "lu"}}, "direct"),
+        (0, {"material": linear_elastic}, "direct"),
+        (0, {"material": linear_elastic, "linear_bulk": False}, "iterative"),
+        (0, {"pair": {"basis": "standard"}}, "direct"),
+    ],
+)
+def test_size_and_system_decide_how_to_solve(monkeypatch, many, options, expected):
+    monkeypatch.setattr("fenics_mortar.problem.MANY", many)
+    scene = {name: options[name] for name in ("material", "pair") if name in options}
+    problem = {name: value for name, value in options.items() if name not in scene}
+    assert solver_of(pressed_blocks(problem=problem, **scene, **MESH).problem) == expected
+
+
+def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypatch):
+    options = {"newton": fm.NewtonOptions()}
+    u, reports = [], []
+    for many in (10**9, 0):
+        monkeypatch.setattr("fenics_mortar.problem.MANY", many)
+        monkeypatch.setitem(ITERATIVE, "ksp_max_it", 1)
+        scene = pressed_blocks(problem=options, **MESH)
+        for push in (-0.05, -0.1):
+            scene.loads["push"].value[1] = push
+            reports.append(scene.problem.solve())
+        u.append(nodal(scene.problem))
+    told = [any("iterative solver failed" in note for note in r.notes) for r in reports]
+    assert told == [False, False, True, False]
+    assert largest(u[0] - u[1]) < 1e-12 * largest(u[0])
+    with pytest.raises(fm.NotConvergedError, match="linear system was not solved"):
+        scene = pressed_blocks(problem={"solver": "iterative"}, **MESH)
+        scene.loads["push"].value[1] = -0.05
+        scene.problem.solve()

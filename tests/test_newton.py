@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.newton import LOOSEST, Status, Step, forcing, period_of, solve
+from fenics_mortar import release
+from fenics_mortar.newton import LOOSEST, Iteration, Status, Step, forcing, period_of, solve
 
 
 class Root:
@@ -142,3 +143,38 @@ def test_table_is_markdown_with_a_row_per_iteration():
 def test_linear_solves_are_asked_for_something_whatever_the_residuals(residuals, goal):
     """Without loads all is zero; between two iterations contact may begin."""
     assert 0.0 < forcing(residuals, goal) <= LOOSEST
+
+
+class Springs:
+    """Equations that springs hold, in name only."""
+
+    def state(self):
+        return None
+
+    def restore(self, state):
+        pass
+
+    def hold(self, travel):
+        pass
+
+    def travel(self):
+        return 0.0
+
+
+def test_record_of_a_slow_release_that_fails_has_all_iterations(monkeypatch):
+    """Tied by springs it converges, free it does not, nor tied again."""
+    iteration = Iteration(1.0, 0.0, 0.0, 1.0, 0, 0, {})
+    outcomes = iter([(5, True), (30, False), (7, False)])
+
+    def solve(equations, options):
+        count, converged = next(outcomes)
+        report = fm.NewtonReport([iteration] * (1 + count))
+        if converged:
+            return report
+        raise fm.NotConvergedError("", report)
+
+    monkeypatch.setattr(release, "solve", solve)
+    first = fm.NotConvergedError("", fm.NewtonReport([iteration] * 31))
+    with pytest.raises(fm.NotConvergedError) as error:
+        release.release_slowly(Springs(), fm.NewtonOptions(), first)
+    assert error.value.report.num_iterations == 30 + 5 + 30 + 7

@@ -9,7 +9,7 @@ import pytest
 from scenes import pressed_blocks
 
 from fenics_mortar.bulk import MOST_GROWTHS
-from fenics_mortar.reach import MARGIN
+from fenics_mortar.reach import MARGIN, Reach
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 8, "n_lower": 40, "layers_upper": 2, "layers_lower": 2, "width_lower": 4.0}
@@ -48,3 +48,16 @@ def test_zeros_that_contact_left_behind_go():
         sizes.append(entries(scene))
     assert scene.problem.bulk.num_patterns == matrices + 1
     assert np.diff(sizes).min() < 0.0 and sizes[-1] < 1.2 * sizes[0]
+
+
+def test_pattern_is_made_again_where_a_node_comes_to_bear_the_multiplier_of_another_one():
+    """As just beyond the edge of the master, before the node hands over its own multiplier."""
+    scene = pressed_blocks(degree=2, **MESH)
+    scene.loads["push"].value[1] = -0.01
+    scene.problem.solve()
+    (contact,) = scene.problem.contacts
+    state = contact.operators, contact.carries, contact.faced()
+    reach = Reach(*state)
+    assert reach.holds(*state)
+    contact.operators.D[:1, 1, 0] = 0.1  # of the rank's first facet, if it has any
+    assert reach.holds(*state) == (len(contact.operators.D) == 0)

@@ -10,6 +10,7 @@ import meshio
 import numpy as np
 import pytest
 import scenes
+from test_obstacles import block_under
 
 import ufl
 from dolfinx import fem
@@ -186,6 +187,30 @@ def test_two_slaves_of_one_name_in_files_get_two_series(shared_path):
     ResultsWriter(shared_path / "series", scene.problem).write(0.0)
     for i in range(2):
         assert len(steps(shared_path / f"series_contact_upper_bottom_{i}.pvd")) == 1
+
+
+def test_outlines_of_obstacles_move_with_them(shared_path):
+    """On the curve to rounding, closed where it is, and warped to the present place."""
+    tools = fm.Circle((0.5, 1.5), 0.25, name="ball"), fm.Plane((0.0, 1.1), (0.0, -1.0), name="far")
+    problem = block_under(tools[0])
+    problem.tools.obstacles.append(tools[1])
+    tools[1].move(y=100.0)
+    with ResultsWriter(shared_path / "series", problem) as results:
+        for time, motion in enumerate([(0.0, 0.0, 0.0), (0.1, -0.3, 0.5)]):
+            tools[0].move(x=motion[0], y=motion[1], angle=motion[2])
+            results.write(time)
+            (file,) = steps(shared_path / "series_obstacle_ball.pvd")[time]
+            mesh = meshio.read(file)
+            own, moved = mesh.points[:, :2], mesh.points + mesh.point_data["displacement"]
+            lines, x = mesh.cells_dict["line"], moved[:, :2]
+            assert np.allclose(x, tools[0].to_space(own), atol=1e-12)
+            assert np.allclose(np.linalg.norm(own - (0.5, 1.5), axis=1), 0.25, atol=1e-9)
+            length = np.linalg.norm(np.diff(x[lines], axis=1), axis=2).sum()
+            assert length == pytest.approx(np.pi * 0.5, rel=1e-3)
+    for (file,) in steps(shared_path / "series_obstacle_far.pvd").values():
+        out_of_sight = meshio.read(file)
+        assert np.array_equal(out_of_sight.points, np.tile([0.0, 1.1, 0.0], (2, 1)))
+        assert np.allclose(out_of_sight.point_data["displacement"], [0.0, 100.0, 0.0])
 
 
 @pytest.mark.parametrize(

@@ -128,6 +128,7 @@ def pose(
     held_on: dict[str, bool],
     loads: Any = None,
     friction: Any = None,
+    tied: bool = False,
 ) -> tuple[Any, Any]:
     """Set up the problem; ``loads`` makes the work of the loads of x, v, dx, ds."""
     degree = ELEMENTS[choice.element][1]
@@ -140,8 +141,10 @@ def pose(
     residual = ufl.inner(law(u, *lame(exact)), ufl.grad(v)) * dx
     if loads is not None:
         residual -= loads(ufl.SpatialCoordinate(data.mesh), v, dx, ds)
-    options = {"basis": choice.basis, "integration": choice.integration, "law": friction}
-    pair = fm.ContactPair(data, slave, master, **options)
+    options = {"integration": choice.integration, "law": friction}
+    pair = (fm.TiedPair if tied else fm.ContactPair)(
+        data, slave, master, basis=choice.basis, **({} if tied else options)
+    )
     problem = fm.ContactProblem(
         residual,
         u,
@@ -378,7 +381,7 @@ def flat(n: int, choice: Choice) -> Posed:
     )
 
 
-def curved(n: int, choice: Choice) -> Posed:
+def curved(n: int, choice: Choice, *, tied: bool = False) -> Posed:
     """The smooth solution across a circle that sticks; n facets of the slave, which is outside."""
     cell, degree = ELEMENTS[choice.element]
     exact = CurvedInterface()
@@ -408,6 +411,7 @@ def curved(n: int, choice: Choice) -> Posed:
         held_on=held_on,
         loads=loads,
         friction=fm.Tresca(10.0 * exact.E),
+        tied=tied,
     )
     u.interpolate(lambda x: exact.displacement(x[:2]))  # all in one step is far from rest
     return Posed(

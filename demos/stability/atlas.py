@@ -6,8 +6,10 @@
     python3 demos/stability/atlas.py --draw             from what is there
 
 Cells are kept in ``results/stability/cells.jsonl`` as they come; cells that are there are not run
-again unless ``--again`` is given. Each worker is a process of its own: a cell that hangs or
-crashes takes it down, is recorded as failed, and the next cell gets a new worker.
+again unless ``--again`` is given. Batches of ``--scenes`` may be run one after the other, or into
+several folders (``--results``) whose ``cells.jsonl`` are put one after the other for ``--draw``; of
+a cell that is there twice the later record counts. Each worker is a process of its own: a cell that
+hangs or crashes takes it down, is recorded as failed, and the next cell gets a new worker.
 """
 
 from __future__ import annotations
@@ -178,6 +180,7 @@ def all_tasks(scenes: str = "*", methods: str = "*") -> list[Task]:
         for family in FAMILIES.values()
         for value in family.values
         for method in family.methods or METHODS
+        if chosen(family.name, METHODS[method].scenes)
     ]
     cells += [(remedy.scene, remedy.value, name) for name, remedy in REMEDIES.items()]
     return [

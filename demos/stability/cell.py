@@ -13,7 +13,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -23,9 +23,10 @@ from families import scene_of
 from methods import ALL_METHODS, Method
 from model import Posed, Scene, fm, pose_problem
 
-# Linear systems after which a cell is given up: those that get through need less.
-MOST_SYSTEMS = 1000
-STATES = ("converged", "cut", "wrong", "failed", "n/a", "not available")
+# Linear systems after which a contrast method is given up: so many, and more for each of the
+# scene's steps. Those that get through need less.
+MOST_SYSTEMS = 500, 20
+STATES = ("converged", "cut", "wrong", "failed", "dead end", "n/a", "not available")
 
 
 class GivenUpError(Exception):
@@ -87,11 +88,16 @@ def _run(scene: Scene, method: Method, comm: MPI.Comm, record: Record) -> None:
             violations.extend(f"at time {moment:.3g}: {v}" for v in found)
 
     try:
-        (_adaptive if method.adaptive else _fixed)(posed, look, record)
+        if method.adaptive:
+            _adaptive(posed, method, look, record)
+        else:
+            _fixed(posed, look, record)
     except (fm.MortarError, GivenUpError) as error:
         record.reason = str(error)
         if "wrong state" in record.reason:  # so the driver says, and does not accept it
             record.state = "wrong"
+        elif getattr(getattr(error, "report", None), "dead_end", ""):  # no equilibrium beyond
+            record.state = "dead end"
     else:
         wrong = scene.check(posed)
         violations += [wrong] if wrong else []
@@ -100,13 +106,16 @@ def _run(scene: Scene, method: Method, comm: MPI.Comm, record: Record) -> None:
         record.numbers = _numbers(posed)
 
 
-def _adaptive(posed: Posed, look: Callable[[float, Any], None], record: Record) -> None:
+def _adaptive(
+    posed: Posed, method: Method, look: Callable[[float, Any], None], record: Record
+) -> None:
     """The robust driver with its defaults; the scene gives the first step."""
-    attempts = _count(posed, record)
+    step = 1.0 / posed.scene.steps
+    options, set_loads = fm.SteppingOptions(step), posed.set_loads
+    if method.smallest is not None:
+        options, set_loads = replace(options, smallest=method.smallest * step), _count(posed)
     try:
-        path = fm.follow_path(
-            posed.problem, attempts, fm.SteppingOptions(1.0 / posed.scene.steps), on_step=look
-        )
+        path = fm.follow_path(posed.problem, set_loads, options, on_step=look)
     except fm.NotConvergedError as failure:
         path = failure.report
         raise
@@ -116,9 +125,9 @@ def _adaptive(posed: Posed, look: Callable[[float, Any], None], record: Record) 
             record.lost = path.num_iterations - sum(record.iterations)
 
 
-def _count(posed: Posed, record: Record) -> Callable[[float], None]:
+def _count(posed: Posed) -> Callable[[float], None]:
     """``set_loads`` that gives up when too many systems have been solved."""
-    solved = 0
+    solved, most = 0, MOST_SYSTEMS[0] + MOST_SYSTEMS[1] * posed.scene.steps
     solve = posed.problem.solve
 
     def counting_solve() -> fm.NewtonReport:
@@ -132,7 +141,7 @@ def _count(posed: Posed, record: Record) -> Callable[[float], None]:
         return report
 
     def set_loads(moment: float) -> None:
-        if solved > MOST_SYSTEMS:
+        if solved > most:
             raise GivenUpError(f"given up at {moment:.3g} after {solved} linear systems")
         posed.set_loads(moment)
 

@@ -759,7 +759,7 @@ def unit_of_stress(scale: float) -> Scene:
 
 def egg() -> fm.Spline:
     """An ellipse on its side, turned by 60 degrees."""
-    t = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    t = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     x = turned(np.column_stack([0.4 * np.cos(t), 0.25 * np.sin(t)]), 60.0)
     return fm.Spline(x - [-0.03, x[:, 1].min() - 0.01], name="tool")
 
@@ -784,7 +784,7 @@ def rigid_tool(value: str) -> Scene:
     make, loose = TOOLS[tool]
     force = -1.6 * float(part)
     return Scene(
-        bodies=[ground(24, 9, width=1.6, height=0.8)],
+        bodies=[ground(16, 6, width=1.6, height=0.8)],
         pairs=[("ground/top", "tool")],
         supports=[HELD],
         steps=4,

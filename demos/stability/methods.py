@@ -15,6 +15,7 @@ from whole_facet import whole_facet_basis
 from fenics_mortar import bulk, newton, problem
 from fenics_mortar.contact import Contact
 from fenics_mortar.floating import FloatingBodies
+from fenics_mortar.laws import Coulomb, Nodal
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,11 @@ class Method:
         pair: Arguments of ``ContactPair``.
         newton: Arguments of ``NewtonOptions``.
         adaptive: ``follow_path``, or the scene's fixed steps by plain calls of ``solve``.
+        smallest: Smallest step over the scene's own; ``None``: what ``follow_path`` has by default.
+            Where contrast methods fail, they fail at any step: most of the time of the atlas would
+            go into the last of their cuts.
         override: What is done to the package while the cell runs.
+        scenes: Patterns of the scenes that tell it from the default.
     """
 
     title: str
@@ -35,20 +40,40 @@ class Method:
     pair: dict[str, Any] = field(default_factory=dict)
     newton: dict[str, Any] = field(default_factory=dict)
     adaptive: bool = True
+    smallest: float | None = 1.0 / 64.0
     override: Callable[[], AbstractContextManager] = nullcontext
+    scenes: str = "*"
+
+
+BOUND = Coulomb.limit
+
+
+def frozen_cone() -> AbstractContextManager:
+    """The bound of friction is a number, mu times the pressure of the last iterate.
+
+    The tangent of a body that slides is symmetric then, as in codes that want it so.
+    """
+
+    def limit(law: Coulomb, node: Nodal) -> tuple[Any, Any, Any]:
+        return BOUND(law, node)[0], 0.0, 0.0
+
+    return patch.object(Coulomb, "limit", limit)
 
 
 METHODS = {
-    "default": Method("default"),
+    "default": Method("default", smallest=None),
     "saddle": Method("Alg. 1, saddle", problem={"algorithm": "saddle"}),
     "standard": Method("standard basis", pair={"basis": "standard"}),
     "plain": Method("plain Newton", adaptive=False),
+    "line_search": Method("with line search", newton={"line_search": True}),
+    "short_moves": Method("half a facet at most", newton={"most_motion": 0.5}),
     "no_normals": Method("without normals", problem={"linearization": "no_normals"}),
     "no_segments": Method("without segment motion", problem={"linearization": "no_segments"}),
     "frozen": Method("fixed point", problem={"linearization": "frozen"}),
     "plain_frozen": Method(
         "plain fixed point", problem={"linearization": "frozen"}, adaptive=False
     ),
+    "frozen_cone": Method("frozen cone", override=frozen_cone, scenes="rubbing*,reversal,slope"),
     "whole_facet": Method(
         "basis of whole facets", pair={"gap_weights": "basis"}, override=whole_facet_basis
     ),

@@ -95,7 +95,6 @@ class Scene:
         steps: Load steps from time 0 to 1 if none is cut: what a user would try first.
         pair: Options of all pairs that belong to the scene.
         check: Compares the last state with a known answer; what is wrong in words, or "".
-        unsolvable: Why no solution exists, if so.
         cell: Kind of cells.
         linear: Whether the bodies are linear elastic at small strain.
         ranks: Number of ranks to run on; the record is compared with that of one rank.
@@ -108,7 +107,6 @@ class Scene:
     steps: int
     pair: dict[str, Any] = field(default_factory=dict)
     check: Callable[[Posed], str] = lambda posed: ""
-    unsolvable: str = ""
     cell: str = "quadrilateral"
     linear: bool = False
     ranks: int = 1

@@ -19,10 +19,12 @@ Cell = dict[str, Any]
 Cells = dict[tuple[str, str, str], Cell]
 
 # Okabe and Ito's colours can be told apart by everyone; converged cells are blue, dark if slow.
-CUT, WRONG, FAILED, NOTHING = "#f0c419", "#d55e00", "#2b2b2b", "#ffffff"
+CUT, WRONG, FAILED, END, NOTHING = "#f0c419", "#d55e00", "#2b2b2b", "#9a9a9a", "#ffffff"
 FEWEST, MOST = 2.0, 14.0
 # Size of the picture, of the names above and the legend below [inch].
 WIDTH, HEAD, FOOT = 10.0, 1.5, 0.55
+# States of cells that did not get to the end of their path, or to none that is right.
+BAD = ("wrong", "failed", "dead end")
 # Newton iterations per load step of frictionless sliding blocks with a weighted gap and a minimum
 # function, 40 steps: issues 13508 and 17189 of MOOSE
 PUBLISHED = (2.3, 2.6)
@@ -83,8 +85,8 @@ def draw_map(cells: Cells) -> Figure:
             Patch(color=blue(11.0), label="the same, many iterations"),
             Patch(color=CUT, label="converged after load steps were cut"),
             Patch(color=WRONG, label="! wrong: a state that violates contact"),
-            Patch(color=FAILED, label="× failed"),
-            Patch(facecolor=NOTHING, edgecolor="#999999", label="· does not apply"),
+            Patch(color=FAILED, label="× failed; empty: does not apply"),
+            Patch(color=END, label="∅ dead end: no equilibrium next to the last state"),
         ],
         loc="lower center",
         ncol=3,
@@ -151,6 +153,8 @@ def appearance(cell: Cell | None) -> tuple[Any, str, str]:
         return NOTHING, "·", "#999999"
     if cell["state"] == "failed":
         return FAILED, "×", "#ffffff"
+    if cell["state"] == "dead end":
+        return END, "∅", "#000000"
     if cell["state"] == "wrong":
         return WRONG, "!", "#ffffff"
     number = f"{mean(cell):.1f}" if mean(cell) < 9.95 else f"{mean(cell):.0f}"
@@ -198,7 +202,10 @@ def table(cells: Cells) -> str:
     parts = ["# Stability atlas", summary(cells)]
     parts.append(
         "Numbers are Newton iterations per accepted load step; `c n`: n steps were cut; "
-        "`wrong`, `failed`: see the reasons below the table; `·`: does not apply."
+        "`wrong`, `failed`: see the reasons below the table; `dead end`: the driver has shown that "
+        "no equilibrium is next to the last state; `·`: does not apply. Methods other than the "
+        "default are given up where 1/64 of a scene's step fails, or after 500 linear systems and "
+        "20 for each of its steps."
     )
     parts.append(remedy_table(cells))
     parts += [family_table(family, cells) for family in FAMILIES.values()]
@@ -208,13 +215,14 @@ def table(cells: Cells) -> str:
 def summary(cells: Cells) -> str:
     """Cells by state and iterations, one line per method."""
     lines = [
-        "| method | converged | cut | wrong | failed | does not apply | median iterations |",
-        "|---|---:|---:|---:|---:|---:|---:|",
+        "| method | converged | cut | wrong | failed | dead end | does not apply | median "
+        "iterations |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for name, method in methods_of(cells).items():
         states = Counter(c["state"] for (_, _, m), c in cells.items() if m == name)
         steps = steps_of(cells, name)
-        row = [states[s] for s in ("converged", "cut", "wrong", "failed")]
+        row = [states[s] for s in ("converged", "cut", *BAD)]
         row += [states["n/a"] + states["not available"]]
         median = f"{np.median(steps):g}" if steps.size else "·"
         lines.append(f"| {method.title} | {' | '.join(map(str, row))} | {median} |")
@@ -247,9 +255,11 @@ def family_table(family: Family, cells: Cells) -> str:
         for name, method in methods.items():
             cell = cells.get((family.name, value, name))
             row.append(entry(cell))
-            if cell and cell["state"] in ("wrong", "failed"):
+            if cell and cell["state"] in BAD:
                 where = f"{words(value)} by {method.title}"
-                reasons.setdefault(f"{cell['state']}: {short(cell['reason'])}", []).append(where)
+                length = 400 if cell["state"] == "dead end" else 220
+                reason = f"{cell['state']}: {short(cell['reason'], length)}"
+                reasons.setdefault(reason, []).append(where)
         lines.append(f"| {words(value)} | {' | '.join(row)} |")
     lines += ["", *(f"- {', '.join(where)}: {reason}" for reason, where in reasons.items())]
     return "\n".join(lines).rstrip()
@@ -259,7 +269,7 @@ def entry(cell: Cell | None) -> str:
     """A cell in words."""
     if cell is None or cell["state"] in ("n/a", "not available"):
         return "·"
-    if cell["state"] in ("wrong", "failed"):
+    if cell["state"] in BAD:
         return f"**{cell['state']}**"
     return f"{mean(cell):.1f}" + (f" c {cell['cuts']}" if cell["state"] == "cut" else "")
 

@@ -9,7 +9,7 @@ import pytest
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
 from peer import given
-from report import cost, rate
+from report import cost, rate, rate_beside
 from scenes_exact import ELEMENTS, HALF_SIDE, Choice, hertz
 
 pytestmark = pytest.mark.serial
@@ -49,3 +49,13 @@ def test_tables_follow_power_laws():
     assert cost(rows, 0.01, "seconds") == "460"
     assert cost(rows, 0.004, "seconds") == "~1,600"
     assert cost(rows, 1e-6, "seconds") == "-"
+
+
+def test_rates_that_are_off_say_why():
+    """Facets of degree 2, a third of them in contact."""
+    rows = [{"n": n, "element": "P2", "pressure": 1.0 / n} for n in (16, 32, 64, 128)]
+    assert rate_beside(rows, "pressure", 1.1) == "1.00 (1.1)"
+    assert rate_beside(rows[:3], "pressure", 0.5) == (
+        "1.00 (0.5), too coarse: from 2.7 facets in contact on"
+    )
+    assert rate_beside(rows[1:], "pressure", 0.5) == "1.00 (0.5), not as predicted"

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: MIT
+"""Material points that face each other: points of slave facets and their partners on the master."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fenics_mortar.mortar import MortarOperators
+from fenics_mortar.segments import Segments
+from fenics_mortar.surfaces import Array, Indices, Surface
+
+# Gauss points on a segment
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
+# Steps of Newton's method to the place on a curved facet of a point that lies on it
+STEPS = 4
+
+
+@dataclass(frozen=True)
+class Points:
+    """Gauss points of some segments on their slave facets (all methods are local).
+
+    Attributes:
+        facet: Slave facet of each segment, shape (n,).
+        slave: Its nodes, shape (n, K).
+        s: Places -1 ... 1 on the facet, shape (n, q).
+        weights: Weights for integrals over these, shape (n, q).
+        shape: Shape functions of the nodes, shape (n, q, K).
+    """
+
+    facet: Indices
+    slave: Indices
+    s: Array
+    weights: Array
+    shape: Array
+
+    def of(self, nodal: Array) -> Array:
+        """Values at the points by those of the slave nodes (slave nodes, ...): (n, q, ...)."""
+        return np.einsum("nqk,nk...->nq...", self.shape, nodal[self.slave])
+
+    def direction(self, nodal: Array) -> Array:
+        """Unit vectors (n, q, 2) along those of the slave nodes (slave nodes, 2)."""
+        v = self.of(nodal)
+        return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
+
+    def measure(self, x: Array) -> Array:
+        """Lengths that the points stand for with the slave nodes at ``x``, shape (n, q)."""
+        _, slope = lagrange(self.s, self.shape.shape[2] - 1)
+        along = np.einsum("nqk,nkc->nqc", slope, x[self.slave])
+        return self.weights * np.linalg.norm(along, axis=2)
+
+
+@dataclass(frozen=True)
+class Facing(Points):
+    """Such points and their partners on the master (all methods are local).
+
+    Attributes:
+        master: Master nodes of each segment, shape (n, K).
+        on_master: Their shape functions at the partners, shape (n, q, K).
+        start: How far along tau a point is from its partner at first, shape (n, q) [length].
+    """
+
+    master: Indices
+    on_master: Array
+    start: Array
+
+    def apart(self, v: Array, w: Array) -> Array:
+        """Difference of v (slave nodes, 2) and w (master nodes, 2) at the points, (n, q, 2)."""
+        return self.of(v) - np.einsum("nqk,nkc->nqc", self.on_master, w[self.master])
+
+    def slip(self, o: MortarOperators) -> Array:
+        """Slip since these points faced each other, shape (n, q) [length]."""
+        return np.einsum("nqc,nqc->nq", self.direction(o.tau), self.apart(o.x, o.m)) - self.start
+
+
+def points_of(segments: Segments, slave: Surface) -> Points:
+    """Gauss points of the segments (local)."""
+    middle, half = segments.ends.mean(axis=1)[:, None], np.diff(segments.ends) / 2
+    s = middle + half * POINTS
+    facet = np.repeat(segments.facets, np.diff(segments.offsets))
+    return Points(facet, segments.slave, s, half * WEIGHTS, lagrange(s, slave.degree)[0])
+
+
+def face(o: MortarOperators, segments: Segments) -> Facing:
+    """Which points of the master those of the segments face at the state of ``o`` (local)."""
+    here, gap = points_of(segments, o.slave), o.sample_gaps(o.x, segments, POINTS)
+    y = here.of(o.x) + gap[..., None] * here.direction(o.n)
+    master = segments.master
+    on_master, _ = lagrange(_places_on(o.m[master], y), o.master.degree)
+    found = Facing(**vars(here), master=master, on_master=on_master, start=0.0 * gap)
+    return replace(found, start=found.slip(o))
+
+
+def lagrange(s: Array, degree: int) -> tuple[Array, Array]:
+    """Shape functions along a facet at ``s`` in -1 ... 1 and their slopes: (..., degree + 1)."""
+    if degree == 1:
+        return np.stack([1 - s, 1 + s], -1) / 2, np.stack([-0.5 + 0 * s, 0.5 + 0 * s], -1)
+    shape = np.stack([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2], -1)
+    return shape, np.stack([s - 0.5, -2 * s, s + 0.5], -1)
+
+
+def _places_on(m: Array, y: Array) -> Array:
+    """Places (n, q) on facets with nodes at ``m`` (n, K, 2) of points ``y`` (n, q, 2) on them."""
+    degree = m.shape[1] - 1
+    s = np.zeros(y.shape[:2])
+    for _ in range(STEPS if degree > 1 else 1):
+        shape, slope = lagrange(s, degree)
+        off = y - np.einsum("nqk,nkc->nqc", shape, m)
+        along = np.einsum("nqk,nkc->nqc", slope, m)
+        s = s + (off * along).sum(axis=2) / (along**2).sum(axis=2)
+    return s
