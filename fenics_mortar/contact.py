@@ -398,9 +398,13 @@ class Contact(Interface):
 
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
-        rubs = not isinstance(self.pair.law, Frictionless)
+        touches = self.active | (self.pair.sliding == "small")
         self.accepted = find_partners(
-            self.operators, self.covered, self._slip_measure, between=rubs
+            self.operators,
+            self.covered,
+            touches,
+            self._slip_measure,
+            between=not isinstance(self.pair.law, Frictionless),
         )
 
     def start_step(self) -> None:

@@ -272,6 +272,31 @@ def test_nodes_that_enter_slip_by_the_motion_of_their_material(pair):
     assert np.abs(np.abs(contact.slip) - 0.4).max() < 1e-13
 
 
+@pytest.mark.serial
+def test_closing_arcs_do_not_slip():
+    """Two mirrored arcs are flattened: by the slave's tangent they slip by gap times angle."""
+    radius = 8.0
+    boxes = {"upper": (-1.0, 0.001, 2.0, 0.2), "lower": (-1.0, -0.201, 2.0, 0.2)}
+    data = read(rectangles, size=0.1, **boxes)
+    x = data.mesh.geometry.x
+    x[:, 1] += np.sign(x[:, 1]) * x[:, 0] ** 2 / (2 * radius)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("upper/top", "lower/bottom")]
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=fm.Coulomb(0.3))
+    residual = internal(u, linear_elastic(u, E, NU))
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="test_")
+    contact = problem.contacts[0]
+    contact.start_step()
+    X = V.tabulate_dof_coordinates()[:, :2]
+    flat = np.zeros(X.shape)
+    flat[:, 1] = -np.sign(X[:, 1]) * X[:, 0] ** 2 / (2 * radius)
+    contact.evaluate(flat.ravel(), problem.linearization)
+    by_slave = np.abs(contact.slave.X[:, 0]) ** 3 / radius**2
+    inside = contact.covered & (by_slave < 0.8 * by_slave.max())
+    assert np.abs(contact.slip[inside]).max() < 0.1 * by_slave[inside].max()
+
+
 def test_reversal_closes_a_loop():
     """Forth and back twice: the second loop is the first, and friction takes up its area."""
     scene = blocks(fm.Coulomb(0.3))

@@ -17,6 +17,7 @@ the pressure is largest: forces are compared per undeformed length, the measure 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,8 +51,11 @@ def half_cylinder(side: int) -> tuple[int, dict[str, list[int]]]:
     return add_surface(arc + flat, "triangle"), {"arc": arc, "flat": flat}
 
 
-def mesh(h: float, degree: int) -> Any:
-    """Both halves, with facets of length ``h`` at the contact, 0.7 ``h`` on the lower one."""
+def mesh(h: float, degree: int, half_width: float = HALF_WIDTH, kinks: Sequence[float] = ()) -> Any:
+    """Both halves, with facets of length ``h`` at the contact, 0.7 ``h`` on the lower one.
+
+    They are less within a half-width of x = +- a kink: like the root of the distance from there.
+    """
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.model.add("cylinders")
@@ -65,7 +69,10 @@ def mesh(h: float, degree: int) -> Any:
 
     def size(dim: int, tag: int, x: float, y: float) -> float:
         finest = 0.7 * h if (dim, tag) in lower else h
-        return finest + 0.2 * max(0.0, np.hypot(x, y) - 1.5 * HALF_WIDTH)
+        away = [np.hypot(abs(x) - kink, y) for kink in kinks]
+        nearest = min([1.0, *(distance / half_width for distance in away)])
+        finest *= max(np.sqrt(nearest), h / half_width)
+        return finest + 0.2 * max(0.0, np.hypot(x, y) - 1.5 * half_width)
 
     model = generate(bodies, boundaries, size)
     model.mesh.setOrder(degree)

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -178,15 +179,20 @@ HALF_SIDE = 3.0  # half-widths
 
 def hertz(n: int, choice: Choice, *, graded: bool = False) -> Posed:
     """On grids with n facets of degree 1, n / 2 of degree 2, of the slave."""
+    return hertz_on(two_boxes(n, choice, HalfPlanes(), graded=graded), choice)
+
+
+def two_boxes(n: int, choice: Choice, exact: HalfPlanes, *, graded: bool) -> Any:
+    """Mesh of a parabola above a flat body, fine where the tractions have kinks if ``graded``."""
     cell, degree = ELEMENTS[choice.element]
-    exact = HalfPlanes()
     side, height = HALF_SIDE * exact.a, HALF_SIDE * exact.a
 
     def grid(n: int, sign: float) -> np.ndarray:
         columns, rows = n // degree * degree, n // 2 // degree * degree
         s, t = np.linspace(0, 1, columns + 1), np.linspace(0, 1, rows + 1)
         if graded:
-            s = spread(columns, lambda s: edge_density(2 * s - 1))
+            kinks = np.array([exact.a, exact.stuck])[: 2 if exact.stuck else 1] / side
+            s = spread(columns, lambda s: kink_density(2 * s - 1, kinks))
             t = t**2
             if degree == 2:
                 s[1::2], t[1::2] = (s[:-1:2] + s[2::2]) / 2, (t[:-1:2] + t[2::2]) / 2
@@ -196,16 +202,26 @@ def hertz(n: int, choice: Choice, *, graded: bool = False) -> Posed:
         return np.stack([x, bottom + t * (sign * height - bottom)], axis=2)
 
     upper, lower = grid(n, 1.0), grid(5 * n // 8, -1.0)[:, ::-1]
-    return hertz_on(read([Grid("upper", upper), Grid("lower", lower)], cell, degree), choice)
+    return read([Grid("upper", upper), Grid("lower", lower)], cell, degree)
+
+
+def of_body(exact: HalfPlanes, x: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Exact displacement at ``x`` (2, n) of the body said; x may lie on the other side of y = 0."""
+    y = np.where(upper, 1.0, -1.0) * np.maximum(np.abs(x[1]), 1e-30)
+    return exact.displacement(np.stack([x[0], y]))
+
+
+def gradient_of_body(exact: HalfPlanes, x: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """The strain at the same places, shape (2, 2, n), which norms take for the gradient."""
+    mu, lmbda = lame(exact)
+    stress = exact.stress(np.stack([x[0], np.where(upper, 1, -1) * np.abs(x[1])]))
+    trace = (stress[0, 0] + stress[1, 1]) * lmbda / (2 * (mu + lmbda))
+    return (stress - trace * np.eye(2)[:, :, None]) / (2 * mu)
 
 
 def hertz_on(data: Any, choice: Choice) -> Posed:
     """A parabola above, the slave, on a flat body: boxes with the exact loads on their sides."""
     exact = HalfPlanes()
-
-    def displacement(x: np.ndarray, on_slave: np.ndarray) -> np.ndarray:
-        y = np.where(on_slave, 1.0, -1.0) * np.maximum(np.abs(x[1]), 1e-30)
-        return exact.displacement(np.stack([x[0], y]))
 
     def loads(x: Any, v: Any, dx: Any, ds: Any) -> Any:
         names = [f"{body}/{side}" for body in ("upper", "lower") for side in ("left", "right")]
@@ -220,34 +236,72 @@ def hertz_on(data: Any, choice: Choice) -> Posed:
         exact,
         "upper/bottom",
         "lower/top",
-        displacement=displacement,
+        displacement=partial(of_body, exact),
         held_on={"upper/top": True, "lower/bottom": False},
         loads=loads,
     )
-    mu, lmbda = lame(exact)
+    return Posed(
+        data,
+        u,
+        problem,
+        "upper",
+        partial(of_body, exact),
+        partial(gradient_of_body, exact),
+        lambda x: exact.pressure(x[0]),
+        lame(exact),
+        exact.a,
+    )
 
-    def gradient(x: np.ndarray, on_slave: np.ndarray) -> np.ndarray:
-        stress = exact.stress(np.stack([x[0], np.where(on_slave, 1, -1) * np.abs(x[1])]))
-        trace = (stress[0, 0] + stress[1, 1]) * lmbda / (2 * (mu + lmbda))
-        return (stress - trace * np.eye(2)[:, :, None]) / (2 * mu)
+
+def kink_density(x: np.ndarray, kinks: np.ndarray) -> np.ndarray:
+    """Density of nodes over [-1, 1]: facets are like the root of the distance from +- a kink."""
+    distance = np.abs(np.abs(x)[:, None] - kinks)
+    return (1 / np.sqrt(distance + 1e-6)).sum(axis=1)
+
+
+def cattaneo(n: int, choice: Choice, *, graded: bool = False, **options: Any) -> Posed:
+    """Boxes with friction, pressed, and to be sheared by ``solve``; the pressure told is the shear.
+
+    The exact displacement is prescribed on all outer sides. The half-width that sticks is half that
+    of the contact: both end a third of a facet beyond a node, or two, on uniform meshes.
+    """
+    exact = HalfPlanes(friction=0.3, stuck=0.25)
+    data = two_boxes(n, choice, exact, graded=graded)
+    V = fm.vector_space(data.mesh, ELEMENTS[choice.element][1])
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.Measure("dx", data.mesh, metadata={"quadrature_degree": 2})
+    values = {body: fem.Function(V) for body in ("upper", "lower")}
+    sides = {"upper": ("top", "left", "right"), "lower": ("bottom", "left", "right")}
+    bcs = [
+        fm.dirichlet(V, data, f"{body}/{side}", value)
+        for body, value in values.items()
+        for side in sides[body]
+    ]
+    options = {"basis": choice.basis, "integration": choice.integration, **options}
+    law = fm.Coulomb(exact.friction)
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law, **options)
+    residual = ufl.inner(linear_elastic(u, *lame(exact)), ufl.grad(v)) * dx
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="accuracy_")
+
+    def prescribe(exact: HalfPlanes) -> None:
+        for body, value in values.items():
+            on = body == "upper"
+            value.interpolate(lambda x, on=on: of_body(exact, x[:2], np.full(x.shape[1], on)))
+
+    prescribe(replace(exact, friction=0.0))
+    problem.solve()
+    prescribe(exact)
 
     return Posed(
         data,
         u,
         problem,
         "upper",
-        displacement,
-        gradient,
-        lambda x: exact.pressure(x[0]),
-        (mu, lmbda),
-        exact.a,
+        partial(of_body, exact),
+        partial(gradient_of_body, exact),
+        lambda x: exact.shear(x[0]),
+        lame(exact),
     )
-
-
-def edge_density(x: np.ndarray) -> np.ndarray:
-    """Density of nodes over [-1, 1]: facets are like the root of the distance from the edge."""
-    distance = np.abs(np.abs(x) - 1 / HALF_SIDE)
-    return 1 / np.sqrt(distance + 1e-6)
 
 
 def press_fit(n: int, choice: Choice, *, law: str = "neo_hookean") -> Posed:

@@ -9,6 +9,7 @@ import pytest
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
 import cylinders
+from cattaneo import half_planes
 from exact_hertz import HalfPlanes
 from exact_rings import PressFit, linear
 from norms import errors
@@ -59,6 +60,14 @@ def test_hertz_has_the_rates_that_the_ends_of_the_contact_allow(element, basis, 
     assert found["pressure max"] == pytest.approx(0.5, abs=0.15)
 
 
+@pytest.mark.parametrize("element, rate, most", [("P1", 1.39, 0.034), ("P2", 1.72, 0.015)])
+def test_shear_is_cattaneos_and_mindlins(element, rate, most):
+    """On meshes fine at the ends of contact and stick; rates and errors as in ``cattaneo.py``."""
+    coarse, fine = (half_planes(n, element, graded=True)[0] for n in (32, 64))
+    assert fine < most
+    assert np.log2(coarse / fine) == pytest.approx(rate, abs=0.15)
+
+
 @pytest.mark.parametrize("degree, h", [(1, 0.05), (2, 0.1)])
 def test_cylinder_on_cylinder_is_hertzs(degree, h):
     """Within the error of the theory, (a / R)^2 = 0.7 %; force up to what Newton leaves."""
@@ -83,9 +92,10 @@ def test_press_fit_is_lames_for_a_small_interference():
         assert found == pytest.approx(lame, rel=3 * interference / b)
 
 
-def test_potentials_of_hertz_agree_with_the_displacement():
+@pytest.mark.parametrize("shear", [{}, {"friction": 0.3, "stuck": 0.2}])
+def test_potentials_of_hertz_agree_with_the_displacement(shear):
     """Hooke's law of central differences; their error is about the step squared, 1e-10."""
-    exact, step = HalfPlanes(R=4.0), 1e-5
+    exact, step = HalfPlanes(R=4.0, **shear), 1e-5
     x = np.random.default_rng(0).uniform(-2, 2, (2, 50))
     gradient = np.stack(
         [
@@ -98,3 +108,8 @@ def test_potentials_of_hertz_agree_with_the_displacement():
     lmbda = 2 * exact.mu * exact.nu / (1 - 2 * exact.nu)
     stress = 2 * exact.mu * strain + lmbda * np.trace(strain) * np.eye(2)[:, :, None]
     assert np.abs(stress - exact.stress(x)).max() < 1e-7 * np.abs(stress).max()
+    x = np.stack([np.linspace(-0.6, 0.6, 30), np.full(30, -1e-12)])
+    for side in (x, -x):
+        shear, pressure = exact.stress(side)[:, 1]
+        assert np.abs(shear - exact.shear(side[0])).max() < 1e-5 * exact.peak
+        assert np.abs(pressure + exact.pressure(side[0])).max() < 1e-5 * exact.peak
