@@ -371,7 +371,11 @@ def test_ironing_in_long_steps_balances_its_work():
 
 @pytest.mark.parametrize("pair", MEASURES)
 def test_rejected_step_leaves_no_trace(shared_path, pair):
-    """Restored in memory and from a file, the same step has the same answer to the last bit."""
+    """Restored in memory and from a file, the same step has the same answer.
+
+    On one rank to the last bit; on several, MUMPS adds up in any order.
+    """
+    last_bits = 0.0 if MPI.COMM_WORLD.size == 1 else 1e-12
     scene = blocks(fm.Coulomb(0.3), pair=pair)
     drive(scene, (0.0, -0.05), (0.03, -0.05))
     start = scene.problem.state()
@@ -381,7 +385,8 @@ def test_rejected_step_leaves_no_trace(shared_path, pair):
     drive(scene, (-0.05, -0.04))
     scene.problem.restore(start)
     drive(scene, (0.08, -0.05))
-    assert np.array_equal(scene.contact.z, z) and np.array_equal(nodal(scene.problem), u)
+    for now, before in ((scene.contact.z, z), (nodal(scene.problem), u)):
+        assert np.abs(now - before).max() <= last_bits * np.abs(before).max()
     other = blocks(fm.Coulomb(0.3), pair=pair)
     fm.load_state(other.problem, str(shared_path / "state.npz"))
     drive(other, (0.08, -0.05))
