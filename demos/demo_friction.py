@@ -9,8 +9,8 @@
 # c = a sqrt(1 - Q / (mu P)),   q = mu p(x) - mu p0 c / a sqrt(1 - (x/c)^2) within c, else mu p(x),
 #
 # with the half-width a and the peak p0 of Hertz. P and Q are the computed forces. In the theory the
-# pressing is without friction and the bodies are half planes. The mesh has few facets in contact, and
-# the shear has kinks: it is right to 7 %, by `accuracy/cattaneo.py` to 1 % on graded meshes.
+# pressing is without friction and the bodies are half planes. Few facets are in contact, and the
+# shear has kinks: it is right to 7 %, by `accuracy/cattaneo.py` to 1 % on graded meshes.
 #
 # ## Implementation
 

@@ -146,12 +146,9 @@ def _piece(
 def _box(bulk: Bulk) -> tuple[Array, Array]:
     """The box of the deformed bodies and somewhat around it, its lower and upper corner."""
     x = bulk.positions()
-    low, high = (
-        bulk.comm.allreduce(corner, operation)
-        for corner, operation in (
-            (x.min(axis=0, initial=np.inf), MPI.MIN), (x.max(axis=0, initial=-np.inf), MPI.MAX)
-        )
-    )  # fmt: skip
+    ends = np.concatenate([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
+    bulk.comm.Allreduce(MPI.IN_PLACE, ends, MPI.MAX)
+    low, high = -ends[:2], ends[2:]
     margin = AROUND_BODIES * (high - low).max()
     return low - margin, high + margin
 
