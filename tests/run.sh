@@ -23,7 +23,8 @@ export NUMBA_CACHE_DIR="$scratch/numba"
 color=no # decided here: mpirun gives each rank a terminal of its own
 if [ -t 1 ]; then color=yes; fi
 pytest=(/usr/bin/python3 -m pytest "--color=$color")
-spread=(-n "$(nproc)" --dist loadfile) # files of tests over the cores; each test is on one rank
+# Files of tests over the cores; each test is on one rank. (nproc would answer with OMP_NUM_THREADS.)
+spread=(-n "$(env -u OMP_NUM_THREADS nproc)" --dist loadfile)
 # Three ranks are one core too many: there only what other partitions change, not all on top of it.
 same=()
 for file in verification/test_{patch,quadratic,integration,rates,tied_rates,effectivity} \
