@@ -3,7 +3,7 @@
 #
 # Set up this machine, then run the tests:
 #
-#     bash tests/run.sh                all: in serial, on 2 and (most) 3 ranks, kernels without JIT
+#     bash tests/run.sh                all: in serial, on 2 or 3 ranks, kernels without JIT
 #     bash tests/run.sh -k patch       in serial only, with arguments for pytest
 #
 # FENICS_MORTAR_TIMEOUT: seconds after which one of these runs counts as hanging (1200).
@@ -25,12 +25,10 @@ if [ -t 1 ]; then color=yes; fi
 pytest=(/usr/bin/python3 -m pytest "--color=$color")
 # Files of tests over the cores; each test is on one rank. (nproc would answer with OMP_NUM_THREADS.)
 spread=(-n "$(env -u OMP_NUM_THREADS nproc)" --dist loadfile)
-# Three ranks are one core too many: there only what other partitions change, not all on top of it.
-same=()
-for file in verification/test_{patch,quadratic,integration,rates,tied_rates,effectivity} \
-    test_{tied,adequacy,small_sliding,obstacles,driven,estimate,multigrid,reduced,mixed}; do
-    same+=("--ignore=tests/$file.py")
-done
+# Each file runs in serial and on several ranks: on three those that partitions matter to most.
+on_three=(tests/test_{surfaces,contact,mesh,results,stepping,system,operators,errors,initial_gap}.py
+    tests/test_{friction,floating,certificate,compat,dead_end}.py
+    tests/verification/test_{patch,invariance}.py)
 failed=0
 summary=()
 
@@ -75,8 +73,8 @@ if [ $# -gt 0 ]; then
     run "tests in serial: $*" "${pytest[@]}" "$@" || true
 else
     run "tests in serial" "${pytest[@]}" "${spread[@]}" || true
-    run_ranks 2 -m "not serial and not demo"
-    run_ranks 3 -m "not serial and not demo" "${same[@]}"
+    run_ranks 2 -m "not serial and not demo" "${on_three[@]/#/--ignore=}"
+    run_ranks 3 -m "not serial and not demo" "${on_three[@]}"
     run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
         "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true
 fi

@@ -23,7 +23,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 
-RATIOS = [(4, 4), (5, 7), (3, 10), (1, 17)]
+RATIOS = [(5, 7), (3, 10), (1, 17)]
 BASES = ["dual", "standard", "vertices"]
 ANGLES = [30, pytest.param(0, marks=pytest.mark.serial)]
 
