@@ -60,13 +60,16 @@ def frozen_cone() -> AbstractContextManager:
     return patch.object(Coulomb, "limit", limit)
 
 
+# Scenes of long or difficult steps; elsewhere nothing is cut short.
+DAMPED = "step_size,stiffness,bouncing,*arch,ironing,rubbing*,corner*,press_fit,roll,cantilevers"
+
 METHODS = {
     "default": Method("default", smallest=None),
     "saddle": Method("Alg. 1, saddle", problem={"algorithm": "saddle"}),
     "standard": Method("standard basis", pair={"basis": "standard"}),
     "plain": Method("plain Newton", adaptive=False),
-    "line_search": Method("with line search", newton={"line_search": True}),
-    "short_moves": Method("half a facet at most", newton={"most_motion": 0.5}),
+    "line_search": Method("with line search", newton={"line_search": True}, scenes=DAMPED),
+    "short_moves": Method("half a facet at most", newton={"most_motion": 0.5}, scenes=DAMPED),
     "no_normals": Method("without normals", problem={"linearization": "no_normals"}),
     "no_segments": Method("without segment motion", problem={"linearization": "no_segments"}),
     "frozen": Method("fixed point", problem={"linearization": "frozen"}),
