@@ -27,8 +27,7 @@ pytest=(/usr/bin/python3 -m pytest "--color=$color")
 spread=(-n "$(env -u OMP_NUM_THREADS nproc)" --dist loadfile)
 # Each file runs in serial and on several ranks: on three those that partitions matter to most.
 on_three=(tests/test_{surfaces,contact,mesh,results,stepping,system,operators,errors,initial_gap}.py
-    tests/test_{friction,floating,certificate,compat,dead_end}.py
-    tests/verification/test_{patch,invariance}.py)
+    tests/test_{compat,dead_end}.py tests/verification/test_invariance.py)
 failed=0
 summary=()
 

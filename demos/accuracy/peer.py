@@ -72,7 +72,7 @@ def given(posed: Posed) -> Given:
     cells = cells[:, AROUND[cells.shape[1]]]
     x = bulk.V.tabulate_dof_coordinates()[:, :2].copy()
     tail = x[cells[:, 1]] - x[cells[:, 0]], x[cells[:, 2]] - x[cells[:, 0]]
-    assert np.all(np.cross(*tail) > 0), "cells must be counterclockwise"
+    assert np.all(np.linalg.det(np.stack(tail, axis=-1)) > 0), "cells must be counterclockwise"
     bulk.assemble_residual()
     mu, lmbda = posed.lame
     tags = np.zeros(len(cells), bool)
