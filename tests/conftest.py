@@ -20,7 +20,7 @@ from mpi4py import MPI  # noqa: E402
 import pytest  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: of tests with many cases one of so many runs.
-ONE_OF = 5
+ONE_OF = 12
 
 
 def pytest_collection_modifyitems(items):
