@@ -99,7 +99,7 @@ class ContactProblem:
             and directly solves all else: saddle point systems, mixed functions, small problems. If
             an iterative solution fails the direct solver takes over, and the report says so.
             Measured, CPU time of a Newton iteration, direct over iterative (``bench_newton.py``,
-            two blocks): 1.2 with 10,000 unknowns, 2.0 with 41,000, 2.0 with 161,000. Below
+            two blocks): 1.0 with 10,000 unknowns, 1.5 with 41,000, 1.9 with 161,000. Below
             100,000 the gain is not worth answers that are right to 1e-8 instead of rounding.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: When to stop.
