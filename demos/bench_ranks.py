@@ -18,21 +18,11 @@
 # +
 import sys
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
-
-import ufl
-from dolfinx import fem
-
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root), str(root / "meshes")]
-import two_blocks
-
-import fenics_mortar as fm
+from bench_scene import two_pressed_blocks
 
 comm = MPI.COMM_WORLD
 STEPS = 3
@@ -78,35 +68,9 @@ def say(line):
 
 
 # +
-def set_up(dofs):
-    """The problem with about so many unknowns, and what moves the top."""
-    k = round(np.sqrt(dofs / 6))
-    model = None
-    if comm.rank == 0:
-        gmsh.initialize()
-        gmsh.option.setNumber("General.Terminal", 0)
-        model = two_blocks.build(n_upper=k, n_lower=2 * k, layers_upper=k, layers_lower=k)
-    data = fm.read_gmsh(model, comm)
-    if comm.rank == 0:
-        gmsh.finalize()
-    V = fm.vector_space(data.mesh, 1)
-    u, v = fem.Function(V), ufl.TestFunction(V)
-    F = ufl.Identity(2) + ufl.grad(u)
-    P = 40.0 * (F - ufl.inv(F).T) + 60.0 * ufl.ln(ufl.det(F)) * ufl.inv(F).T
-    residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 3})
-    top = fem.Constant(data.mesh, (0.0, -0.01))
-    bcs = [fm.dirichlet(V, data, "lower/bottom", np.zeros(2))]
-    bcs += [fm.dirichlet(V, data, "upper/top", top)]
-    pair = fm.ContactPair(data, slave="upper/bottom", master="lower/top")
-    problem = fm.ContactProblem(
-        residual, u, [pair], bcs=bcs, petsc_options_prefix="ranks_", solver="iterative"
-    )
-    return problem, top
-
-
 def measure(kind, dofs):
     """Print a row; return the problem."""
-    problem, top = set_up(dofs)
+    problem, _, top = two_pressed_blocks(dofs, "iterative")
     problem.solve()
     contact, counting = problem.contacts[0], Counting(problem.contacts[0].slave.comm)
     for surface in (contact.slave, contact.master):
