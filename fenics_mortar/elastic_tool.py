@@ -51,6 +51,9 @@ class ElasticTool:
 
     Note:
         Collective.
+
+    Example:
+        ``fm.AdequacyCheck(tools=[ElasticTool(circle, residual, u, data, "tool/rim", bcs=grips)])``.
     """
 
     def __init__(
