@@ -272,9 +272,10 @@ class ContactProblem:
             contact.accept()
         compat.free_petsc_garbage(self.comm)
         report.certificate = self.certificate()
-        violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
+        violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
+        remarks = violations or report.certificate.remarks()
         reactions = self.tools.record()
-        report.notes[:0] = [*filter(None, self._starts), *moved, *violations, *reactions]
+        report.notes[:0] = [*filter(None, self._starts), *moved, *remarks, *reactions]
         self._starts = []
         return report
 
