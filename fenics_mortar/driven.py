@@ -13,7 +13,7 @@ and what solves it are those of obstacles at rest.
 
 A motion that active contact leaves loose gets a spring in the tangent as a floating body does, see
 ``floating``; a driven obstacle that touches nothing is moved before the solve until contact stops
-it. Where an obstacle rolls, and Newton fails, springs hold it as they do bodies, see ``release``.
+it, and one on nodes that stick follows what is prescribed, as a wheel that is turned. Where an obstacle rolls, and Newton fails, springs hold it as they do bodies, see ``release``.
 """
 
 from __future__ import annotations
@@ -45,6 +45,8 @@ from fenics_mortar.system import LinearSystem
 DRIVEN = 1e-12
 # What the facets of the slave may err of the forces on an obstacle, whose normals are exact.
 FACETS_ERR = 0.005
+# Motions that sticking nodes feel less than this part of others do not follow what is prescribed.
+FOLLOWED = 0.5
 # A move before the solve that gives the push less way than this part of a facet is not worth it.
 LEAST_WAY = 1e-3
 
@@ -295,6 +297,26 @@ class DrivenObstacles:
         return min((float(c.slave.lengths.min()) for _, c in self._pairs()), default=1.0)
 
     # Before a solve
+
+    def follow(self, evaluate: Callable[[], object]) -> None:
+        """Move driven obstacles along with what is prescribed, so that nodes stick (collective).
+
+        From where they were all nodes would slide, and nothing would say how far.
+
+        Args:
+            evaluate: Evaluates the operators at the present state, not the sets.
+        """
+        if not self.driven.any():
+            return
+        evaluate()
+        moves = np.zeros(self._scales.shape)
+        for number, driven in enumerate(self.driven):
+            stuck = [(c, c.sticking) for i, c in self._pairs() if i == number]
+            slip = np.concatenate([c.slip[on] for c, on in stuck])
+            by_motions = [c.partners.derivative_by_motions(c.on_obstacle)[on] for c, on in stuck]
+            rows = np.concatenate(by_motions)[:, driven]
+            moves[number, driven] = np.linalg.lstsq(rows, -slip, rcond=FOLLOWED)[0]
+        self.move(moves)
 
     def settle(self, evaluate: Callable[[], object]) -> list[str]:
         """Move driven obstacles that carry no contact force until contact stops them (collective).

@@ -254,6 +254,7 @@ class ContactProblem:
         for contact in self.contacts:
             contact.start_step()
         try:
+            self.tools.follow(self._evaluate_operators)
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
             moved += self.floating.settle(self._evaluate_forces)
             self.hold(None)
@@ -400,6 +401,11 @@ class ContactProblem:
         )
         gap = float(max(gaps, default=0.0))
         return Status(residual, force, gap, active, changed, self.noise(), sets)
+
+    def _evaluate_operators(self) -> None:
+        """Evaluate the operators of all contacts."""
+        for contact in self.contacts:
+            contact.evaluate(self.bulk.u.x.array, self.linearization)
 
     def _evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
@@ -611,8 +617,7 @@ class ContactProblem:
         """
         if self._estimator is None:
             self._estimator = Estimator(self.bulk)
-        for contact in self.contacts:
-            contact.evaluate(self.bulk.u.x.array, self.linearization)
+        self._evaluate_operators()
         return self._estimator.evaluate(self.contacts)
 
     def forces(self) -> tuple[Array, Array, Array]:
