@@ -13,7 +13,8 @@ and what solves it are those of obstacles at rest.
 
 A motion that active contact leaves loose gets a spring in the tangent as a floating body does, see
 ``floating``; a driven obstacle that touches nothing is moved before the solve until contact stops
-it, and one on nodes that stick follows what is prescribed, as a wheel that is turned. Where an obstacle rolls, and Newton fails, springs hold it as they do bodies, see ``release``.
+it, and one on nodes that stick follows what is prescribed, as a wheel that is turned. Where an
+obstacle rolls, and Newton fails, springs hold it as they do bodies, see ``release``.
 """
 
 from __future__ import annotations
@@ -76,6 +77,7 @@ class DrivenObstacles:
             self._scales[number, 2] = contact.arm
         self._springs: Array | None = None
         self._anchor: Array = np.zeros(self._scales.shape)
+        self._start: Array = np.zeros(self._scales.shape)
 
     @property
     def places(self) -> Array:
@@ -296,6 +298,25 @@ class DrivenObstacles:
     def _shortest_facet(self) -> float:
         return min((float(c.slave.lengths.min()) for _, c in self._pairs()), default=1.0)
 
+    def strayed(self) -> float:
+        """How far an obstacle slid of its own accord in the last solve, in widths of its contact.
+
+        Zero where nodes stick or have no friction: it counts what driven motions, found by the
+        solve, make all nodes slide at the least.
+        """
+        found = np.where(self.driven, self.motions_of(self.places) - self._start, 0.0)
+        widths = [0.0]
+        for number, motion in enumerate(found):
+            mine = [c for i, c in self._pairs() if i == number and c.active.any()]
+            if mine and all(c.sliding[c.active].all() for c in mine):
+                slips = [
+                    np.abs(c.partners.derivative_by_motions(c.on_obstacle)[c.active] @ motion)
+                    for c in mine
+                ]
+                width = sum(float(c.nodal_lengths[c.active].sum()) for c in mine)
+                widths.append(float(np.concatenate(slips).min()) / width)
+        return max(widths)
+
     # Before a solve
 
     def follow(self, evaluate: Callable[[], object]) -> None:
@@ -338,6 +359,7 @@ class DrivenObstacles:
             moves = np.array([self._next_move(i) for i in range(len(self.obstacles))])
             moving = np.flatnonzero(moves.any(axis=1))
             if not moving.size:
+                self._start = self.motions_of(self.places)
                 return [f"{name} was moved until contact stopped it" for name in moved]
             moved |= dict.fromkeys(f"obstacle '{self.obstacles[i].name}'" for i in moving)
             self.move(moves)

@@ -607,7 +607,8 @@ class ContactProblem:
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
-        return replace(certificate, springs=max((p for _, p in self._parts_held()), default=0.0))
+        springs = max((part for _, part in self._parts_held()), default=0.0)
+        return replace(certificate, springs=springs, strayed=self.tools.strayed())
 
     def estimate(self) -> ErrorEstimate:
         """Estimate the error of the present state by cells; see ``estimate``.
