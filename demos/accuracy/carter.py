@@ -22,7 +22,7 @@ rigid one on an incompressible one, E* = E / (1 - nu^2) = 4 E / 3, here of Taylo
 Errors of the scene: R = 1000 a, for those of small strain and small angles are of the order
 a / (mu R). The half plane is a block, held at its bottom and sides, ``SIZE`` half-widths away. It
 yields sideways as the load travels, by the order of P / (E* SIZE) for a unit of the way: that is a
-part of the creepage of the order a / (mu SIZE), the last error to vanish (0.5 %, by the last table).
+part of the creepage of the order a / (mu SIZE): by the last table, 0.5 %.
 
 The wheel is pressed by P and pulled by Q, both as forces. Then all its motions are prescribed, for
 the stiffness is factored but once so: as it turns its place goes on by what is found to keep Q. The
