@@ -99,9 +99,9 @@ class Certificate:
         inverted: Cells that are inverted.
         springs: Largest sum of the forces of springs on a body, over the contact force on it; zero
             but where the record of the solve tells of them.
-        strayed: How far an obstacle that forces drive slid in the solve, with all its nodes and
-            further than what was prescribed took it, over the width of its contact. The state is
-            in equilibrium, but no path leads there if friction let go of the obstacle on the way.
+        strayed: Of the report of a solve: how far an obstacle that forces drive slid in it, with
+            all its nodes and beyond where what was prescribed took it, over the width of its
+            contact. The state is in equilibrium; whether a path leads there was not seen.
     """
 
     pairs: list[PairCertificate]
@@ -129,9 +129,9 @@ class Certificate:
             )
         if not self.strayed <= 1.0:
             found.append(
-                f"an obstacle that forces drive slid away by {self.strayed:.1f} widths of its "
-                "contact: nothing but friction held it, and this may be another state than the one "
-                "it comes to; take smaller steps, or prescribe its motion"
+                f"an obstacle that forces drive slid away, by {self.strayed:.1f} widths of its "
+                "contact: this may be another equilibrium than the one it comes to; take smaller "
+                "steps, or prescribe its motion"
             )
         if self.inverted:
             found.append(f"{self.inverted} cells are inverted")

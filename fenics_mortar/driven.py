@@ -222,7 +222,7 @@ class DrivenObstacles:
         found = []
         for number, driven in enumerate(self.driven):
             motions = np.eye(3)[driven]
-            closing = [c.gap_by_motions()[c.active] for i, c in self._pairs() if i == number]
+            closing = [c.gap_by_motions()[c.active] for c in self._contacts_of(number)]
             answers = np.concatenate([*closing, np.zeros((3, 3))]) @ motions.T
             _, norms, combinations = np.linalg.svd(answers, full_matrices=False)
             found.append(combinations[norms <= HELD] @ motions)
@@ -307,14 +307,12 @@ class DrivenObstacles:
         found = np.where(self.driven, self.motions_of(self.places) - self._start, 0.0)
         widths = [0.0]
         for number, motion in enumerate(found):
-            mine = [c for i, c in self._pairs() if i == number and c.active.any()]
-            if mine and all(c.sliding[c.active].all() for c in mine):
-                slips = [
-                    np.abs(c.partners.derivative_by_motions(c.on_obstacle)[c.active] @ motion)
-                    for c in mine
-                ]
+            mine = self._contacts_of(number)
+            slides = np.concatenate([c.sliding[c.active] for c in mine])
+            if slides.size and slides.all():
+                slips = [_slip_by_motions(c, c.active) @ motion for c in mine]
                 width = sum(float(c.nodal_lengths[c.active].sum()) for c in mine)
-                widths.append(float(np.concatenate(slips).min()) / width)
+                widths.append(float(np.abs(np.concatenate(slips)).min()) / width)
         return max(widths)
 
     # Before a solve
@@ -332,10 +330,9 @@ class DrivenObstacles:
         evaluate()
         moves = np.zeros(self._scales.shape)
         for number, driven in enumerate(self.driven):
-            stuck = [(c, c.sticking) for i, c in self._pairs() if i == number]
-            slip = np.concatenate([c.slip[on] for c, on in stuck])
-            by_motions = [c.partners.derivative_by_motions(c.on_obstacle)[on] for c, on in stuck]
-            rows = np.concatenate(by_motions)[:, driven]
+            mine = self._contacts_of(number)
+            slip = np.concatenate([c.slip[c.sticking] for c in mine])
+            rows = np.concatenate([_slip_by_motions(c, c.sticking) for c in mine])[:, driven]
             moves[number, driven] = np.linalg.lstsq(rows, -slip, rcond=FOLLOWED)[0]
         self.move(moves)
 
@@ -375,7 +372,7 @@ class DrivenObstacles:
         It is the one closest to the push that no node overlaps by more than touching, and that the
         push does work in: its potential is linear in the motions, so no move is ever taken back.
         """
-        contacts = [contact for i, contact in self._pairs() if i == number]
+        contacts = self._contacts_of(number)
         driven, push = self.driven[number], self._push()[number]
         loaded = any((c.pressure > LOADED * c.stiffness).any() for c in contacts)
         if loaded or not push.any():
@@ -396,12 +393,21 @@ class DrivenObstacles:
             if contact.obstacle is not None:
                 yield self.obstacles.index(contact.obstacle), contact
 
+    def _contacts_of(self, number: int) -> list[Contact]:
+        """The contacts of one obstacle."""
+        return [contact for i, contact in self._pairs() if i == number]
+
     def _push(self) -> Array:
         """Loads along the motions, 0 where these are prescribed, (obstacles, 3) [stress length]."""
         return np.nan_to_num(self._of_all("load")) / self._scales
 
     def _of_all(self, name: str) -> Array:
         return np.array([getattr(o, name) for o in self.obstacles]).reshape(-1, 3)
+
+
+def _slip_by_motions(contact: Contact, nodes: npt.NDArray[np.bool_]) -> Array:
+    """Derivative of the slip of some nodes by the motions of their obstacle, (n, 3)."""
+    return contact.partners.derivative_by_motions(contact.on_obstacle)[nodes]
 
 
 def _in_words(motion: Array) -> str:

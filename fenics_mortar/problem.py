@@ -272,7 +272,7 @@ class ContactProblem:
         for contact in self.contacts:
             contact.accept()
         compat.free_petsc_garbage(self.comm)
-        report.certificate = self.certificate()
+        report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
         violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
         reactions = self.tools.record()
         report.notes[:0] = [*filter(None, self._starts), *moved, *violations, *reactions]
@@ -609,8 +609,7 @@ class ContactProblem:
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
-        springs = max((part for _, part in self._parts_held()), default=0.0)
-        return replace(certificate, springs=springs, strayed=self.tools.strayed())
+        return replace(certificate, springs=max((p for _, p in self._parts_held()), default=0.0))
 
     def estimate(self) -> ErrorEstimate:
         """Estimate the error of the present state by cells; see ``estimate``.

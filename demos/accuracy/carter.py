@@ -56,7 +56,7 @@ FORCE = np.pi / (4 * R)
 FINE, SIZE, GROWTH = 3.5, 1000.0, 1.4
 WAY = 4.0  # from -WAY / 2 on
 HELD = ("bottom", "left", "right")
-FACETS = (4, 8, 16)  # by the half-width
+FACETS = (4, 8, 16, 32)  # by the half-width
 STEPS, SIZES = (0.25, 0.5, 1.0, 2.0), (50.0, 200.0, SIZE)
 
 
