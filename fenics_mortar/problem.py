@@ -256,6 +256,7 @@ class ContactProblem:
         for contact in self.contacts:
             contact.start_step()
         try:
+            self.tools.follow(self._evaluate_operators)
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
             moved += self.floating.settle(self._evaluate_forces)
             self.hold(None)
@@ -271,7 +272,7 @@ class ContactProblem:
         for contact in self.contacts:
             contact.accept()
         compat.free_petsc_garbage(self.comm)
-        report.certificate = self.certificate()
+        report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
         violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
         remarks = violations or report.certificate.remarks()
         reactions = self.tools.record()
@@ -403,6 +404,11 @@ class ContactProblem:
         )
         gap = float(max(gaps, default=0.0))
         return Status(residual, force, gap, active, changed, self.noise(), sets)
+
+    def _evaluate_operators(self) -> None:
+        """Evaluate the operators of all contacts."""
+        for contact in self.contacts:
+            contact.evaluate(self.bulk.u.x.array, self.linearization)
 
     def _evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
@@ -614,8 +620,7 @@ class ContactProblem:
         """
         if self._estimator is None:
             self._estimator = Estimator(self.bulk)
-        for contact in self.contacts:
-            contact.evaluate(self.bulk.u.x.array, self.linearization)
+        self._evaluate_operators()
         return self._estimator.evaluate(self.contacts)
 
     def forces(self) -> tuple[Array, Array, Array]:
