@@ -21,6 +21,7 @@ from fenics_mortar.clock import clock
 from fenics_mortar.errors import MortarError, count_places, raise_together
 from fenics_mortar.kernels.cells import tabulate_areas
 from fenics_mortar.space import DisplacementSpace
+from fenics_mortar.sparse import SomeRows
 from fenics_mortar.surfaces import Array
 
 # A Newton step may leave each cell, at each node, no less than this part of the area it has. It
@@ -135,19 +136,18 @@ class Bulk:
         self.num_patterns += 1
         self._num_growths = 0
 
-    def add_to_tangent(self, other: PETSc.Mat, grow: bool) -> None:
-        """Add a sparse matrix to ``K`` in place (collective).
+    def add_to_tangent(self, rows: SomeRows, other: PETSc.Mat, grow: bool) -> None:
+        """Add a sparse matrix to some rows of ``K`` in place (collective).
 
         Args:
-            other: What to add, with the layout of ``K``.
+            rows: The rows.
+            other: What to add to them, with the columns of ``K``.
             grow: Whether the pattern of ``K`` grows to the union, or has the entries already. It is
                 kept until it has become wasteful.
         """
-        structure = PETSc.Mat.Structure
         self._num_growths += grow
         self._K_is_whole = False
-        pattern = structure.DIFFERENT_NONZERO_PATTERN if grow else structure.SUBSET_NONZERO_PATTERN
-        self.K.axpy(1.0, other, pattern)
+        rows.add(other, self.K, grow)
 
     def add_to_diagonal(self, values: Array) -> None:
         """Add owned ``values`` to the diagonal of ``K`` (collective)."""

@@ -10,7 +10,7 @@ the very library that petsc4py has loaded.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from mpi4py import MPI
@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
+from fenics_mortar.surfaces import Indices
 
 # A matrix is symmetric up to this part of its size.
 SYMMETRIC = 1e-12
@@ -76,6 +77,57 @@ class BlockMatrix:
         self.mat.setBlockSize(self._block_size)
         rows, columns = i.copy(), j.copy()  # PETSc overwrites them
         _check(_set_pattern(self.mat.handle, i.size, rows.ctypes.data, columns.ctypes.data))
+
+
+class SomeRows:
+    """Some rows of a large matrix, numbered through as those of a small one.
+
+    Args:
+        rows: Their numbers, equal on all ranks; repeated ones count once.
+        first: First row of the large matrix that this rank owns.
+        num_owned: How many rows it owns.
+
+    Attributes:
+        numbers: Numbers in the small matrix of those this rank owns.
+        local: Their local numbers in the large one, ascending.
+    """
+
+    def __init__(self, rows: Indices, first: int, num_owned: int) -> None:
+        self._rows = np.unique(rows)
+        start, end = np.searchsorted(self._rows, (first, first + num_owned))
+        self.numbers: Indices = np.arange(start, end)
+        self.local: Indices = self._rows[start:end] - first
+
+    def number(self, rows: Indices) -> Indices:
+        """Numbers in the small matrix of rows of the large one, all of them here; -1 stays -1."""
+        return np.where(rows >= 0, np.searchsorted(self._rows, rows), -1)
+
+    def renumbered(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """Blocks for the small matrix of blocks for the large one."""
+        return (Block(self.number(rows), columns, values) for rows, columns, values in blocks)
+
+    def add(self, small: PETSc.Mat, large: PETSc.Mat, grow: bool) -> None:
+        """Add the small matrix to these rows of the large one, in place (collective).
+
+        Args:
+            small: It has the columns of the large one.
+            large: What is added to.
+            grow: Whether its pattern grows to the union, or has the entries already: then this is
+                work for these rows only, however large the matrix is.
+        """
+        starts, columns, values = small.getValuesCSR()
+        first, last = large.getOwnershipRange()
+        if not grow:
+            rows = (self.local + first).astype(PETSc.IntType)
+            large.setValuesIJV(starts, columns, values, PETSc.InsertMode.ADD_VALUES, rows)
+            large.assemble()
+            return
+        sizes = np.zeros(last - first + 1, PETSc.IntType)
+        sizes[self.local + 1] = np.diff(starts)
+        csr = np.cumsum(sizes, dtype=PETSc.IntType), columns, values
+        whole = PETSc.Mat().createAIJ(large.getSizes(), csr=csr, comm=large.comm)
+        large.axpy(1.0, whole, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        whole.destroy()
 
 
 def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:

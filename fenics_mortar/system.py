@@ -45,7 +45,7 @@ from fenics_mortar.interface import Interface, Rows
 from fenics_mortar.mortar import Block
 from fenics_mortar.multigrid import OPTIONS, TouchingBodies
 from fenics_mortar.reach import Reach
-from fenics_mortar.sparse import BlockMatrix
+from fenics_mortar.sparse import BlockMatrix, SomeRows
 from fenics_mortar.surfaces import Array, Indices
 
 Algorithm = Literal["condensed", "saddle"]
@@ -277,12 +277,17 @@ class CondensedSystem(LinearSystem):
         if self.ksp.getPC().getType() == "python":
             self._multigrid = TouchingBodies(bulk, contacts, prefix)
             self.ksp.getPC().setPythonContext(self._multigrid)
-        self._R = BlockMatrix(self.comm, size, mine)
-        self._K_c = BlockMatrix(self.comm, size, size, bulk.space.block_size)
-        self._C = BlockMatrix(self.comm, size, size, bulk.space.block_size)
+        touched = [side.dofs for c in contacts for side in (c.slave, c.master)]
+        self._rows = SomeRows(
+            np.concatenate([np.empty((0, 2), np.int64), *touched]), bulk.first, size
+        )
+        self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
+        self._K_c = BlockMatrix(self.comm, self._rows.local.size, size)
+        self._C = BlockMatrix(self.comm, self._rows.local.size, size)
         self._reaches: list[Reach] = []
         self._pattern = 0
         self._slave_K: Any = None
+        self._grew = False
         dofs = np.empty((self.num_multipliers, 2), np.int64)
         for contact, place in self.numbered():
             dofs[self.local(contact, place)] = contact.slave.dofs[contact.slave.owned]
@@ -293,13 +298,13 @@ class CondensedSystem(LinearSystem):
         """Add K_c + R K_S + C to K, and build -(1 + R) r + rhs."""
         laws = [contact.rows() for contact in self.contacts]
         new = self._update_pattern()
-        self.bulk.add_to_tangent(self._K_c.assemble(self._K_c_blocks(new)), new)
-        self._slave_K = self._slave_tangent()
-        R = self._R.assemble(self._R_blocks(laws, new))
+        self._add(self._K_c, self._K_c_blocks(new), new)
+        self._update_slave_tangent(new)
+        R = self._R.assemble(self._rows.renumbered(self._R_blocks(laws, new)))
         product = R.matMult(self._slave_K)
-        self.bulk.add_to_tangent(product, new)
+        self.bulk.add_to_tangent(self._rows, product, new)
         product.destroy()
-        self.bulk.add_to_tangent(self._C.assemble(self._C_blocks(laws)), False)
+        self._add(self._C, self._C_blocks(laws), False)
         if new:  # PETSc does not see that a sum has another pattern, and would keep its factors
             self.ksp.reset()
         self.matrix = self.bulk.K
@@ -318,17 +323,18 @@ class CondensedSystem(LinearSystem):
         self._pattern = self.bulk.num_patterns
         return True
 
-    def _slave_tangent(self) -> PETSc.Mat:
-        """K_S: the slave rows of K + K_c."""
-        if self._slave_K is not None:
-            self._slave_K.destroy()
-        return self.bulk.K.createSubMatrix(self._slave_rows, self._all_columns)
+    def _add(self, matrix: BlockMatrix, blocks: Iterable[Block], new: bool) -> None:
+        """Add blocks to K."""
+        matrix.assemble(self._rows.renumbered(blocks))
+        self.bulk.add_to_tangent(self._rows, matrix.mat, new)
 
-    @property
-    def _all_columns(self) -> PETSc.IS:
-        return PETSc.IS().createStride(
-            self.bulk.num_owned, first=self.bulk.first, step=1, comm=self.comm
-        )
+    def _update_slave_tangent(self, new: bool) -> None:
+        """K_S: the slave rows of K + K_c; made again before and after the pattern of K grows."""
+        if self._slave_K is not None and (new or self._grew):
+            self._slave_K.destroy()
+            self._slave_K = None
+        self._grew = new
+        self._slave_K = self.bulk.K.createSubMatrix(self._slave_rows, None, self._slave_K)
 
     def _K_c_blocks(self, new: bool) -> Iterable[Block]:
         """K_c, with zeros for its reach where that is new."""
@@ -370,9 +376,10 @@ class CondensedSystem(LinearSystem):
         for contact, place in self.numbered():
             values = self.bulk.r.array_r[contact.slave.local_dofs]
             slave_r.array.reshape(-1, 2)[self.local(contact, place)] = values
-        R.mult(slave_r, self._rhs)
-        self._rhs.array[:] += self.bulk.r.array_r[: self.bulk.num_owned]
-        self._rhs.scale(-1.0)
+        gathered = R.createVecLeft()
+        R.mult(slave_r, gathered)
+        self._rhs.array[:] = -self.bulk.r.array_r[: self.bulk.num_owned]
+        self._rhs.array[self._rows.local] -= gathered.array_r
         for contact, law in zip(self.contacts, laws, strict=True):
             contact.slave.scatter_add(law.rhs, self._rhs.array)
 
