@@ -40,7 +40,8 @@ class Reach:
         self, o: MortarOperators, carries: npt.NDArray[np.bool_], faced: tuple[Indices, Indices]
     ) -> bool:
         """Whether a state couples nothing else."""
-        inside = np.isin(np.union1d(_met(o, 0), _faced(o, *faced)), self._met, assume_unique=True)
+        pairs = np.concatenate([_met(o, 0), _faced(o, *faced)])
+        inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
         return bool(inside.all()) and np.array_equal(self._idle, _idle(o, carries))
 
     def derivative_pattern(self) -> Block:
@@ -85,7 +86,7 @@ def _idle(o: MortarOperators, carries: npt.NDArray[np.bool_]) -> npt.NDArray[np.
 
 
 def _met(o: MortarOperators, margin: int) -> Indices:
-    """Pairs of a slave facet, by its first node, and a master node, as sorted numbers.
+    """Pairs of a slave facet, by its first node, and a master node, as numbers.
 
     Each facet has a pair with no node too, the number after the last: an obstacle has none.
     """
@@ -95,7 +96,7 @@ def _met(o: MortarOperators, margin: int) -> Indices:
         near = o.master.along(s.master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
         masters = np.hstack([masters, near])
     pairs = s.slave[:, :1] * (none + 1) + masters
-    return np.unique(pairs[masters >= 0])
+    return pairs[masters >= 0]
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
@@ -104,7 +105,7 @@ def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]
     here = first[slave] >= 0
-    return np.unique(first[slave[here]] * (o.master.num_nodes + 1) + master[here])
+    return first[slave[here]] * (o.master.num_nodes + 1) + master[here]
 
 
 def _pairs_within(group: Indices) -> tuple[Indices, Indices]:

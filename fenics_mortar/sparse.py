@@ -106,28 +106,35 @@ class SomeRows:
         """Blocks for the small matrix of blocks for the large one."""
         return (Block(self.number(rows), columns, values) for rows, columns, values in blocks)
 
-    def add(self, small: PETSc.Mat, large: PETSc.Mat, grow: bool) -> None:
-        """Add the small matrix to these rows of the large one, in place (collective).
+    def add(self, small: PETSc.Mat, large: PETSc.Mat) -> None:
+        """Add the small matrix to entries that the large one has, in place (collective)."""
+        rows = (self.local + large.getOwnershipRange()[0]).astype(PETSc.IntType)
+        large.setValuesIJV(*small.getValuesCSR(), PETSc.InsertMode.ADD_VALUES, rows)
+        large.assemble()
 
-        Args:
-            small: It has the columns of the large one.
-            large: What is added to.
-            grow: Whether its pattern grows to the union, or has the entries already: then this is
-                work for these rows only, however large the matrix is.
-        """
+    def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
+        """Zeros where the small matrix has entries, in a large one with as many own rows."""
         starts, columns, values = small.getValuesCSR()
-        first, last = large.getOwnershipRange()
-        if not grow:
-            rows = (self.local + first).astype(PETSc.IntType)
-            large.setValuesIJV(starts, columns, values, PETSc.InsertMode.ADD_VALUES, rows)
-            large.assemble()
-            return
-        sizes = np.zeros(last - first + 1, PETSc.IntType)
+        sizes = np.zeros(num_owned + 1, PETSc.IntType)
         sizes[self.local + 1] = np.diff(starts)
-        csr = np.cumsum(sizes, dtype=PETSc.IntType), columns, values
-        whole = PETSc.Mat().createAIJ(large.getSizes(), csr=csr, comm=large.comm)
-        large.axpy(1.0, whole, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        whole.destroy()
+        csr = np.cumsum(sizes, dtype=PETSc.IntType), columns, np.zeros_like(values)
+        return PETSc.Mat().createAIJ(((num_owned, None),) * 2, csr=csr, comm=small.comm)
+
+
+def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block]) -> None:
+    """Add blocks to entries that a matrix has, in place (collective).
+
+    Any rank may add to any row; negative indices are left out. However large the matrix is, this is
+    work for the blocks only.
+    """
+    for rows, columns, values in blocks:
+        each = np.repeat(columns, rows.shape[1], axis=0)
+        starts = np.arange(rows.size + 1, dtype=PETSc.IntType) * PETSc.IntType(each.shape[1])
+        places = rows.ravel().astype(PETSc.IntType)
+        matrix.setValuesIJV(
+            starts, each.astype(PETSc.IntType), values, PETSc.InsertMode.ADD_VALUES, places
+        )
+    matrix.assemble()
 
 
 def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:

@@ -31,6 +31,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from typing import Any, Literal
 
 from mpi4py import MPI
@@ -45,7 +46,7 @@ from fenics_mortar.interface import Interface, Rows
 from fenics_mortar.mortar import Block
 from fenics_mortar.multigrid import OPTIONS, TouchingBodies
 from fenics_mortar.reach import Reach
-from fenics_mortar.sparse import BlockMatrix, SomeRows
+from fenics_mortar.sparse import BlockMatrix, SomeRows, add_blocks
 from fenics_mortar.surfaces import Array, Indices
 
 Algorithm = Literal["condensed", "saddle"]
@@ -277,17 +278,12 @@ class CondensedSystem(LinearSystem):
         if self.ksp.getPC().getType() == "python":
             self._multigrid = TouchingBodies(bulk, contacts, prefix)
             self.ksp.getPC().setPythonContext(self._multigrid)
-        touched = [side.dofs for c in contacts for side in (c.slave, c.master)]
-        self._rows = SomeRows(
-            np.concatenate([np.empty((0, 2), np.int64), *touched]), bulk.first, size
-        )
+        touched = [side.dofs.ravel() for c in contacts for side in (c.slave, c.master)]
+        self._rows = SomeRows(np.concatenate([np.empty(0, np.int64), *touched]), bulk.first, size)
         self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
-        self._K_c = BlockMatrix(self.comm, self._rows.local.size, size)
-        self._C = BlockMatrix(self.comm, self._rows.local.size, size)
         self._reaches: list[Reach] = []
         self._pattern = 0
         self._slave_K: Any = None
-        self._grew = False
         dofs = np.empty((self.num_multipliers, 2), np.int64)
         for contact, place in self.numbered():
             dofs[self.local(contact, place)] = contact.slave.dofs[contact.slave.owned]
@@ -297,17 +293,17 @@ class CondensedSystem(LinearSystem):
     def assemble(self) -> None:
         """Add K_c + R K_S + C to K, and build -(1 + R) r + rhs."""
         laws = [contact.rows() for contact in self.contacts]
-        new = self._update_pattern()
-        self._add(self._K_c, self._K_c_blocks(new), new)
-        self._update_slave_tangent(new)
-        R = self._R.assemble(self._rows.renumbered(self._R_blocks(laws, new)))
+        if self._update_pattern():
+            self._make_room(laws)
+        K = self.bulk.take_tangent()
+        add_blocks(K, self.force_derivative())
+        R = self._R.assemble(self._rows.renumbered(self._R_blocks(laws)))
+        self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
         product = R.matMult(self._slave_K)
-        self.bulk.add_to_tangent(self._rows, product, new)
+        self._rows.add(product, K)
         product.destroy()
-        self._add(self._C, self._C_blocks(laws), False)
-        if new:  # PETSc does not see that a sum has another pattern, and would keep its factors
-            self.ksp.reset()
-        self.matrix = self.bulk.K
+        add_blocks(K, self._C_blocks(laws))
+        self.matrix = K
         self._assemble_rhs(laws, R)
         self._hold(self.matrix, self._rhs, self.bulk.first)
 
@@ -323,24 +319,22 @@ class CondensedSystem(LinearSystem):
         self._pattern = self.bulk.num_patterns
         return True
 
-    def _add(self, matrix: BlockMatrix, blocks: Iterable[Block], new: bool) -> None:
-        """Add blocks to K."""
-        matrix.assemble(self._rows.renumbered(blocks))
-        self.bulk.add_to_tangent(self._rows, matrix.mat, new)
-
-    def _update_slave_tangent(self, new: bool) -> None:
-        """K_S: the slave rows of K + K_c; made again before and after the pattern of K grows."""
-        if self._slave_K is not None and (new or self._grew):
-            self._slave_K.destroy()
-            self._slave_K = None
-        self._grew = new
-        self._slave_K = self.bulk.K.createSubMatrix(self._slave_rows, None, self._slave_K)
-
-    def _K_c_blocks(self, new: bool) -> Iterable[Block]:
-        """K_c, with zeros for its reach where that is new."""
-        if new:
-            yield from (reach.derivative_pattern() for reach in self._reaches)
-        yield from self.force_derivative()
+    def _make_room(self, laws: Sequence[Rows]) -> None:
+        """Put zeros into K wherever contact may add within its reach."""
+        size = self.bulk.num_owned
+        zeros = BlockMatrix(self.comm, size, size, self.bulk.space.block_size)
+        self.bulk.grow_tangent(zeros.assemble(r.derivative_pattern() for r in self._reaches))
+        zeros.mat.destroy()
+        R = self._R.assemble(self._rows.renumbered(chain(self._R_blocks(laws), self._R_room())))
+        slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
+        product = R.matMult(slave_K)
+        room = self._rows.room(product, size)
+        self.bulk.grow_tangent(room)
+        for matrix in (slave_K, product, room, self._slave_K):
+            if matrix is not None:
+                matrix.destroy()
+        self._slave_K = None
+        self.ksp.reset()  # PETSc does not see that K has another pattern: it would keep factors
 
     def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
         """C in the rows of the slave's displacement."""
@@ -349,8 +343,8 @@ class CondensedSystem(LinearSystem):
                 rows = contact.slave.dofs.ravel()[block.rows]
                 yield Block(rows, block.columns, block.values)
 
-    def _R_blocks(self, laws: Sequence[Rows], new: bool) -> Iterable[Block]:
-        """R = -B^T Z - A_z Z, with zeros for its reach where that is new; columns: multipliers."""
+    def _R_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+        """R = -B^T Z - A_z Z; columns are numbers of multipliers."""
         for (contact, place), law in zip(self.numbered(), laws, strict=True):
             Z = self._inverse(contact)
             for block in contact.force_blocks():
@@ -360,11 +354,13 @@ class CondensedSystem(LinearSystem):
             mine = contact.slave.owned
             values = -law.A_z[mine] * Z[mine][:, None, :]
             yield Block(contact.slave.dofs[mine], _components(place[mine, None]), values)
-        if new:
-            for place, reach in zip(self.places, self._reaches, strict=True):
-                rows, multipliers = reach.force_pattern()
-                columns = _components(place[multipliers, None])
-                yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
+
+    def _R_room(self) -> Iterable[Block]:
+        """Zeros for the reach of R."""
+        for place, reach in zip(self.places, self._reaches, strict=True):
+            rows, multipliers = reach.force_pattern()
+            columns = _components(place[multipliers, None])
+            yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 
     def _inverse(self, contact: Interface) -> Array:
         """Diagonal of Z_j, zero for inactive nodes, shape (slave nodes, 2) [1 / length]."""
