@@ -8,8 +8,8 @@ no more: as nodes pass facets the states have kinks.
 
 It is no good start where the path turns: the residual there is larger than at the last state. Nor
 is it where states have little to do with each other, as with much friction, or where steps are of
-several facets: the first iteration then leaves most of the residual. In that case the step begins
-anew at the last state, and the next one, two, four... make no guess.
+several facets: the first iteration then leaves most of the residual, or there are many. In that
+case the step begins anew at the last state, and the next one, two, four... make no guess.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ from fenics_mortar.contact import Contact
 from fenics_mortar.errors import NotConvergedError
 from fenics_mortar.newton import NewtonReport, after
 from fenics_mortar.problem import ContactProblem, State
+
+# A guess that has not led to a solution in so many iterations has cost more than any could save.
+FEW = 8
 
 
 class Predictor:
@@ -105,7 +108,8 @@ class Predictor:
     def _solve_from_guess(self, here: State, solve: Callable[[], NewtonReport]) -> NewtonReport:
         """Solve; where that does not go well, once more from ``here``."""
         options = self._problem.newton
-        self._problem.newton = replace(options, tentative=True)
+        few = min(FEW, options.max_iterations)
+        self._problem.newton = replace(options, tentative=True, max_iterations=few)
         try:
             report = solve()
             self._pause = 0
