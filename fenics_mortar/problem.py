@@ -20,7 +20,7 @@ from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.contact import Contact
 from fenics_mortar.damping import Damped
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
@@ -30,6 +30,7 @@ from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, forcing, solve
 from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
 from fenics_mortar.slip import Partners
@@ -185,7 +186,7 @@ class ContactProblem:
         self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
-        self.bulk.check_finite()
+        self.bulk.check_input()
         self.bulk.assemble_tangent()
         self.floating = FloatingBodies(self.bulk, self.contacts)
         self._set_stiffness()
@@ -238,9 +239,10 @@ class ContactProblem:
         Raises:
             NotConvergedError: On all ranks; holds the record. ``u`` and the multipliers are left
                 at the last iterate; to solve again, reset ``u`` and mend what was wrong.
-            MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
+            MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
+                or if the mesh was moved after set-up.
         """
-        self.bulk.check_finite()
+        self.bulk.check_input()
         report = None if self._adequacy is None else self._adequacy.climb(self)
         report = report or self._solve_by_this_model()
         if self._adequacy is not None:

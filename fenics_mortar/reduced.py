@@ -41,11 +41,12 @@ from scipy.sparse import coo_array, csr_array, eye
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError
 from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
+from fenics_mortar.pair import ContactPair
 from fenics_mortar.sparse import flatten, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE, options_added
