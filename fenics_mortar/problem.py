@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -324,11 +323,14 @@ class ContactProblem:
         reduced, remarks = self._linear_bulk.choose()
         if reduced is not None:
             start = self.state()
-            with suppress(NotConvergedError):
+            try:
                 report = solve(reduced, self.newton)
                 reduced.finish()
                 if self._is_sound(report):
                     return report
+            except NotConvergedError:
+                if self.newton.tentative:
+                    raise
             self.restore(start)
             remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
         report = self._solve_on_all_dofs()
@@ -348,7 +350,8 @@ class ContactProblem:
         try:
             return solve(Damped(self, self.newton) if self.newton.damped else self, self.newton)
         except NotConvergedError as error:
-            if not self.floating.bodies and not self.tools.driven.any():
+            loose = bool(self.floating.bodies) or self.tools.driven.any()
+            if self.newton.tentative or not loose:
                 raise
             self.restore(start)
             return release_slowly(self, self.newton, error)
@@ -599,13 +602,6 @@ class ContactProblem:
         sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
         motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
         return float(max(motions, default=0.0))
-
-    def extrapolate(self, before: State, factor: float) -> None:
-        """Move on by ``factor`` times the change since ``before``, as far as the cells bear."""
-        step = self.bulk.r.duplicate()
-        step.array[:] = factor * (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
-        self.bulk.move(step)
-        step.destroy()
 
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
