@@ -102,11 +102,14 @@ class DrivenObstacles:
         """Which motions forces drive, shape (obstacles, 3)."""
         return np.isfinite(self._of_all("load"))
 
-    def forces(self) -> Array:
-        """f_q of the last evaluated state, shape (obstacles, 3) [stress length] (collective)."""
+    def forces(self, part: str = "z") -> Array:
+        """f_q of the last evaluated state, shape (obstacles, 3) [stress length] (collective).
+
+        ``part``: of the contacts' "z", or their "shear" only.
+        """
         total = np.zeros(self._scales.shape)
         for number, contact in self._pairs():
-            total[number] += contact.on_obstacle.motion_force(contact.z)
+            total[number] += contact.on_obstacle.motion_force(getattr(contact, part))
         return total
 
     def residual(self) -> Array:

@@ -431,11 +431,11 @@ class ContactProblem:
         return bulk + contact, np.abs(bulk) + np.abs(contact)
 
     @clock("assembly")
-    def _contact_force(self) -> Array:
-        """B^T z on the owned dofs."""
+    def _contact_force(self, part: str = "z") -> Array:
+        """B^T z on the owned dofs, or that of the contacts' "shear" only."""
         force = np.zeros(self.bulk.num_owned)
         for contact in self.contacts:
-            on_slave, on_master = contact.operators.force(contact.z)
+            on_slave, on_master = contact.operators.force(getattr(contact, part))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
         return force
@@ -630,6 +630,10 @@ class ContactProblem:
         bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
         self.floating.add_spring_forces()
         return bulk, self._contact_force(), self.tools.forces()
+
+    def shear_forces(self) -> tuple[Array, Array]:
+        """What of the last two of ``forces`` is shear."""
+        return self._contact_force("shear"), self.tools.forces("shear")
 
     # For research
 
