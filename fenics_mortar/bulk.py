@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 from mpi4py import MPI
@@ -102,7 +103,7 @@ class Bulk:
         self.num_owned, self.first = space.num_owned, space.first
         self.units, self.to_force = np.ones((2, self.num_owned))
 
-    @property
+    @cached_property
     def held(self) -> npt.NDArray[np.int32]:
         """Local numbers of the owned dofs with prescribed values."""
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
@@ -139,19 +140,18 @@ class Bulk:
         self.num_patterns += 1
         self._num_growths = 0
 
-    def add_to_tangent(self, other: PETSc.Mat, grow: bool) -> None:
-        """Add a sparse matrix to ``K`` in place (collective).
+    def grow_tangent(self, room: PETSc.Mat) -> None:
+        """Let the pattern of ``K`` grow to the union with that of a matrix of zeros (collective).
 
-        Args:
-            other: What to add, with the layout of ``K``.
-            grow: Whether the pattern of ``K`` grows to the union, or has the entries already. It is
-                kept until it has become wasteful.
+        It is kept until it has become wasteful.
         """
-        structure = PETSc.Mat.Structure
-        self._num_growths += grow
+        self._num_growths += 1
+        self.K.axpy(1.0, room, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+
+    def take_tangent(self) -> PETSc.Mat:
+        """``K``, to add to in place: it is assembled anew before the next time."""
         self._K_is_whole = False
-        pattern = structure.DIFFERENT_NONZERO_PATTERN if grow else structure.SUBSET_NONZERO_PATTERN
-        self.K.axpy(1.0, other, pattern)
+        return self.K
 
     def add_to_diagonal(self, values: Array) -> None:
         """Add owned ``values`` to the diagonal of ``K`` (collective)."""
@@ -164,7 +164,7 @@ class Bulk:
         """Prescribed value minus present displacement of the ``held`` dofs (local)."""
         values = self.u.x.array.copy()
         compat.set_prescribed(values, self.bcs)
-        return (values - self.u.x.array)[self.held]
+        return values[self.held] - self.u.x.array[self.held]
 
     def move(self, step: PETSc.Vec, part: float = 1.0) -> float:
         """Add a displacement increment, or as much of it as the cells bear (collective).

@@ -126,12 +126,16 @@ class Certificate:
         inverted: Cells that are inverted.
         springs: Largest sum of the forces of springs on a body, over the contact force on it; zero
             but where the record of the solve tells of them.
+        strayed: Of the report of a solve: how far an obstacle that forces drive slid in it, with
+            all its nodes and beyond where what was prescribed took it, over the width of its
+            contact. The state is in equilibrium; whether a path leads there was not seen.
     """
 
     pairs: list[PairCertificate]
     balance: float
     inverted: int
     springs: float = 0.0
+    strayed: float = 0.0
 
     def violations(
         self, tolerance: float = 1e-6, penetration: float = 0.5, springs: float = 0.005
@@ -149,6 +153,12 @@ class Certificate:
         if not self.springs <= springs:
             found.append(
                 f"springs hold {self.springs:.1e} of the contact force (allowed {springs:.1e})"
+            )
+        if not self.strayed <= 1.0:
+            found.append(
+                f"an obstacle that forces drive slid away, by {self.strayed:.1f} widths of its "
+                "contact: this may be another equilibrium than the one it comes to; take smaller "
+                "steps, or prescribe its motion"
             )
         if self.inverted:
             found.append(f"{self.inverted} cells are inverted")

@@ -298,7 +298,7 @@ class Contact(Interface):
             gap=np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0),
             slip=self.slip,
             z_n=np.einsum("ja,ja->j", o.n, self.z),
-            z_tau=np.einsum("ja,ja->j", o.tau, self.z),
+            z_tau=self.z_tau,
             stiffness=stiffness,
             c_n=self.c_n * stiffness,
         )

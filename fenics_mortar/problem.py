@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -256,6 +255,7 @@ class ContactProblem:
         for contact in self.contacts:
             contact.start_step()
         try:
+            self.tools.follow(self._evaluate_operators)
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
             moved += self.floating.settle(self._evaluate_forces)
             self.hold(None)
@@ -271,7 +271,7 @@ class ContactProblem:
         for contact in self.contacts:
             contact.accept()
         compat.free_petsc_garbage(self.comm)
-        report.certificate = self.certificate()
+        report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
         violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
         remarks = violations or report.certificate.remarks()
         reactions = self.tools.record()
@@ -323,11 +323,14 @@ class ContactProblem:
         reduced, remarks = self._linear_bulk.choose()
         if reduced is not None:
             start = self.state()
-            with suppress(NotConvergedError):
+            try:
                 report = solve(reduced, self.newton)
                 reduced.finish()
                 if self._is_sound(report):
                     return report
+            except NotConvergedError:
+                if self.newton.tentative:
+                    raise
             self.restore(start)
             remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
         report = self._solve_on_all_dofs()
@@ -347,7 +350,8 @@ class ContactProblem:
         try:
             return solve(Damped(self, self.newton) if self.newton.damped else self, self.newton)
         except NotConvergedError as error:
-            if not self.floating.bodies and not self.tools.driven.any():
+            loose = bool(self.floating.bodies) or self.tools.driven.any()
+            if self.newton.tentative or not loose:
                 raise
             self.restore(start)
             return release_slowly(self, self.newton, error)
@@ -404,6 +408,11 @@ class ContactProblem:
         gap = float(max(gaps, default=0.0))
         return Status(residual, force, gap, active, changed, self.noise(), sets)
 
+    def _evaluate_operators(self) -> None:
+        """Evaluate the operators of all contacts."""
+        for contact in self.contacts:
+            contact.evaluate(self.bulk.u.x.array, self.linearization)
+
     def _evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
         changed = 0
@@ -422,11 +431,11 @@ class ContactProblem:
         return bulk + contact, np.abs(bulk) + np.abs(contact)
 
     @clock("assembly")
-    def _contact_force(self) -> Array:
-        """B^T z on the owned dofs."""
+    def _contact_force(self, part: str = "z") -> Array:
+        """B^T z on the owned dofs, or that of the contacts' "shear" only."""
         force = np.zeros(self.bulk.num_owned)
         for contact in self.contacts:
-            on_slave, on_master = contact.operators.force(contact.z)
+            on_slave, on_master = contact.operators.force(getattr(contact, part))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
         return force
@@ -595,13 +604,6 @@ class ContactProblem:
         motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
         return float(max(motions, default=0.0))
 
-    def extrapolate(self, before: State, factor: float) -> None:
-        """Move on by ``factor`` times the change since ``before``, as far as the cells bear."""
-        step = self.bulk.r.duplicate()
-        step.array[:] = factor * (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
-        self.bulk.move(step)
-        step.destroy()
-
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
@@ -615,8 +617,7 @@ class ContactProblem:
         """
         if self._estimator is None:
             self._estimator = Estimator(self.bulk)
-        for contact in self.contacts:
-            contact.evaluate(self.bulk.u.x.array, self.linearization)
+        self._evaluate_operators()
         return self._estimator.evaluate(self.contacts)
 
     def forces(self) -> tuple[Array, Array, Array]:
@@ -629,6 +630,10 @@ class ContactProblem:
         bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
         self.floating.add_spring_forces()
         return bulk, self._contact_force(), self.tools.forces()
+
+    def shear_forces(self) -> tuple[Array, Array]:
+        """What of the last two of ``forces`` is shear."""
+        return self._contact_force("shear"), self.tools.forces("shear")
 
     # For research
 
