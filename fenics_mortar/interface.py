@@ -134,9 +134,19 @@ class Interface(ABC):
         return np.zeros(self.slave.num_nodes)
 
     @property
+    def z_tau(self) -> Array:
+        """Tangential part of the multipliers, shape (slave nodes,) [stress]."""
+        return np.asarray(np.einsum("ja,ja->j", self.operators.tau, self.z))
+
+    @property
     def shear_force(self) -> Array:
         """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length]."""
-        return self.operators.weight * np.einsum("ja,ja->j", self.operators.tau, self.z)
+        return self.operators.weight * self.z_tau
+
+    @property
+    def shear(self) -> Array:
+        """The multipliers without the pressure, shape (slave nodes, 2) [stress]."""
+        return self.operators.tau * self.z_tau[:, None]
 
     @property
     def nodal_lengths(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.errors import NotConvergedError
 from fenics_mortar.newton import NewtonReport
+from fenics_mortar.predictor import Predictor
 from fenics_mortar.problem import ContactProblem, State
 from fenics_mortar.surfaces import Array
 
@@ -24,6 +26,7 @@ HINT = (
     "If smaller steps do not help, the path may turn or jump here, as where an arch snaps through "
     "or a tip slips off an edge: prescribe another displacement, or start beyond"
 )
+Forces = tuple[Array, Array, Array, Array, Array]
 # What of a contact is written to a file.
 KEPT = ("z", "active", "carries", "piece")
 
@@ -39,8 +42,7 @@ class SteppingOptions:
         easy: A step of at most so many Newton iterations lets the next one grow.
         growth: Factor by which it grows.
         cut: Factor by which a failed step is cut.
-        predict: Whether displacements start from their extrapolation; multipliers always start
-            from those of the last step.
+        predict: Whether a step may begin where the last two states lead, see ``predictor``.
     """
 
     step: float
@@ -49,7 +51,7 @@ class SteppingOptions:
     easy: int = 6
     growth: float = 2.0
     cut: float = 0.5
-    predict: bool = False
+    predict: bool = True
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
@@ -74,8 +76,7 @@ class Work(NamedTuple):
         bulk: What the bodies store, less the work of applied loads.
         supports: Of the reactions.
         contact: Of the contact forces.
-        friction: What friction takes up of it: shear force times slip. The rest vanishes with the
-            size of facets and steps: it is the energy that the discretisation adds.
+        friction: Of their shears: what friction takes up.
     """
 
     bulk: float
@@ -84,9 +85,19 @@ class Work(NamedTuple):
     friction: float = 0.0
 
     @property
+    def pressure(self) -> float:
+        """Of the pressures [stress length^2].
+
+        Closed gaps take up nothing: this is the energy that the discretisation adds. It vanishes
+        with the size of facets and steps, slowly where a corner slides, under which the pressure
+        has no bound.
+        """
+        return self.contact - self.friction
+
+    @property
     def defect(self) -> float:
-        """Contact work without that of friction over the largest of all."""
-        return abs(self.contact - self.friction) / max(*map(abs, self), 1e-300)
+        """Work of the pressures over the largest of all."""
+        return abs(self.pressure) / max(*map(abs, self), 1e-300)
 
 
 @dataclass(frozen=True)
@@ -178,17 +189,16 @@ def follow_path(
     """
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
-    accepted, before = problem.state(), None
-    forces, shear = problem.forces(), _shear(problem)
+    predictor = Predictor(problem, start, guesses=options.predict)
+    forces = _forces(problem)
     while time < stop:
         step = min(step, stop - time)
         if stop - time - step < REMAINDER * step:
             step = stop - time
         set_loads(time + step)
-        if options.predict and before is not None:
-            problem.extrapolate(before[0], step / before[1])
+        accepted = predictor.last
         try:
-            report = _solve_soundly(problem)
+            report = predictor.solve(time + step, partial(_solve_soundly, problem))
         except NotConvergedError as failure:
             path.failures.append(failure.report)
             problem.restore(accepted)
@@ -201,11 +211,8 @@ def follow_path(
                 raise NotConvergedError(words, path) from failure
             step = max(options.cut * step, options.smallest)
             continue
-        before, accepted = (accepted, step), problem.state()
-        before_forces, forces = forces, problem.forces()
-        before_shear, shear = shear, _shear(problem)
-        work = _work(problem, before[0], accepted, before_forces, forces)
-        work = work._replace(friction=_friction(problem, before_shear, shear))
+        before_forces, forces = forces, _forces(problem)
+        work = _work(problem, accepted, predictor.last, before_forces, forces)
         time = stop if step == stop - time else time + step
         path.steps.append(PathStep(time, step, report, path.failures, work))
         path.failures = []
@@ -235,32 +242,22 @@ def _solve_soundly(problem: ContactProblem) -> NewtonReport:
     return report
 
 
-def _work(
-    problem: ContactProblem,
-    start: State,
-    end: State,
-    before: tuple[Array, Array, Array],
-    after: tuple[Array, Array, Array],
-) -> Work:
+def _forces(problem: ContactProblem) -> Forces:
+    """Of bulk and contact, on obstacles, and what of the last two is shear (collective)."""
+    return *problem.forces(), *problem.shear_forces()
+
+
+def _work(problem: ContactProblem, start: State, end: State, before: Forces, after: Forces) -> Work:
     """Work of the mean forces in a step (collective). What holds obstacles counts as a support."""
-    r, contact, on_tools = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
+    means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
+    r, contact, on_tools, shear, shear_on_tools = means
     du, held = (end.u - start.u)[: r.size], problem.bulk.held
     supports = (r + contact)[held] @ du[held]
-    work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du]))
+    work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
     moved = problem.tools.motions_of(end.places - start.places)
-    work[1:] += (on_tools * moved).sum()
+    work[1:3] += (on_tools * moved).sum()
+    work[3] += (shear_on_tools * moved).sum()
     return Work(*map(float, work))
-
-
-def _shear(problem: ContactProblem) -> list[Array]:
-    """Tangential forces of the slave nodes of every contact."""
-    return [contact.shear_force for contact in problem.contacts]
-
-
-def _friction(problem: ContactProblem, before: list[Array], after: list[Array]) -> float:
-    """Work of the mean tangential forces in a step."""
-    means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
-    return float(sum(mean @ c.slip for mean, c in zip(means, problem.contacts, strict=True)))
 
 
 def _say(problem: ContactProblem, wanted: bool, line: str) -> None:

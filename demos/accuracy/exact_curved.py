@@ -9,8 +9,6 @@ shear, which a large bound of friction holds.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -33,23 +31,22 @@ class CurvedInterface:
     squeeze: float = 0.1
     wave: float = 0.05
 
-    def formula(self, x: Any, y: Any, functions: ModuleType) -> tuple[Any, Any]:
-        """Displacement; ``functions`` has sin and cos: numpy or ufl."""
-        u = -self.squeeze * x + self.wave * functions.sin(x + 0.5 * y)
-        v = -self.squeeze * y + self.wave * functions.cos(y - 0.5 * x)
-        return u, v
-
     def displacement(self, x: np.ndarray) -> np.ndarray:
         """Displacement at ``x``, shape (2, n)."""
-        return np.stack(self.formula(x[0], x[1], np))
+        u = -self.squeeze * x[0] + self.wave * np.sin(x[0] + 0.5 * x[1])
+        v = -self.squeeze * x[1] + self.wave * np.cos(x[1] - 0.5 * x[0])
+        return np.stack([u, v])
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
         """Gradient of the displacement, shape (2, 2, n), by complex steps."""
         steps = 1e-30j * np.eye(2)[:, :, None]
         return np.stack([self.displacement(x + h).imag / 1e-30 for h in steps], axis=1)
 
-    def pressure(self, x: np.ndarray) -> np.ndarray:
-        """Contact pressure, force over deformed length, at the reference places x (2, n)."""
+    def pressure(self, x: np.ndarray, *, tied: bool = False) -> np.ndarray:
+        """Contact pressure at the reference places x (2, n), force over deformed length.
+
+        That of ``tied`` surfaces is over undeformed length, as their multipliers are.
+        """
         mu = self.E / (2 * (1 + self.nu))
         lmbda = 2 * mu * self.nu / (1 - 2 * self.nu)
         F = np.moveaxis(np.eye(2)[:, :, None] + self.gradient(x), -1, 0)
@@ -57,4 +54,5 @@ class CurvedInterface:
         P = mu * (F - inverse) + lmbda * np.log(J) * inverse
         N = (x / np.hypot(*x)).T[:, :, None]
         area = J * (inverse @ N)
-        return -((P @ N) * area).sum(axis=(1, 2)) / (area**2).sum(axis=(1, 2))
+        length = np.linalg.norm(area, axis=(1, 2))
+        return -((P @ N) * area).sum(axis=(1, 2)) / length ** (1 if tied else 2)

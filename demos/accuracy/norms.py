@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +13,8 @@ import ufl
 
 from fenics_mortar import compat
 
+# Values (n,) at reference places (2, n)
+Traction = Callable[[np.ndarray], np.ndarray]
 # Gauss points per direction of a cell and of a facet
 POINTS = 4
 FACET_POINTS = 12
@@ -23,8 +26,11 @@ LOOKED_AT = np.linspace(-1.0, 1.0, 25)
 def errors(posed: Posed) -> dict[str, float]:
     """All errors, by name, and the certificate's moment of the contact forces."""
     (contact,) = posed.problem.contacts
-    torque = posed.problem.certificate().pairs[0].moment
-    return bulk_errors(posed) | contact_errors(posed, contact.pressure) | {"torque": torque}
+    found = bulk_errors(posed) | contact_errors(posed, contact.pressure)
+    found["torque"] = posed.problem.certificate().pairs[0].moment
+    if posed.shear is not None:
+        found["shear"] = traction_error(posed, contact.nodal.z_tau, posed.shear)
+    return found
 
 
 @lru_cache
@@ -71,33 +77,45 @@ def bulk_errors(posed: Posed) -> dict[str, float]:
 
 def contact_errors(posed: Posed, pressure: np.ndarray) -> dict[str, float]:
     """Errors of the pressure, as drawn through its values at the slave's nodes (n,)."""
-    (contact,) = posed.problem.contacts
-    nodes = contact.slave.facets
-    nodes = nodes[contact.carries[nodes[:, [0, -1]]].all(axis=1)]
-    X, peak = contact.slave.X[nodes], posed.pressure(contact.slave.X.T).max()
-
-    def on_facets(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Places (2, m, q), found and exact pressure (m, q) at points of all facets."""
-        shape, _ = facet_shapes(nodes.shape[1], s)
-        x = np.einsum("qk,mkc->cmq", shape, X)
-        found = np.einsum("qk,mk->mq", shape, pressure[nodes])
-        return x, found, posed.pressure(x.reshape(2, -1)).reshape(found.shape)
-
     points, weights = np.polynomial.legendre.leggauss(FACET_POINTS)
-    x, found, exact = on_facets(points)
-    _, slope = facet_shapes(nodes.shape[1], points)
-    measure = weights * np.hypot(*np.einsum("qk,mkc->cmq", slope, X))
-    _, found_there, exact_there = on_facets(LOOKED_AT)
-    integral = (measure * exact).sum()
+    x, measure, found, exact = drawn(posed, pressure, posed.pressure, points)
+    measure = weights * measure
+    _, _, found_there, exact_there = drawn(posed, pressure, posed.pressure, LOOKED_AT)
+    (contact,) = posed.problem.contacts
     result = {
-        "pressure": np.sqrt((measure * (found - exact) ** 2).sum() / (measure * exact**2).sum()),
-        "pressure max": np.abs(found_there - exact_there).max() / peak,
-        "resultant": abs((measure * found).sum() / integral - 1),
+        "pressure": traction_error(posed, pressure, posed.pressure),
+        "pressure max": np.abs(found_there - exact_there).max()
+        / posed.pressure(contact.slave.X.T).max(),
+        "resultant": abs((measure * found).sum() / (measure * exact).sum() - 1),
     }
     if np.isfinite(posed.half_width):
         second = (measure * found * x[0] ** 2).sum() / (measure * found).sum()
         result["half-width"] = abs(2 * np.sqrt(second) / posed.half_width - 1)
     return result
+
+
+def traction_error(posed: Posed, nodal: np.ndarray, exact: Traction) -> float:
+    """Error in L2 of a pressure or shear that is drawn through values at the slave's nodes (n,)."""
+    points, weights = np.polynomial.legendre.leggauss(FACET_POINTS)
+    _, measure, found, right = drawn(posed, nodal, exact, points)
+    measure = weights * measure
+    return float(np.sqrt((measure * (found - right) ** 2).sum() / (measure * right**2).sum()))
+
+
+def drawn(posed: Posed, nodal: np.ndarray, exact: Traction, s: np.ndarray) -> tuple:
+    """What is drawn through nodal values (n,), at points s (q,) of all m facets that carry them.
+
+    Returns:
+        Reference places, shape (2, m, q), length by s, found and exact value, shape (m, q).
+    """
+    (contact,) = posed.problem.contacts
+    nodes = contact.slave.facets
+    nodes = nodes[contact.carries[nodes[:, [0, -1]]].all(axis=1)]
+    shape, slope = facet_shapes(nodes.shape[1], s)
+    x = np.einsum("qk,mkc->cmq", shape, contact.slave.X[nodes])
+    measure = np.hypot(*np.einsum("qk,mkc->cmq", slope, contact.slave.X[nodes]))
+    found = np.einsum("qk,mk->mq", shape, nodal[nodes])
+    return x, measure, found, exact(x.reshape(2, -1)).reshape(found.shape)
 
 
 def facet_shapes(size: int, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

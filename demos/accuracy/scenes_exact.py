@@ -70,6 +70,7 @@ class Posed:
         pressure: Exact pressure (n,) at reference places (2, n) of the slave surface.
         lame: Lame's parameters [stress], of the energy norm.
         half_width: Exact half-width of the contact [length], if it has one.
+        shear: Exact z_tau (n,) at the same places, if there is friction.
     """
 
     data: Any
@@ -81,6 +82,7 @@ class Posed:
     pressure: Callable[[np.ndarray], np.ndarray]
     lame: tuple[float, float]
     half_width: float = field(default=np.nan)
+    shear: Callable[[np.ndarray], np.ndarray] | None = None
 
 
 def read(grids: list[Grid], cell: str, order: int) -> Any:
@@ -104,6 +106,35 @@ def neo_hookean(u: Any, mu: float, lmbda: float) -> Any:
     F = ufl.Identity(2) + ufl.grad(u)
     inverse = ufl.inv(F).T
     return mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
+
+
+def piola(H: np.ndarray, mu: float, lmbda: float) -> np.ndarray:
+    """The same by numbers, of a gradient of the displacement (2, 2, n)."""
+    F = np.moveaxis(np.eye(2)[:, :, None] + H, -1, 0)
+    inverse = np.linalg.inv(F).swapaxes(1, 2)
+    P = mu * (F - inverse) + lmbda * np.log(np.linalg.det(F))[:, None, None] * inverse
+    return np.moveaxis(P, 0, -1)
+
+
+def interpolate(u: Any, data: Any, bodies: dict[str, bool], values: Field) -> Any:
+    """Set a function of some bodies to values; ``bodies`` says which is that of the slave."""
+    for name, on in bodies.items():
+        cells = data.cell_tags.find(data.body_tag(name))
+        u.interpolate(lambda x, on=on: values(x[:2], np.full(x.shape[1], on)), cells)
+    return u
+
+
+def body_force(data: Any, bodies: dict[str, bool], stress: Field) -> Any:
+    """-div P, by central differences of a smooth stress (2, 2, n), as a function of degree 2."""
+    step = 1e-5
+
+    def minus_divergence(x: np.ndarray, on: np.ndarray) -> np.ndarray:
+        total = np.zeros_like(x)
+        for J, h in enumerate(step * np.eye(2)[:, :, None]):
+            total -= (stress(x + h, on)[:, J] - stress(x - h, on)[:, J]) / (2 * step)
+        return total
+
+    return interpolate(fem.Function(fm.vector_space(data.mesh, 2)), data, bodies, minus_divergence)
 
 
 def held(V: Any, data: Any, places: dict[str, bool], exact: Field) -> list[Any]:
@@ -260,16 +291,17 @@ def kink_density(x: np.ndarray, kinks: np.ndarray) -> np.ndarray:
 
 
 def cattaneo(n: int, choice: Choice, *, graded: bool = False, **options: Any) -> Posed:
-    """Boxes with friction, pressed, and to be sheared by ``solve``; the pressure told is the shear.
+    """Boxes with friction, pressed, and to be sheared by ``solve``.
 
     The exact displacement is prescribed on all outer sides. The half-width that sticks is half that
     of the contact: both end a third of a facet beyond a node, or two, on uniform meshes.
     """
     exact = HalfPlanes(friction=0.3, stuck=0.25)
     data = two_boxes(n, choice, exact, graded=graded)
-    V = fm.vector_space(data.mesh, ELEMENTS[choice.element][1])
+    degree = ELEMENTS[choice.element][1]
+    V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
-    dx = ufl.Measure("dx", data.mesh, metadata={"quadrature_degree": 2})
+    dx = ufl.Measure("dx", data.mesh, metadata={"quadrature_degree": 2 * degree})
     values = {body: fem.Function(V) for body in ("upper", "lower")}
     sides = {"upper": ("top", "left", "right"), "lower": ("bottom", "left", "right")}
     bcs = [
@@ -299,8 +331,9 @@ def cattaneo(n: int, choice: Choice, *, graded: bool = False, **options: Any) ->
         "upper",
         partial(of_body, exact),
         partial(gradient_of_body, exact),
-        lambda x: exact.shear(x[0]),
+        lambda x: exact.pressure(x[0]),
         lame(exact),
+        shear=lambda x: exact.shear(x[0]),
     )
 
 
@@ -340,24 +373,46 @@ def press_fit(n: int, choice: Choice, *, law: str = "neo_hookean") -> Posed:
     )
 
 
-def flat(n: int, choice: Choice) -> Posed:
-    """The smooth manufactured solution; n facets of the slave, which is below."""
+def flat(n: int, choice: Choice, *, friction: float = 0.0) -> Posed:
+    """The smooth manufactured solution; n facets of the slave, which is below.
+
+    With friction the upper part is wider, and has slid by half the width of the slave. Beside it
+    the upper part bears the exact traction; the pressure is zero at the ends of the slave.
+    """
     cell, degree = ELEMENTS[choice.element]
-    exact = FlatInterface()
+    slides = {"friction": friction, "slid": 0.5, "stretches": (0.0, 0.2)}
+    exact = FlatInterface(**slides) if friction else FlatInterface()
+    bodies = {"lower": True, "upper": False}
 
-    def square(n: int, y: float) -> np.ndarray:
-        n = n // degree * degree
-        return mapped_grids.block(n, n, width=1.0, height=1.0, corner=(0.0, y))
+    def grid(rows: int, left: float, bottom: float) -> np.ndarray:
+        rows, width = rows // degree * degree, 1.0 - left
+        columns = round(rows * width)
+        return mapped_grids.block(columns, rows, width=width, height=1.0, corner=(left, bottom))
 
-    grids = [Grid("upper", square(2 * n // 3, 0.0)), Grid("lower", square(n, -1.0))]
-    data = read(grids, cell, degree)
+    upper, lower = grid(2 * n // 3, -2 * exact.slid, 0.0), grid(n, 0.0, -1.0)
+    data = read([Grid("upper", upper), Grid("lower", lower)], cell, degree)
+
+    def displacement(x: np.ndarray, on: np.ndarray) -> np.ndarray:
+        return exact.displacement(x, ~on)
+
+    def gradient(x: np.ndarray, on: np.ndarray) -> np.ndarray:
+        return exact.gradient(x, ~on)
+
+    def stress(x: np.ndarray, on: np.ndarray) -> np.ndarray:
+        return piola(gradient(x, on), *lame(exact))
 
     def loads(x: Any, v: Any, dx: Any, ds: Any) -> Any:
-        P = neo_hookean(exact.ufl_displacement(x), *lame(exact))
-        return -ufl.inner(ufl.div(P), v) * dx(metadata={"quadrature_degree": 4})
+        P_x, P_y = (fem.Function(fm.vector_space(data.mesh, 2)) for _ in range(2))
+        for J, column in enumerate((P_x, P_y)):
+            interpolate(column, data, bodies, lambda x, on, J=J: stress(x, on)[:, J])
+        beside = ufl.conditional(ufl.gt(abs(x[0] + exact.slid - 0.5), 0.5), 1.0, 0.0)
+        tractions = {"upper/bottom": -beside * P_y, "lower/left": -P_x, "lower/right": P_x}
+        work = ufl.inner(body_force(data, bodies, stress), v) * dx
+        for name, traction in tractions.items():
+            work += ufl.inner(traction, v) * ds(data.boundary_tag(name))
+        return work
 
-    sides = {False: ("top", "left", "right"), True: ("bottom", "left", "right")}
-    bodies = {False: "upper", True: "lower"}
+    held_on = {f"upper/{side}": False for side in ("left", "right", "top")}
     u, problem = pose(
         data,
         choice,
@@ -365,19 +420,22 @@ def flat(n: int, choice: Choice) -> Posed:
         exact,
         "lower/top",
         "upper/bottom",
-        displacement=lambda x, on: exact.displacement(x, ~on),
-        held_on={f"{bodies[on]}/{side}": on for on in sides for side in sides[on]},
+        displacement=displacement,
+        held_on=held_on | {"lower/bottom": True},
         loads=loads,
+        friction=fm.Coulomb(friction) if friction else None,
     )
+    interpolate(u, data, bodies, displacement)  # all in one step is far from rest
     return Posed(
         data,
         u,
         problem,
         "lower",
-        lambda x, on: exact.displacement(x, ~on),
-        lambda x, on: exact.gradient(x, ~on),
+        displacement,
+        gradient,
         lambda x: exact.pressure(x[0]),
         lame(exact),
+        shear=(lambda x: friction * exact.pressure(x[0])) if friction else None,
     )
 
 
@@ -386,6 +444,7 @@ def curved(n: int, choice: Choice, *, tied: bool = False) -> Posed:
     cell, degree = ELEMENTS[choice.element]
     exact = CurvedInterface()
     a, b, c = exact.radii
+    bodies = {"outer": True, "inner": False}
 
     def ring(n: int, radii: tuple[float, float]) -> np.ndarray:
         columns, rows = n // degree * degree, n // 2 // degree * degree
@@ -394,9 +453,15 @@ def curved(n: int, choice: Choice, *, tied: bool = False) -> Posed:
     grids = [Grid("outer", ring(n, (b, c))), Grid("inner", ring(2 * n // 3, (a, b)))]
     data = read(grids, cell, degree)
 
+    def displacement(x: np.ndarray, on: np.ndarray) -> np.ndarray:
+        return exact.displacement(x)
+
+    def gradient(x: np.ndarray, on: np.ndarray) -> np.ndarray:
+        return exact.gradient(x)
+
     def loads(x: Any, v: Any, dx: Any, ds: Any) -> Any:
-        P = neo_hookean(ufl.as_vector(exact.formula(x[0], x[1], ufl)), *lame(exact))
-        return -ufl.inner(ufl.div(P), v) * dx(metadata={"quadrature_degree": 4})
+        force = body_force(data, bodies, lambda x, on: piola(gradient(x, on), *lame(exact)))
+        return ufl.inner(force, v) * dx
 
     held_on = {f"outer/{side}": True for side in ("bottom", "left", "right")}
     held_on |= {f"inner/{side}": False for side in ("top", "left", "right")}
@@ -407,21 +472,21 @@ def curved(n: int, choice: Choice, *, tied: bool = False) -> Posed:
         exact,
         "outer/top",
         "inner/bottom",
-        displacement=lambda x, on: exact.displacement(x),
+        displacement=displacement,
         held_on=held_on,
         loads=loads,
         friction=fm.Tresca(10.0 * exact.E),
         tied=tied,
     )
-    u.interpolate(lambda x: exact.displacement(x[:2]))  # all in one step is far from rest
+    interpolate(u, data, bodies, displacement)  # all in one step is far from rest
     return Posed(
         data,
         u,
         problem,
         "outer",
-        lambda x, on: exact.displacement(x),
-        lambda x, on: exact.gradient(x),
-        exact.pressure,
+        displacement,
+        gradient,
+        partial(exact.pressure, tied=tied),
         lame(exact),
     )
 

@@ -8,7 +8,7 @@ import pytest
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
 import adapt
-from effectivity import PROBLEMS, effectivity
+from effectivity import ESTIMATE, PROBLEMS
 
 pytestmark = pytest.mark.serial
 
@@ -20,15 +20,16 @@ pytestmark = pytest.mark.serial
         ("press fit", "P2"),
         ("linear press fit", "Q1"),
         ("flat", "P1"),
+        ("flat, slides", "Q2"),
         ("curved, sticks", "Q2"),
         ("curved, tied", "Q2"),
     ],
 )
 def test_estimate_is_of_the_size_of_the_error(name, elements):
     """Between a third and three times the error, and not drifting away from it."""
-    scene, n = PROBLEMS[name]
+    problem = PROBLEMS[name]
     for element in elements.split():
-        found = [effectivity(scene, size, element) for size in (n, 2 * n)]
+        found = [problem.measure(k * problem.n, element)[ESTIMATE] for k in (1, 2)]
         assert min(found) > 0.3 and max(found) < 3.0, (element, found)
         # an estimate of a lower order than the error would grow by a root of two or more
         assert found[1] < 2**0.25 * found[0], (element, found)

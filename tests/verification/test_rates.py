@@ -2,22 +2,26 @@
 """Rates of convergence to exact solutions, within 0.15 of what theory says."""
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
+import carter
 import cylinders
 from cattaneo import half_planes
+from exact_flat import FlatInterface
 from exact_hertz import HalfPlanes
 from exact_rings import PressFit, linear
 from norms import errors
-from scenes_exact import ELEMENTS, Choice, curved, flat, hertz, press_fit
+from scenes_exact import ELEMENTS, Choice, curved, flat, hertz, lame, press_fit
 
 pytestmark = pytest.mark.serial
 # Of the energy: the solution is smooth but for r^(3/2) at the ends of the contact
 RATES = {"P1": 1.0, "Q1": 1.0, "P2": 1.5, "Q2": 1.5}
+slides = partial(flat, friction=0.3)
 
 
 def rates(scene, element, sizes, basis="dual"):
@@ -34,7 +38,15 @@ def rates(scene, element, sizes, basis="dual"):
 
 
 @pytest.mark.parametrize(
-    "scene, element", [*((flat, element) for element in ELEMENTS), (curved, "P1"), (curved, "P2")]
+    "scene, element",
+    [
+        (flat, "P1"),
+        (flat, "Q2"),
+        (slides, "Q1"),
+        (slides, "P2"),
+        (curved, "P1"),
+        (curved, "P2"),
+    ],
 )
 def test_smooth_solutions_have_full_rates(scene, element):
     degree = ELEMENTS[element][1]
@@ -68,6 +80,16 @@ def test_shear_is_cattaneos_and_mindlins(element, rate, most):
     coarse, fine = (half_planes(n, element, graded=True)[0] for n in (32, 64))
     assert fine < most
     assert np.log2(coarse / fine) == pytest.approx(rate, abs=0.15)
+
+
+def test_wheel_rolls_as_carters():
+    """Within what is left at four facets to the half-width: 1 / 8 of it from node to node."""
+    found = carter.roll(4)
+    assert found.pulls[-1] == pytest.approx(carter.PART, rel=0.01)
+    assert found.creepage == pytest.approx(1.0, abs=0.05)
+    assert found.stuck == pytest.approx(1.0, abs=0.125 / np.sqrt(1 - carter.PART))
+    assert found.error < 0.1
+    assert max(found.iterations) <= 6
 
 
 @pytest.mark.parametrize("degree, h", [(1, 0.05), (2, 0.1)])
@@ -115,3 +137,19 @@ def test_potentials_of_hertz_agree_with_the_displacement(shear):
         shear, pressure = exact.stress(side)[:, 1]
         assert np.abs(shear - exact.shear(side[0])).max() < 1e-5 * exact.peak
         assert np.abs(pressure + exact.pressure(side[0])).max() < 1e-5 * exact.peak
+
+
+def test_parts_of_the_flat_interface_meet_with_one_pressure_and_shear():
+    """Cauchy's stress by the law from the gradient on both sides, to rounding."""
+    exact = FlatInterface(friction=0.3, slid=0.5, stretches=(0.05, 0.2))
+    mu, lmbda = lame(exact)
+    X = np.stack([np.linspace(0.0, 1.0, 30), np.zeros(30)])
+    for upper in (np.zeros(30, bool), np.ones(30, bool)):
+        x = X - np.stack([exact.slid * upper, np.zeros(30)])
+        meets = X + exact.displacement(X, np.zeros(30, bool))
+        assert np.abs(x + exact.displacement(x, upper) - meets).max() < 1e-14
+        F = np.eye(2) + np.moveaxis(exact.gradient(x, upper), -1, 0)
+        J = np.linalg.det(F)[:, None, None]
+        stress = (mu * (F @ F.swapaxes(1, 2) - np.eye(2)) + lmbda * np.log(J) * np.eye(2)) / J
+        assert -stress[:, 1, 1] == pytest.approx(exact.pressure(X[0]), rel=1e-13)
+        assert stress[:, 0, 1] == pytest.approx(0.3 * exact.pressure(X[0]), rel=1e-13)
