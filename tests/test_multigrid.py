@@ -126,6 +126,7 @@ def pressed_cylinder(refinements, monkeypatch):
     return np.mean(counts)
 
 
+@pytest.mark.serial
 def test_iterations_do_not_grow_where_the_contact_is_curved(monkeypatch):
     """From nothing, so that the active set moves all the time: by a fifth at the most, too."""
     coarse, fine = (pressed_cylinder(refinements, monkeypatch) for refinements in (1, 2))
