@@ -270,10 +270,11 @@ class LinearSystem(ABC):
 
     def _run(self, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
         """Let PETSc solve; an error of its on any rank is raised on all as a ``MortarError``."""
-        error = None
+        error, copy = None, rhs.copy()  # which an error leaves locked
         try:
             with options_added(self._prefix, self._options):
-                self.ksp.solve(rhs, solution)
+                self.ksp.solve(copy, solution)
+            copy.destroy()
         except MortarError as ours:
             error = ours
         except PETSc.Error as of_petsc:
