@@ -231,5 +231,5 @@ def test_an_error_of_petsc_in_an_iteration_leaves_nothing_locked(monkeypatch):
     scene.loads["push"].value[1] = -0.05
     report = scene.problem.solve()
     assert solver_of(scene.problem) == "direct"
-    assert any("iterative solver failed: PETSc's error 76" in note for note in report.notes)
+    assert any("iterative solver failed: PETSc's error" in note for note in report.notes)
     assert report.num_iterations > 1
