@@ -2,13 +2,14 @@
 """Four scenes that every rung of the ladder can pose: Hertz, press fit, ironing, rolling.
 
 A soft body, the slave, meets a stiff tool: a meshed body, or a rigid circle in its place. Lengths
-are in any unit, the soft body has Young's modulus 1; nu = 0.3, plane strain.
+are in any unit, the soft body has Young's modulus 1; nu = 0.3, plane strain. Facets of the tool are
+as short as the slave's: longer ones are further from the circle than elasticity moves them.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ import mapped_grids
 from mapped_grids import Grid, mapped, sector
 
 import fenics_mortar as fm
+from fenics_mortar.elastic_tool import ElasticTool
 
 NU = 0.3
 MU, LMBDA = 1 / (2 * (1 + NU)), NU / ((1 + NU) * (1 - 2 * NU))
@@ -42,6 +44,8 @@ class Rung:
         strain: "linear" or "finite".
         sliding: "small" or "finite".
         linearization: That of Newton's method.
+        climbs: Whether solves begin on cheaper rungs.
+        leaves_out: Coefficient of friction of the full model that the rung is compared with.
     """
 
     name: str
@@ -49,9 +53,13 @@ class Rung:
     strain: str = "finite"
     sliding: str = "finite"
     linearization: str = "full"
+    climbs: bool = False
+    leaves_out: float = 0.0
 
 
 FULL = Rung("full")
+# What the automatic climb and the verdicts allow, in the norm of energy.
+TOLERANCE = 0.02
 RUNGS = (
     Rung("rigid tool", rigid=True),
     Rung("linear bulk, small sliding", strain="linear", sliding="small"),
@@ -59,6 +67,8 @@ RUNGS = (
     Rung("small sliding", sliding="small"),
     Rung("frozen tangent", linearization="frozen"),
     FULL,
+    Rung("frictionless", leaves_out=0.3),
+    Rung("climb", climbs=True),
 )
 
 
@@ -70,7 +80,7 @@ class Scene:
         name: What it is called.
         load: What its number means.
         unit: Its unit.
-        soft, tool: The bodies, for a load.
+        soft, tool: The bodies, for a load and a number of cells in the place of one along a side.
         slave, master: The surfaces.
         circle: Radius and centre of the rigid tool, for a load.
         grip: Boundary of the tool that is moved; "" if nothing is.
@@ -84,8 +94,8 @@ class Scene:
 
     name: str
     load: str
-    soft: Callable[[float], np.ndarray]
-    tool: Callable[[float], Grid]
+    soft: Callable[[float, int], np.ndarray]
+    tool: Callable[[float, int], Grid]
     circle: Callable[[float], tuple[float, tuple[float, float]]]
     held: tuple[tuple[str, int | None], ...]
     loads: tuple[float, ...]
@@ -107,16 +117,16 @@ def graded_block(columns: int, rows: int, width: float, height: float) -> np.nda
     )
 
 
-def tool_segment(radius: float, columns: int) -> Grid:
+def tool_segment(radius: float, columns: int, rows: int) -> Grid:
     """The lowest part of a thick ring that touches y = 0 from above."""
     angles = (-0.8 * np.pi, -0.2 * np.pi)
-    shape = sector(columns, 5, radii=(0.5 * radius, radius), angles=angles, centre=(0.0, radius))
+    shape = sector(columns, rows, radii=(0.5 * radius, radius), angles=angles, centre=(0.0, radius))
     return Grid("tool", shape)
 
 
-def wheel() -> Grid:
+def wheel(columns: int, rows: int) -> Grid:
     """A thick ring that touches y = 0 from above."""
-    return Grid("tool", sector(120, 6, radii=(0.4, 1.0), centre=(0.0, 1.0)), closed=True)
+    return Grid("tool", sector(columns, rows, radii=(0.4, 1.0), centre=(0.0, 1.0)), closed=True)
 
 
 def ironed(load: float, t: float) -> tuple[float, float, float]:
@@ -135,8 +145,8 @@ SCENES = (
     Scene(
         "Hertz",
         "depth / R",
-        lambda load: graded_block(100, 24, 3.0, 1.5),
-        lambda load: tool_segment(1.0, 160),
+        lambda load, k: graded_block(100 * k, 24 * k, 3.0, 1.5),
+        lambda load, k: tool_segment(1.0, 160 * k, 5 * k),
         lambda load: (1.0, (0.0, 1.0)),
         BOTTOM,
         (0.001, 0.01, 0.05),
@@ -145,9 +155,9 @@ SCENES = (
     Scene(
         "press fit",
         "interference / b",
-        lambda load: sector(100, 10, radii=(1.0, 1.5), angles=(0.0, np.pi / 2)),
-        lambda load: Grid(
-            "tool", sector(144, 10, radii=(0.5, 1.0 + load), angles=(0.0, np.pi / 2))
+        lambda load, k: sector(100 * k, 10 * k, radii=(1.0, 1.5), angles=(0.0, np.pi / 2)),
+        lambda load, k: Grid(
+            "tool", sector(144 * k, 10 * k, radii=(0.5, 1.0 + load), angles=(0.0, np.pi / 2))
         ),
         lambda load: (1.0 + load, (0.0, 0.0)),
         (("soft/left", 1), ("soft/right", 0)),
@@ -159,8 +169,8 @@ SCENES = (
     Scene(
         "ironing",
         "slide / R",
-        lambda load: graded_block(100, 16, 6.0, 2.0),
-        lambda load: tool_segment(1.0, 60),
+        lambda load, k: graded_block(100 * k, 16 * k, 6.0, 2.0),
+        lambda load, k: tool_segment(1.0, 60 * k, 5 * k),
         lambda load: (1.0, (0.0, 1.0)),
         BOTTOM,
         (0.01, 0.1, 1.0),
@@ -170,8 +180,8 @@ SCENES = (
     Scene(
         "rolling",
         "angle [degree]",
-        lambda load: graded_block(120, 16, 4.0, 1.0),
-        lambda load: wheel(),
+        lambda load, k: graded_block(120 * k, 16 * k, 4.0, 1.0),
+        lambda load, k: wheel(240 * k, 6 * k),
         lambda load: (1.0, (0.0, 1.0)),
         BOTTOM,
         (0.5, 5.0, 30.0),
@@ -191,11 +201,12 @@ def first_piola(u: Any, strain: str) -> Any:
     return MU * (F - inverse) + LMBDA * ufl.ln(ufl.det(F)) * inverse
 
 
-def read(scene: Scene, load: float, rigid: bool) -> Any:
-    """Mesh of the scene, without the tool if it is rigid."""
-    grids = [Grid("soft", scene.soft(load))] + ([] if rigid else [scene.tool(load)])
+def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -> Any:
+    """Mesh of some bodies of the scene, with ``finer`` cells in the place of one along a side."""
+    soft, tool = Grid("soft", scene.soft(load, finer)), scene.tool(load, finer)
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
+    grids = [grid for grid in (soft, tool) if grid.name in bodies.split()]
     data = fm.read_gmsh(mapped_grids.build(grids), MPI.COMM_SELF)
     gmsh.finalize()
     return data
@@ -210,39 +221,46 @@ class Posed:
     set_time: Callable[[float], None]
 
 
-def pose(scene: Scene, load: float, rung: Rung, data: Any) -> Posed:
-    """Set up a scene by a rung."""
-    V = fm.vector_space(data.mesh, 1)
-    u, v = fem.Function(V), ufl.TestFunction(V)
+def internal_forces(scene: Scene, u: Any, data: Any, strain: str) -> Any:
+    """Residual of the bodies of a mesh."""
     dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": 2})
-    moduli = {"soft": 1.0} if rung.rigid else {"soft": 1.0, "tool": scene.ratio}
-    forms = {
-        strain: sum(
-            E * ufl.inner(first_piola(u, strain), ufl.grad(v)) * dx(data.bodies[name])
-            for name, E in moduli.items()
-        )
-        for strain in ("linear", "finite")
-    }
-    radius, centre = scene.circle(load)
-    circle = fm.Circle(centre, radius)
-    grip = fem.Function(V)
-    places = scene.held + (() if rung.rigid else scene.symmetry)
-    bcs = [
+    work = ufl.inner(first_piola(u, strain), ufl.grad(ufl.TestFunction(u.function_space)))
+    moduli = {"soft": 1.0, "tool": scene.ratio}
+    return sum(moduli[name] * work * dx(tag) for name, tag in data.bodies.items())
+
+
+def hold(V: Any, data: Any, places: Iterable[tuple[str, int | None]]) -> list[Any]:
+    """Conditions that hold boundaries in a component, or altogether."""
+    return [
         fm.dirichlet(V, data, name, np.zeros(2) if which is None else 0.0, which)
         for name, which in places
     ]
+
+
+def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0) -> Posed:
+    """Set up a scene by a rung."""
+    V = fm.vector_space(data.mesh, 1)
+    u, grip = fem.Function(V), fem.Function(V)
+    radius, centre = scene.circle(load)
+    circle = fm.Circle(centre, radius)
+    bcs = hold(V, data, scene.held + (() if rung.rigid else scene.symmetry))
     if scene.grip and not rung.rigid:
         bcs.append(fm.dirichlet(V, data, scene.grip, grip))
     master = circle if rung.rigid else "tool/bottom"
-    pair = fm.ContactPair(data, scene.slave, master, sliding=rung.sliding)
+    law = fm.Coulomb(friction) if friction else None
+    check = None
+    if rung.climbs or rung.leaves_out:
+        friction_left_out = rung.leaves_out or None
+        check = fm.AdequacyCheck(TOLERANCE, climb=rung.climbs, friction=friction_left_out)
     problem = fm.ContactProblem(
-        forms[rung.strain],
+        internal_forces(scene, u, data, rung.strain),
         u,
-        [pair],
+        [fm.ContactPair(data, scene.slave, master, law=law, sliding=rung.sliding)],
         bcs=bcs,
         petsc_options_prefix="ladder_",
         linearization=rung.linearization,
         newton=fm.NewtonOptions(max_iterations=100),
+        adequacy=check,
     )
     overlap = np.nan_to_num(problem.contacts[0].gap)
 
@@ -256,4 +274,14 @@ def pose(scene: Scene, load: float, rung: Rung, data: Any) -> Posed:
         shift = np.array([[x], [y]])
         grip.interpolate(lambda X: turn @ (X[:2] - middle) + middle + shift - X[:2])
 
-    return Posed(problem, forms["finite"], set_time)
+    return Posed(problem, internal_forces(scene, u, data, "finite"), set_time)
+
+
+def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> ElasticTool:
+    """What the rigid circle stands for, on a mesh of the tool alone."""
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    gripped = ((scene.grip, None),) if scene.grip else ()
+    bcs = hold(V, data, (*scene.symmetry, *gripped))
+    residual = internal_forces(scene, u, data, "linear")
+    return ElasticTool(circle, residual, u, data, "tool/bottom", bcs=bcs)
