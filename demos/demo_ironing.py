@@ -62,8 +62,7 @@ problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefi
 # -
 
 # ## Load steps
-# The path is the way of the tool, down and along [mm]. Displacements start from their
-# extrapolation, which pays while steps are shorter than a facet.
+# The path is the way of the tool, down and along [mm].
 
 
 # +
@@ -77,7 +76,7 @@ def keep(way, report):
         fm.plot(problem, "results/ironing.png", stress=-(P * F.T / J)[1, 1], label="pressure [MPa]")
 
 
-rows, options = [], fm.SteppingOptions(step, predict=True)
+rows, options = [], fm.SteppingOptions(step)
 path = fm.follow_path(problem, move, options, stop=11.0, on_step=keep)
 way, H, V, iterations = np.abs(rows).T
 # -

@@ -3,12 +3,12 @@
 
 from fenics_mortar.adequacy import AdequacyCheck
 from fenics_mortar.compat import mixed_space, vector_space
-from fenics_mortar.contact import ContactPair
 from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
 from fenics_mortar.newton import NewtonOptions, NewtonReport
 from fenics_mortar.obstacles import Circle, Obstacle, Plane, Polygon, SignedDistance, Spline
+from fenics_mortar.pair import ContactPair
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.results import ResultsWriter, contact_table, plot
 from fenics_mortar.stepping import SteppingOptions, follow_path, load_state, save_state

@@ -38,11 +38,12 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError
 from fenics_mortar.laws import Frictionless, Law, Stick
 from fenics_mortar.mortar import evaluate_normals
 from fenics_mortar.newton import NewtonReport
+from fenics_mortar.pair import ContactPair
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
 

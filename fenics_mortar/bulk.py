@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 from mpi4py import MPI
@@ -30,6 +31,9 @@ LEAST_AREA = 0.2
 SMALLEST_STEP = 1e-3
 # A cell is flat at a node if its area there is below this part of the cell's extent squared.
 FLAT = 1e-13
+# The mesh is where it was if no node has moved by more than this part of its size: to tie a second
+# problem's bodies on it moves nodes by rounding.
+UNMOVED = 1e-10
 # Times that the pattern of K may grow before it is made anew: sliding contact leaves zeros
 # behind.
 MOST_GROWTHS = 8
@@ -95,10 +99,11 @@ class Bulk:
         self._cells, self._X = dofs, self.V.tabulate_dof_coordinates()[:, :2].copy()
         self._gradients = compat.nodal_gradients(self.V)
         self._undeformed_areas = _proper_areas(self._X, dofs, self._gradients)
+        self._nodes = self.V.mesh.geometry.x.copy()
         self.num_owned, self.first = space.num_owned, space.first
         self.units, self.to_force = np.ones((2, self.num_owned))
 
-    @property
+    @cached_property
     def held(self) -> npt.NDArray[np.int32]:
         """Local numbers of the owned dofs with prescribed values."""
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
@@ -135,19 +140,18 @@ class Bulk:
         self.num_patterns += 1
         self._num_growths = 0
 
-    def add_to_tangent(self, other: PETSc.Mat, grow: bool) -> None:
-        """Add a sparse matrix to ``K`` in place (collective).
+    def grow_tangent(self, room: PETSc.Mat) -> None:
+        """Let the pattern of ``K`` grow to the union with that of a matrix of zeros (collective).
 
-        Args:
-            other: What to add, with the layout of ``K``.
-            grow: Whether the pattern of ``K`` grows to the union, or has the entries already. It is
-                kept until it has become wasteful.
+        It is kept until it has become wasteful.
         """
-        structure = PETSc.Mat.Structure
-        self._num_growths += grow
+        self._num_growths += 1
+        self.K.axpy(1.0, room, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+
+    def take_tangent(self) -> PETSc.Mat:
+        """``K``, to add to in place: it is assembled anew before the next time."""
         self._K_is_whole = False
-        pattern = structure.DIFFERENT_NONZERO_PATTERN if grow else structure.SUBSET_NONZERO_PATTERN
-        self.K.axpy(1.0, other, pattern)
+        return self.K
 
     def add_to_diagonal(self, values: Array) -> None:
         """Add owned ``values`` to the diagonal of ``K`` (collective)."""
@@ -160,7 +164,7 @@ class Bulk:
         """Prescribed value minus present displacement of the ``held`` dofs (local)."""
         values = self.u.x.array.copy()
         compat.set_prescribed(values, self.bcs)
-        return (values - self.u.x.array)[self.held]
+        return values[self.held] - self.u.x.array[self.held]
 
     def move(self, step: PETSc.Vec, part: float = 1.0) -> float:
         """Add a displacement increment, or as much of it as the cells bear (collective).
@@ -237,14 +241,15 @@ class Bulk:
         )
         return now @ np.linalg.inv(before)
 
-    def check_finite(self) -> None:
+    def check_input(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).
 
-        Constants that differ between the ranks are refused as well.
+        Constants that differ between the ranks are refused as well, and a mesh that was moved.
 
         Raises:
             MortarError: On all ranks; says what is not finite, and where.
         """
+        self._check_mesh()
         values = self.u.x.array.copy()
         count, where = self.count_nodes(~np.isfinite(values))
         if count:
@@ -271,6 +276,18 @@ class Bulk:
         if everywhere:
             raise MortarError("; ".join(everywhere))
         self._check_same_constants()
+
+    def _check_mesh(self) -> None:
+        """Surfaces and tangent are those of the undeformed mesh as it was at set-up."""
+        now, size = self.V.mesh.geometry.x, np.ptp(self._nodes, axis=0).max(initial=0.0)
+        size = self.comm.allreduce(float(size), MPI.MAX)
+        moved = ~(np.abs(now - self._nodes).max(axis=1) <= UNMOVED * size)
+        count, where = count_places(self.comm, self._nodes[moved, :2])
+        if count:
+            raise MortarError(
+                f"the mesh was moved after the problem was set up, one node was at {where}; put it "
+                "back, or set up a new problem on the moved mesh"
+            )
 
     def _check_same_constants(self) -> None:
         values = np.concatenate([np.zeros(0), *(np.ravel(c.value) for c in self._constants)])

@@ -18,6 +18,7 @@ import numpy as np
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
+from fenics_mortar.errors import place
 from fenics_mortar.interface import Interface
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.tied import Tie
@@ -29,6 +30,9 @@ ROUNDING, FORCE_ROUNDING, STILL = 1e-6, 1e-4, 1e-5
 # A node is inside an obstacle if it is deeper than this part of its length.
 DEEP = 0.5
 SAMPLES = np.linspace(-1.0, 1.0, 5)
+# Facets stand for surfaces: what these do between the nodes is told of from so many facet lengths
+# on. Curved bodies on coarse meshes overlap by less; dual functions feel corners from a tenth.
+TOLD_PENETRATION, TOLD_DISTANCE = 0.2, 0.05
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,8 @@ class PairCertificate:
         complementarity: Largest |z_n g| over largest pressure and length.
         penetration: Deepest point of a segment in the master over its facet's length: what the
             discretisation allows between the nodes, of second order in the facets.
+        distance: Least distance of slave and master over the facet's length if a force acts.
+        where: Place of the deepest point, in words.
         unpaired: Nodes of the two surfaces inside another body without any partner.
         uncovered: Slave nodes without a partner.
     """
@@ -62,6 +68,8 @@ class PairCertificate:
     overlap: float
     complementarity: float
     penetration: float
+    distance: float
+    where: str
     unpaired: int
     uncovered: int
 
@@ -70,7 +78,7 @@ class PairCertificate:
 
         Args:
             tolerance: For what the equations make zero.
-            penetration: For what the mesh makes small [facet lengths].
+            penetration: For what the mesh makes small, distance too [facet lengths].
         """
         return list(self._violations(tolerance, penetration))
 
@@ -80,11 +88,30 @@ class PairCertificate:
             if not value <= tolerance:
                 yield f"{self.pair}: {name} {value:.1e} (allowed {tolerance:.1e})"
         if not self.penetration <= penetration:
-            yield f"{self.pair}: penetration of {self.penetration:.2f} facets between the nodes"
+            yield (
+                f"{self.pair}: penetration of {self.penetration:.2f} facets between the nodes, at "
+                f"{self.where}"
+            )
+        if not self.distance <= penetration:
+            yield f"{self.pair}: a force acts, and the sides are {self.distance:.2f} facets apart"
         if self.unpaired:
             yield (
                 f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "
                 "contact was missed; take smaller steps or a larger search_radius"
+            )
+
+    def remarks(self) -> Iterator[str]:
+        """What the mesh is too coarse for, in words."""
+        if self.penetration > TOLD_PENETRATION:
+            yield (
+                f"{self.pair}: penetration of {self.penetration:.2f} facets between the nodes, at "
+                f"{self.where}; finer facets lessen it, but held slave nodes carry no multiplier: "
+                "beside them take the other body as slave"
+            )
+        if self.distance > TOLD_DISTANCE:
+            yield (
+                f"{self.pair}: a force acts, and the sides are {self.distance:.2f} facets apart; "
+                "finer facets of the slave would bring them closer"
             )
 
 
@@ -99,12 +126,16 @@ class Certificate:
         inverted: Cells that are inverted.
         springs: Largest sum of the forces of springs on a body, over the contact force on it; zero
             but where the record of the solve tells of them.
+        strayed: Of the report of a solve: how far an obstacle that forces drive slid in it, with
+            all its nodes and beyond where what was prescribed took it, over the width of its
+            contact. The state is in equilibrium; whether a path leads there was not seen.
     """
 
     pairs: list[PairCertificate]
     balance: float
     inverted: int
     springs: float = 0.0
+    strayed: float = 0.0
 
     def violations(
         self, tolerance: float = 1e-6, penetration: float = 0.5, springs: float = 0.005
@@ -123,13 +154,23 @@ class Certificate:
             found.append(
                 f"springs hold {self.springs:.1e} of the contact force (allowed {springs:.1e})"
             )
+        if not self.strayed <= 1.0:
+            found.append(
+                f"an obstacle that forces drive slid away, by {self.strayed:.1f} widths of its "
+                "contact: this may be another equilibrium than the one it comes to; take smaller "
+                "steps, or prescribe its motion"
+            )
         if self.inverted:
             found.append(f"{self.inverted} cells are inverted")
         return found
 
+    def remarks(self) -> list[str]:
+        """What holds in the mean only, since the mesh is too coarse; in words."""
+        return [remark for pair in self.pairs for remark in pair.remarks()]
+
     def __str__(self) -> str:
         """One row per measure, one column per pair."""
-        names = [f.name for f in fields(PairCertificate) if f.name != "pair"]
+        names = [f.name for f in fields(PairCertificate) if f.name not in ("pair", "where")]
         lines = ["| | " + " | ".join(pair.pair for pair in self.pairs) + " |"]
         lines.append("|---|" + "---:|" * len(self.pairs))
         for name in names:
@@ -138,7 +179,7 @@ class Certificate:
         lines.append(
             f"\nbalance of the bodies: {self.balance:.1e}; inverted cells: {self.inverted}"
         )
-        return "\n".join([*lines, *self.violations()])
+        return "\n".join([*lines, *(self.violations() or self.remarks())])
 
 
 def certify(
@@ -204,7 +245,7 @@ def _certify_pair(
         shear=max(float(excess.max()), 0.0) / max(largest, float(bound.max())),
         overlap=max(-float(gap.min()), 0.0),
         complementarity=float(np.abs(pressure * gap).max()) / largest,
-        penetration=_deepest(contact),
+        **_between_nodes(contact),
         unpaired=_count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.carries & ~contact.covered).sum()),
     )
@@ -219,6 +260,8 @@ def _certify_tie(tie: Tie) -> PairCertificate:
         overlap=float(np.nanmax(tie.gap / tie.nodal_lengths)),
         complementarity=0.0,
         penetration=0.0,
+        distance=0.0,
+        where="",
         unpaired=0,
         uncovered=int((tie.operators.cover <= 0.0).sum()),
     )
@@ -245,13 +288,22 @@ def _positive(value: float) -> float:
     return value if value > 0.0 else 1.0
 
 
-def _deepest(contact: Contact) -> float:
-    """Largest penetration at sample points of all segments over the facet's length (collective)."""
+def _between_nodes(contact: Contact) -> dict[str, Any]:
+    """Deepest point of all segments, where, and least distance, over facet lengths (collective)."""
     o, s = contact.operators, contact.intersections()
+    ends = o.x[s.slave[:, [0, -1]]]
     gaps = o.sample_gaps(o.x + contact.offset[:, None] * o.n, s, SAMPLES)
-    lengths = np.linalg.norm(o.x[s.slave[:, -1]] - o.x[s.slave[:, 0]], axis=1)
-    deepest = float((-gaps / lengths[:, None]).max(initial=0.0))
-    return contact.slave.comm.allreduce(deepest, MPI.MAX)
+    gaps /= np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
+    least, where = np.inf, ""
+    if gaps.size:
+        deepest = gaps.min(axis=1).argmin()
+        least, where = float(gaps[deepest].min()), place(ends[deepest].mean(axis=0))
+    least, where = min(contact.slave.comm.allgather((least, where)))
+    return {
+        "penetration": max(-least, 0.0),
+        "distance": max(least, 0.0) if contact.active.any() else 0.0,
+        "where": where,
+    }
 
 
 def _paired_nodes(contact: Contact | Tie) -> Indices:

@@ -13,7 +13,8 @@ and what solves it are those of obstacles at rest.
 
 A motion that active contact leaves loose gets a spring in the tangent as a floating body does, see
 ``floating``; a driven obstacle that touches nothing is moved before the solve until contact stops
-it. Where an obstacle rolls, and Newton fails, springs hold it as they do bodies, see ``release``.
+it, and one on nodes that stick follows what is prescribed, as a wheel that is turned. Where an
+obstacle rolls, and Newton fails, springs hold it as they do bodies, see ``release``.
 """
 
 from __future__ import annotations
@@ -45,6 +46,8 @@ from fenics_mortar.system import LinearSystem
 DRIVEN = 1e-12
 # What the facets of the slave may err of the forces on an obstacle, whose normals are exact.
 FACETS_ERR = 0.005
+# Motions that sticking nodes feel less than this part of others do not follow what is prescribed.
+FOLLOWED = 0.5
 # A move before the solve that gives the push less way than this part of a facet is not worth it.
 LEAST_WAY = 1e-3
 
@@ -74,6 +77,7 @@ class DrivenObstacles:
             self._scales[number, 2] = contact.arm
         self._springs: Array | None = None
         self._anchor: Array = np.zeros(self._scales.shape)
+        self._start: Array = np.zeros(self._scales.shape)
 
     @property
     def places(self) -> Array:
@@ -221,7 +225,7 @@ class DrivenObstacles:
         found = []
         for number, driven in enumerate(self.driven):
             motions = np.eye(3)[driven]
-            closing = [c.gap_by_motions()[c.active] for i, c in self._pairs() if i == number]
+            closing = [c.gap_by_motions()[c.active] for c in self._contacts_of(number)]
             answers = np.concatenate([*closing, np.zeros((3, 3))]) @ motions.T
             _, norms, combinations = np.linalg.svd(answers, full_matrices=False)
             found.append(combinations[norms <= HELD] @ motions)
@@ -297,7 +301,43 @@ class DrivenObstacles:
     def _shortest_facet(self) -> float:
         return min((float(c.slave.lengths.min()) for _, c in self._pairs()), default=1.0)
 
+    def strayed(self) -> float:
+        """How far an obstacle slid of its own accord in the last solve, in widths of its contact.
+
+        Zero where nodes stick or have no friction: it counts what driven motions, found by the
+        solve, make all nodes slide at the least.
+        """
+        found = np.where(self.driven, self.motions_of(self.places) - self._start, 0.0)
+        widths = [0.0]
+        for number, motion in enumerate(found):
+            mine = self._contacts_of(number)
+            slides = np.concatenate([c.sliding[c.active] for c in mine])
+            if slides.size and slides.all():
+                slips = [_slip_by_motions(c, c.active) @ motion for c in mine]
+                width = sum(float(c.nodal_lengths[c.active].sum()) for c in mine)
+                widths.append(float(np.abs(np.concatenate(slips)).min()) / width)
+        return max(widths)
+
     # Before a solve
+
+    def follow(self, evaluate: Callable[[], object]) -> None:
+        """Move driven obstacles along with what is prescribed, so that nodes stick (collective).
+
+        From where they were all nodes would slide, and nothing would say how far.
+
+        Args:
+            evaluate: Evaluates the operators at the present state, not the sets.
+        """
+        if not self.driven.any():
+            return
+        evaluate()
+        moves = np.zeros(self._scales.shape)
+        for number, driven in enumerate(self.driven):
+            mine = self._contacts_of(number)
+            slip = np.concatenate([c.slip[c.sticking] for c in mine])
+            rows = np.concatenate([_slip_by_motions(c, c.sticking) for c in mine])[:, driven]
+            moves[number, driven] = np.linalg.lstsq(rows, -slip, rcond=FOLLOWED)[0]
+        self.move(moves)
 
     def settle(self, evaluate: Callable[[], object]) -> list[str]:
         """Move driven obstacles that carry no contact force until contact stops them (collective).
@@ -319,6 +359,7 @@ class DrivenObstacles:
             moves = np.array([self._next_move(i) for i in range(len(self.obstacles))])
             moving = np.flatnonzero(moves.any(axis=1))
             if not moving.size:
+                self._start = self.motions_of(self.places)
                 return [f"{name} was moved until contact stopped it" for name in moved]
             moved |= dict.fromkeys(f"obstacle '{self.obstacles[i].name}'" for i in moving)
             self.move(moves)
@@ -334,7 +375,7 @@ class DrivenObstacles:
         It is the one closest to the push that no node overlaps by more than touching, and that the
         push does work in: its potential is linear in the motions, so no move is ever taken back.
         """
-        contacts = [contact for i, contact in self._pairs() if i == number]
+        contacts = self._contacts_of(number)
         driven, push = self.driven[number], self._push()[number]
         loaded = any((c.pressure > LOADED * c.stiffness).any() for c in contacts)
         if loaded or not push.any():
@@ -355,12 +396,21 @@ class DrivenObstacles:
             if contact.obstacle is not None:
                 yield self.obstacles.index(contact.obstacle), contact
 
+    def _contacts_of(self, number: int) -> list[Contact]:
+        """The contacts of one obstacle."""
+        return [contact for i, contact in self._pairs() if i == number]
+
     def _push(self) -> Array:
         """Loads along the motions, 0 where these are prescribed, (obstacles, 3) [stress length]."""
         return np.nan_to_num(self._of_all("load")) / self._scales
 
     def _of_all(self, name: str) -> Array:
         return np.array([getattr(o, name) for o in self.obstacles]).reshape(-1, 3)
+
+
+def _slip_by_motions(contact: Contact, nodes: npt.NDArray[np.bool_]) -> Array:
+    """Derivative of the slip of some nodes by the motions of their obstacle, (n, 3)."""
+    return contact.partners.derivative_by_motions(contact.on_obstacle)[nodes]
 
 
 def _in_words(motion: Array) -> str:

@@ -128,6 +128,11 @@ class FloatingBodies:
             "neither Dirichlet conditions nor contact stop it"
         )
 
+    @property
+    def held_by_contact(self) -> bool:
+        """Whether active contact loads and holds all of them."""
+        return all(map(self._is_loaded, self.bodies)) and not self.loose()
+
     def loose(self) -> list[FloatingBody]:
         """The bodies with the motions that active contact does not hold either."""
         found = []

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,7 +20,7 @@ from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.contact import Contact
 from fenics_mortar.damping import Damped
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
@@ -31,6 +30,7 @@ from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, forcing, solve
 from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
 from fenics_mortar.slip import Partners
@@ -186,7 +186,7 @@ class ContactProblem:
         self.tools = DrivenObstacles(self.contacts)
         check_slave_nodes(self.contacts)
         check_cells(self.bulk)
-        self.bulk.check_finite()
+        self.bulk.check_input()
         self.bulk.assemble_tangent()
         self.floating = FloatingBodies(self.bulk, self.contacts)
         self._set_stiffness()
@@ -239,9 +239,10 @@ class ContactProblem:
         Raises:
             NotConvergedError: On all ranks; holds the record. ``u`` and the multipliers are left
                 at the last iterate; to solve again, reset ``u`` and mend what was wrong.
-            MortarError: On all ranks, if displacement, loads or prescribed values are not finite.
+            MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
+                or if the mesh was moved after set-up.
         """
-        self.bulk.check_finite()
+        self.bulk.check_input()
         report = None if self._adequacy is None else self._adequacy.climb(self)
         report = report or self._solve_by_this_model()
         if self._adequacy is not None:
@@ -254,6 +255,7 @@ class ContactProblem:
         for contact in self.contacts:
             contact.start_step()
         try:
+            self.tools.follow(self._evaluate_operators)
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
             moved += self.floating.settle(self._evaluate_forces)
             self.hold(None)
@@ -269,10 +271,11 @@ class ContactProblem:
         for contact in self.contacts:
             contact.accept()
         compat.free_petsc_garbage(self.comm)
-        report.certificate = self.certificate()
-        violations = (f"VIOLATED: {violation}" for violation in report.certificate.violations())
+        report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
+        violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
+        remarks = violations or report.certificate.remarks()
         reactions = self.tools.record()
-        report.notes[:0] = [*filter(None, self._starts), *moved, *violations, *reactions]
+        report.notes[:0] = [*filter(None, self._starts), *moved, *remarks, *reactions]
         self._starts = []
         return report
 
@@ -320,11 +323,14 @@ class ContactProblem:
         reduced, remarks = self._linear_bulk.choose()
         if reduced is not None:
             start = self.state()
-            with suppress(NotConvergedError):
+            try:
                 report = solve(reduced, self.newton)
                 reduced.finish()
                 if self._is_sound(report):
                     return report
+            except NotConvergedError:
+                if self.newton.tentative:
+                    raise
             self.restore(start)
             remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
         report = self._solve_on_all_dofs()
@@ -344,7 +350,8 @@ class ContactProblem:
         try:
             return solve(Damped(self, self.newton) if self.newton.damped else self, self.newton)
         except NotConvergedError as error:
-            if not self.floating.bodies and not self.tools.driven.any():
+            loose = bool(self.floating.bodies) or self.tools.driven.any()
+            if self.newton.tentative or not loose:
                 raise
             self.restore(start)
             return release_slowly(self, self.newton, error)
@@ -400,6 +407,11 @@ class ContactProblem:
         )
         gap = float(max(gaps, default=0.0))
         return Status(residual, force, gap, active, changed, self.noise(), sets)
+
+    def _evaluate_operators(self) -> None:
+        """Evaluate the operators of all contacts."""
+        for contact in self.contacts:
+            contact.evaluate(self.bulk.u.x.array, self.linearization)
 
     def _evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
@@ -591,13 +603,6 @@ class ContactProblem:
         motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
         return float(max(motions, default=0.0))
 
-    def extrapolate(self, before: State, factor: float) -> None:
-        """Move on by ``factor`` times the change since ``before``, as far as the cells bear."""
-        step = self.bulk.r.duplicate()
-        step.array[:] = factor * (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
-        self.bulk.move(step)
-        step.destroy()
-
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
@@ -611,8 +616,7 @@ class ContactProblem:
         """
         if self._estimator is None:
             self._estimator = Estimator(self.bulk)
-        for contact in self.contacts:
-            contact.evaluate(self.bulk.u.x.array, self.linearization)
+        self._evaluate_operators()
         return self._estimator.evaluate(self.contacts)
 
     def forces(self) -> tuple[Array, Array, Array]:

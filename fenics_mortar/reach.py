@@ -25,12 +25,17 @@ class Reach:
         o: Operators at the present state.
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
         faced: Slave nodes, and master nodes that slip couples them to.
+
+    Attributes:
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        idle: Whether it does not, or multipliers of others act on it as well.
     """
 
     def __init__(
         self, o: MortarOperators, carries: npt.NDArray[np.bool_], faced: tuple[Indices, Indices]
     ) -> None:
-        self._slave, self._master, self._idle = o.slave, o.master, _idle(o, carries)
+        self._slave, self._master = o.slave, o.master
+        self.carries, self.idle = carries.copy(), _idle(o, carries)
         self._met = np.union1d(_met(o, MARGIN), _faced(o, *faced))
         facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
@@ -40,11 +45,23 @@ class Reach:
         self, o: MortarOperators, carries: npt.NDArray[np.bool_], faced: tuple[Indices, Indices]
     ) -> bool:
         """Whether a state couples nothing else."""
-        inside = np.isin(np.union1d(_met(o, 0), _faced(o, *faced)), self._met, assume_unique=True)
-        return bool(inside.all()) and np.array_equal(self._idle, _idle(o, carries))
+        pairs = np.concatenate([_met(o, 0), _faced(o, *faced)])
+        inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
+        same = (self.carries == carries).all() and (self.idle == _idle(o, carries)).all()
+        return bool(inside.all() and same)
 
     def derivative_pattern(self) -> Block:
         """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
+        _, rows, columns = self._coupled()
+        return zeros(rows, columns)
+
+    def law_pattern(self) -> tuple[Indices, Indices]:
+        """Slave nodes (p,), and dofs (p, 2) of nodes that their laws may couple them to."""
+        slave, _, columns = self._coupled()
+        return slave[slave >= 0], columns[slave >= 0]
+
+    def _coupled(self) -> tuple[Indices, Indices, Indices]:
+        """Pairs of nodes that a facet couples: slave node (-1: of the master) and dofs, dofs."""
         degree = self._slave.degree
         near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
         place, which = np.nonzero(near >= 0)
@@ -52,14 +69,18 @@ class Reach:
         dofs = np.concatenate(
             [self._slave.dofs[near[place, which]], self._master.dofs[self._partner]]
         )
+        slave = np.concatenate([near[place, which], np.full(self._facet.size, -1)])
         order = np.argsort(facet, kind="stable")
-        i, k = _pairs_within(facet[order])
-        return _zeros(dofs[order][i], dofs[order][k])
+        i, k = (order[places] for places in _pairs_within(facet[order]))
+        return slave[i], dofs[i], dofs[k]
 
-    def force_pattern(self) -> tuple[Indices, Indices]:
+    def force_pattern(self, acting: npt.NDArray[np.bool_]) -> tuple[Indices, Indices]:
         """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act, but for their own.
 
-        These are of master nodes, and of slave nodes whose own multiplier does not act.
+        These are of master nodes, and of slave nodes that are ``idle``.
+
+        Args:
+            acting: Slave nodes whose multipliers count, shape (slave nodes,).
         """
         degree = self._slave.degree
         carriers = self._slave.along(self._facet, range(degree + 1))
@@ -68,8 +89,8 @@ class Reach:
         idle, sharer = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
         dofs = np.concatenate([on_master, self._slave.dofs[idle]])
         multiplier = np.concatenate([carriers.ravel(), sharer])
-        acts = ~self._idle[multiplier]
-        acts[len(on_master) :] &= self._idle[idle]
+        acts = acting[multiplier]
+        acts[len(on_master) :] &= self.idle[idle]
         return dofs[acts], multiplier[acts]
 
 
@@ -85,7 +106,7 @@ def _idle(o: MortarOperators, carries: npt.NDArray[np.bool_]) -> npt.NDArray[np.
 
 
 def _met(o: MortarOperators, margin: int) -> Indices:
-    """Pairs of a slave facet, by its first node, and a master node, as sorted numbers.
+    """Pairs of a slave facet, by its first node, and a master node, as numbers.
 
     Each facet has a pair with no node too, the number after the last: an obstacle has none.
     """
@@ -95,7 +116,7 @@ def _met(o: MortarOperators, margin: int) -> Indices:
         near = o.master.along(s.master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
         masters = np.hstack([masters, near])
     pairs = s.slave[:, :1] * (none + 1) + masters
-    return np.unique(pairs[masters >= 0])
+    return pairs[masters >= 0]
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
@@ -104,7 +125,7 @@ def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]
     here = first[slave] >= 0
-    return np.unique(first[slave[here]] * (o.master.num_nodes + 1) + master[here])
+    return first[slave[here]] * (o.master.num_nodes + 1) + master[here]
 
 
 def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
@@ -118,5 +139,6 @@ def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
     return i, start[group_of][i] + running
 
 
-def _zeros(rows: Indices, columns: Indices) -> Block:
+def zeros(rows: Indices, columns: Indices) -> Block:
+    """Zeros in ``rows`` (p, k) and ``columns`` (p, l)."""
     return Block(rows, columns, np.zeros((*rows.shape, columns.shape[1])))

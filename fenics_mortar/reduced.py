@@ -41,12 +41,13 @@ from scipy.sparse import coo_array, csr_array, eye
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError
 from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
-from fenics_mortar.sparse import flatten, is_symmetric
+from fenics_mortar.pair import ContactPair
+from fenics_mortar.sparse import SomeRows, flatten, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE, options_added
 from fenics_mortar.tied import Tie
@@ -65,7 +66,7 @@ COLUMNS_PER_ITERATION = 100
 MOST_DOFS = 8000
 
 
-class ContactDofs:
+class ContactDofs(SomeRows):
     """The dofs of all contact surfaces, numbered through; equal on all ranks.
 
     Attributes:
@@ -76,15 +77,11 @@ class ContactDofs:
 
     def __init__(self, contacts: Sequence[Contact], bulk: Bulk) -> None:
         self._surfaces = [side for contact in contacts for side in (contact.slave, contact.master)]
-        self._dofs = np.unique(np.concatenate([surface.dofs for surface in self._surfaces]))
-        self._num_owned = bulk.num_owned
-        self.size = self._dofs.size
+        dofs = np.concatenate([surface.dofs for surface in self._surfaces])
+        super().__init__(dofs, bulk.first, bulk.num_owned)
+        self.size = self._rows.size
         self.free = self.gather(bulk.prescribed.astype(float)) == 0.0
-        self.free_globals: Indices = np.where(self.free, self._dofs, -1)
-
-    def number(self, dofs: Indices) -> Indices:
-        """Numbers of global dofs, all of them of surfaces; -1 stays -1."""
-        return np.where(dofs >= 0, np.searchsorted(self._dofs, dofs), -1)
+        self.free_globals: Indices = np.where(self.free, self._rows, -1)
 
     def gather(self, values: Array) -> Array:
         """Values at these dofs of a local array of all dofs, shape (size,) (collective)."""
@@ -97,13 +94,6 @@ class ContactDofs:
         """Write ``values`` (size,) into a local array of all dofs (local)."""
         for surface in self._surfaces:
             target[surface.local_dofs] = values[self.number(surface.dofs[surface.owned])]
-
-    def owned(self) -> tuple[Indices, Indices]:
-        """Numbers of those this rank owns, and their local numbers in the space."""
-        local = np.full(self._num_owned, -1.0)
-        self.put(np.arange(self.size, dtype=float), local)
-        dofs = np.flatnonzero(local >= 0.0)
-        return local[dofs].astype(np.int64), dofs
 
 
 def factored(K: PETSc.Mat, prefix: str) -> PETSc.PC:
@@ -144,9 +134,8 @@ class FactoredBulk:
         K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
         K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         self._pc = factored(K, prefix)
-        numbers, local = dofs.owned()
-        free = ~bulk.prescribed[local]
-        self._numbers, self._local = numbers[free], local[free]
+        free = ~bulk.prescribed[dofs.local]
+        self._numbers, self._local = dofs.numbers[free], dofs.local[free]
 
     def answers(self, loads: PETSc.Mat) -> PETSc.Mat:
         """Displacements (dofs, k) by forces on free dofs, the rows of ``loads`` (k, dofs).
@@ -265,7 +254,7 @@ class ReducedEquations:
         self._dofs = ContactDofs(problem.contacts, self._bulk)
         self._compliance = self._factor(prefix)
         self._inside: npt.NDArray[np.bool_] = ~self._bulk.prescribed[: self._bulk.num_owned]
-        self._inside[self._dofs.owned()[1]] = False
+        self._inside[self._dofs.local] = False
         self._force: Array | None = None
 
     def _factor(self, prefix: str) -> Any:

@@ -15,10 +15,11 @@ springs stay, if they are weak, and the record tells how weak.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol
 
 from fenics_mortar.errors import NotConvergedError
-from fenics_mortar.newton import Equations, NewtonOptions, NewtonReport, solve
+from fenics_mortar.newton import Equations, NewtonOptions, NewtonReport, after, solve
 
 # Travel in one solve that springs aim at, and that which ends them, in shortest facets.
 TRAVEL, ARRIVED = 0.25, 0.01
@@ -76,26 +77,18 @@ def release_slowly(
     arrived = equations.state()
     equations.hold(None)
     try:
-        return _then(report, equations, options)
+        return after(report, partial(solve, equations, options))
     except NotConvergedError as error:
         report = error.report
         equations.restore(arrived)
         for _ in range(REPEATS):
             equations.hold(TRAVEL)
-            report = _then(report, equations, options)
+            report = after(report, partial(solve, equations, options))
         part, words = equations.remaining()
         if part > MOST_HELD:
             raise NotConvergedError(f"{failed.report.reason}; {words}", report) from error
         report.notes.append(words)
         return report
-
-
-def _then(report: NewtonReport, equations: Held, options: NewtonOptions) -> NewtonReport:
-    """A record with that of one more solve, which an error holds as well."""
-    try:
-        return report.followed_by(solve(equations, options))
-    except NotConvergedError as error:
-        raise NotConvergedError(str(error), report.followed_by(error.report)) from error
 
 
 def _move_on_springs(
@@ -108,7 +101,7 @@ def _move_on_springs(
         start = equations.state()
         equations.hold(aim)
         try:
-            report = _then(report, equations, rough)
+            report = after(report, partial(solve, equations, rough))
         except NotConvergedError as error:
             report, aim, failures = error.report, LESS * aim, failures + 1
             equations.restore(start)

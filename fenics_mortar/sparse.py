@@ -10,7 +10,7 @@ the very library that petsc4py has loaded.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from mpi4py import MPI
@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from fenics_mortar.errors import MortarError
 from fenics_mortar.mortar import Block
+from fenics_mortar.surfaces import Indices
 
 # A matrix is symmetric up to this part of its size.
 SYMMETRIC = 1e-12
@@ -76,6 +77,64 @@ class BlockMatrix:
         self.mat.setBlockSize(self._block_size)
         rows, columns = i.copy(), j.copy()  # PETSc overwrites them
         _check(_set_pattern(self.mat.handle, i.size, rows.ctypes.data, columns.ctypes.data))
+
+
+class SomeRows:
+    """Some rows of a large matrix, numbered through as those of a small one.
+
+    Args:
+        rows: Their numbers, equal on all ranks; repeated ones count once.
+        first: First row of the large matrix that this rank owns.
+        num_owned: How many rows it owns.
+
+    Attributes:
+        numbers: Numbers in the small matrix of those this rank owns.
+        local: Their local numbers in the large one, ascending.
+    """
+
+    def __init__(self, rows: Indices, first: int, num_owned: int) -> None:
+        self._rows = np.unique(rows)
+        start, end = np.searchsorted(self._rows, (first, first + num_owned))
+        self.numbers: Indices = np.arange(start, end)
+        self.local: Indices = self._rows[start:end] - first
+
+    def number(self, rows: Indices) -> Indices:
+        """Numbers in the small matrix of rows of the large one, all of them here; -1 stays -1."""
+        return np.where(rows >= 0, np.searchsorted(self._rows, rows), -1)
+
+    def renumbered(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """Blocks for the small matrix of blocks for the large one."""
+        return (Block(self.number(rows), columns, values) for rows, columns, values in blocks)
+
+    def add(self, small: PETSc.Mat, large: PETSc.Mat) -> None:
+        """Add the small matrix to entries that the large one has, in place (collective)."""
+        rows = (self.local + large.getOwnershipRange()[0]).astype(PETSc.IntType)
+        large.setValuesIJV(*small.getValuesCSR(), PETSc.InsertMode.ADD_VALUES, rows)
+        large.assemble()
+
+    def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
+        """Zeros where the small matrix has entries, in a large one with as many own rows."""
+        starts, columns, values = small.getValuesCSR()
+        sizes = np.zeros(num_owned + 1, PETSc.IntType)
+        sizes[self.local + 1] = np.diff(starts)
+        csr = np.cumsum(sizes, dtype=PETSc.IntType), columns, np.zeros_like(values)
+        return PETSc.Mat().createAIJ(((num_owned, None),) * 2, csr=csr, comm=small.comm)
+
+
+def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block]) -> None:
+    """Add blocks to entries that a matrix has, in place (collective).
+
+    Any rank may add to any row; negative indices are left out. However large the matrix is, this is
+    work for the blocks only.
+    """
+    for rows, columns, values in blocks:
+        each = np.repeat(columns, rows.shape[1], axis=0)
+        starts = np.arange(rows.size + 1, dtype=PETSc.IntType) * PETSc.IntType(each.shape[1])
+        places = rows.ravel().astype(PETSc.IntType)
+        matrix.setValuesIJV(
+            starts, each.astype(PETSc.IntType), values, PETSc.InsertMode.ADD_VALUES, places
+        )
+    matrix.assemble()
 
 
 def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:

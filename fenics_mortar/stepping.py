@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.errors import NotConvergedError
 from fenics_mortar.newton import NewtonReport
+from fenics_mortar.predictor import Predictor
 from fenics_mortar.problem import ContactProblem, State
 from fenics_mortar.surfaces import Array
 
@@ -40,8 +42,7 @@ class SteppingOptions:
         easy: A step of at most so many Newton iterations lets the next one grow.
         growth: Factor by which it grows.
         cut: Factor by which a failed step is cut.
-        predict: Whether displacements start from their extrapolation; multipliers always start
-            from those of the last step.
+        predict: Whether a step may begin where the last two states lead, see ``predictor``.
     """
 
     step: float
@@ -50,7 +51,7 @@ class SteppingOptions:
     easy: int = 6
     growth: float = 2.0
     cut: float = 0.5
-    predict: bool = False
+    predict: bool = True
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
@@ -188,17 +189,16 @@ def follow_path(
     """
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
-    accepted, before = problem.state(), None
+    predictor = Predictor(problem, start, guesses=options.predict)
     forces = _forces(problem)
     while time < stop:
         step = min(step, stop - time)
         if stop - time - step < REMAINDER * step:
             step = stop - time
         set_loads(time + step)
-        if options.predict and before is not None:
-            problem.extrapolate(before[0], step / before[1])
+        accepted = predictor.last
         try:
-            report = _solve_soundly(problem)
+            report = predictor.solve(time + step, partial(_solve_soundly, problem))
         except NotConvergedError as failure:
             path.failures.append(failure.report)
             problem.restore(accepted)
@@ -211,9 +211,8 @@ def follow_path(
                 raise NotConvergedError(words, path) from failure
             step = max(options.cut * step, options.smallest)
             continue
-        before, accepted = (accepted, step), problem.state()
         before_forces, forces = forces, _forces(problem)
-        work = _work(problem, before[0], accepted, before_forces, forces)
+        work = _work(problem, accepted, predictor.last, before_forces, forces)
         time = stop if step == stop - time else time + step
         path.steps.append(PathStep(time, step, report, path.failures, work))
         path.failures = []

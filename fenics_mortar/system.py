@@ -21,9 +21,9 @@ its slave rows K_S and Q = 1 + R,
 
     Q K~ + C = K~ + R K_S + C,
 
-and all of it is added to K in place. K keeps room for what contact can reach by sliding over a few
-facets, see ``reach``: until it goes further, neither the pattern nor the symbolic factorization is
-made anew.
+and all of it is added to K in place, as work for these rows only. Either matrix keeps room for what
+contact can reach by sliding over a few facets, see ``reach``: until it goes further, neither the
+pattern nor the symbolic factorization is made anew.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from typing import Any, Literal
 
 from mpi4py import MPI
@@ -44,8 +45,8 @@ from fenics_mortar.errors import MortarError
 from fenics_mortar.interface import Interface, Rows
 from fenics_mortar.mortar import Block
 from fenics_mortar.multigrid import OPTIONS, TouchingBodies
-from fenics_mortar.reach import Reach
-from fenics_mortar.sparse import BlockMatrix
+from fenics_mortar.reach import Reach, zeros
+from fenics_mortar.sparse import BlockMatrix, SomeRows, add_blocks
 from fenics_mortar.surfaces import Array, Indices
 
 Algorithm = Literal["condensed", "saddle"]
@@ -120,6 +121,8 @@ class LinearSystem(ABC):
         self._prefix = prefix
         self._create_solver({**DIRECT, **options})
         self.forcing, self.may_factor, self.remark = 0.0, False, ""
+        self._reaches: list[Reach] = []
+        self._pattern = 0
         self.matrix: PETSc.Mat
         self._rhs: PETSc.Vec
 
@@ -149,6 +152,18 @@ class LinearSystem(ABC):
         with options_added(self._prefix, self._options):
             self.ksp.setFromOptions()
         self._finest, *_ = self.ksp.getTolerances()
+
+    def _update_pattern(self) -> bool:
+        """Whether contact goes beyond its reaches; make them anew then (collective)."""
+        now = [(c.operators, c.carries, c.faced()) for c in self.contacts]
+        holds = self._pattern == self.bulk.num_patterns and all(
+            reach.holds(*state) for reach, state in zip(self._reaches, now, strict=True)
+        )
+        if self.comm.allreduce(holds, MPI.LAND):
+            return False
+        self._reaches = [Reach(*state) for state in now]
+        self._pattern = self.bulk.num_patterns
+        return True
 
     def local(self, contact: Interface, place: Indices) -> Indices:
         """Local positions of the multipliers owned here."""
@@ -277,11 +292,9 @@ class CondensedSystem(LinearSystem):
         if self.ksp.getPC().getType() == "python":
             self._multigrid = TouchingBodies(bulk, contacts, prefix)
             self.ksp.getPC().setPythonContext(self._multigrid)
-        self._R = BlockMatrix(self.comm, size, mine)
-        self._K_c = BlockMatrix(self.comm, size, size, bulk.space.block_size)
-        self._C = BlockMatrix(self.comm, size, size, bulk.space.block_size)
-        self._reaches: list[Reach] = []
-        self._pattern = 0
+        touched = [side.dofs.ravel() for c in contacts for side in (c.slave, c.master)]
+        self._rows = SomeRows(np.concatenate([np.empty(0, np.int64), *touched]), bulk.first, size)
+        self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
         self._slave_K: Any = None
         dofs = np.empty((self.num_multipliers, 2), np.int64)
         for contact, place in self.numbered():
@@ -292,49 +305,36 @@ class CondensedSystem(LinearSystem):
     def assemble(self) -> None:
         """Add K_c + R K_S + C to K, and build -(1 + R) r + rhs."""
         laws = [contact.rows() for contact in self.contacts]
-        new = self._update_pattern()
-        self.bulk.add_to_tangent(self._K_c.assemble(self._K_c_blocks(new)), new)
-        self._slave_K = self._slave_tangent()
-        R = self._R.assemble(self._R_blocks(laws, new))
+        if self._update_pattern():
+            self._make_room(laws)
+        K = self.bulk.take_tangent()
+        add_blocks(K, self.force_derivative())
+        R = self._R.assemble(self._rows.renumbered(self._R_blocks(laws)))
+        self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
         product = R.matMult(self._slave_K)
-        self.bulk.add_to_tangent(product, new)
+        self._rows.add(product, K)
         product.destroy()
-        self.bulk.add_to_tangent(self._C.assemble(self._C_blocks(laws)), False)
-        if new:  # PETSc does not see that a sum has another pattern, and would keep its factors
-            self.ksp.reset()
-        self.matrix = self.bulk.K
+        add_blocks(K, self._C_blocks(laws))
+        self.matrix = K
         self._assemble_rhs(laws, R)
         self._hold(self.matrix, self._rhs, self.bulk.first)
 
-    def _update_pattern(self) -> bool:
-        """Whether the pattern of K has to grow; make the reaches anew then (collective)."""
-        now = [(c.operators, c.carries, c.faced()) for c in self.contacts]
-        holds = self._pattern == self.bulk.num_patterns and all(
-            reach.holds(*state) for reach, state in zip(self._reaches, now, strict=True)
-        )
-        if self.comm.allreduce(holds, MPI.LAND):
-            return False
-        self._reaches = [Reach(*state) for state in now]
-        self._pattern = self.bulk.num_patterns
-        return True
-
-    def _slave_tangent(self) -> PETSc.Mat:
-        """K_S: the slave rows of K + K_c."""
-        if self._slave_K is not None:
-            self._slave_K.destroy()
-        return self.bulk.K.createSubMatrix(self._slave_rows, self._all_columns)
-
-    @property
-    def _all_columns(self) -> PETSc.IS:
-        return PETSc.IS().createStride(
-            self.bulk.num_owned, first=self.bulk.first, step=1, comm=self.comm
-        )
-
-    def _K_c_blocks(self, new: bool) -> Iterable[Block]:
-        """K_c, with zeros for its reach where that is new."""
-        if new:
-            yield from (reach.derivative_pattern() for reach in self._reaches)
-        yield from self.force_derivative()
+    def _make_room(self, laws: Sequence[Rows]) -> None:
+        """Put zeros into K wherever contact may add within its reach."""
+        size = self.bulk.num_owned
+        zeros = BlockMatrix(self.comm, size, size, self.bulk.space.block_size)
+        self.bulk.grow_tangent(zeros.assemble(r.derivative_pattern() for r in self._reaches))
+        zeros.mat.destroy()
+        R = self._R.assemble(self._rows.renumbered(chain(self._R_blocks(laws), self._R_room())))
+        slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
+        product = R.matMult(slave_K)
+        room = self._rows.room(product, size)
+        self.bulk.grow_tangent(room)
+        for matrix in (slave_K, product, room, self._slave_K):
+            if matrix is not None:
+                matrix.destroy()
+        self._slave_K = None
+        self.ksp.reset()  # PETSc does not see that K has another pattern: it would keep factors
 
     def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
         """C in the rows of the slave's displacement."""
@@ -343,8 +343,8 @@ class CondensedSystem(LinearSystem):
                 rows = contact.slave.dofs.ravel()[block.rows]
                 yield Block(rows, block.columns, block.values)
 
-    def _R_blocks(self, laws: Sequence[Rows], new: bool) -> Iterable[Block]:
-        """R = -B^T Z - A_z Z, with zeros for its reach where that is new; columns: multipliers."""
+    def _R_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+        """R = -B^T Z - A_z Z; columns are numbers of multipliers."""
         for (contact, place), law in zip(self.numbered(), laws, strict=True):
             Z = self._inverse(contact)
             for block in contact.force_blocks():
@@ -354,11 +354,13 @@ class CondensedSystem(LinearSystem):
             mine = contact.slave.owned
             values = -law.A_z[mine] * Z[mine][:, None, :]
             yield Block(contact.slave.dofs[mine], _components(place[mine, None]), values)
-        if new:
-            for place, reach in zip(self.places, self._reaches, strict=True):
-                rows, multipliers = reach.force_pattern()
-                columns = _components(place[multipliers, None])
-                yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
+
+    def _R_room(self) -> Iterable[Block]:
+        """Zeros for the reach of R."""
+        for place, reach in zip(self.places, self._reaches, strict=True):
+            rows, multipliers = reach.force_pattern(~reach.idle)
+            columns = _components(place[multipliers, None])
+            yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 
     def _inverse(self, contact: Interface) -> Array:
         """Diagonal of Z_j, zero for inactive nodes, shape (slave nodes, 2) [1 / length]."""
@@ -370,9 +372,10 @@ class CondensedSystem(LinearSystem):
         for contact, place in self.numbered():
             values = self.bulk.r.array_r[contact.slave.local_dofs]
             slave_r.array.reshape(-1, 2)[self.local(contact, place)] = values
-        R.mult(slave_r, self._rhs)
-        self._rhs.array[:] += self.bulk.r.array_r[: self.bulk.num_owned]
-        self._rhs.scale(-1.0)
+        gathered = R.createVecLeft()
+        R.mult(slave_r, gathered)
+        self._rhs.array[:] = -self.bulk.r.array_r[: self.bulk.num_owned]
+        self._rhs.array[self._rows.local] -= gathered.array_r
         for contact, law in zip(self.contacts, laws, strict=True):
             contact.slave.scatter_add(law.rhs, self._rhs.array)
 
@@ -429,47 +432,102 @@ def _components(nodes: Indices) -> Indices:
     return numbers.reshape(*nodes.shape[:-1], 2 * nodes.shape[-1])
 
 
+# What a row or column of the saddle point's matrix is.
+DOF, MULTIPLIER = 0, 1
+# Blocks with such rows and columns, each kind numbered by itself.
+Part = tuple[int, int, Iterable[Block]]
+
+
 class SaddleSystem(LinearSystem):
-    """Displacements and multipliers (the paper's Alg. 1)."""
+    """Displacements and multipliers (the paper's Alg. 1), with rows [dd, zeta] on each rank."""
 
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
     ) -> None:
         super().__init__(bulk, contacts, prefix, options)
-        size, mine = bulk.num_owned, 2 * self.num_multipliers
-        self._K_c = BlockMatrix(self.comm, size, size, bulk.space.block_size)
-        self._C = BlockMatrix(self.comm, mine, size)
-        self._B_T = BlockMatrix(self.comm, size, mine)
-        self._A_z = BlockMatrix(self.comm, mine, mine)
-        self._assembled: PETSc.Mat | None = None
+        self._sizes = bulk.num_owned, 2 * self.num_multipliers
+        sizes = np.array(self.comm.allgather(self._sizes))
+        self._ends = np.cumsum(sizes, axis=0)
+        self._shifts = np.stack([(self._ends - sizes)[:, MULTIPLIER], self._ends[:, DOF]], axis=1)
+        self._no_K = BlockMatrix(self.comm, *[self._sizes[MULTIPLIER]] * 2).assemble([])
+        self._assembled: Any = None
+
+    def _number(self, kind: int, numbers: Indices) -> Indices:
+        """Numbers in the whole matrix of dofs or of components of multipliers; -1 stays -1."""
+        rank = np.searchsorted(self._ends[:, kind], numbers, side="right")
+        return np.where(numbers >= 0, numbers + self._shifts[rank, kind], -1)
+
+    def _numbered_blocks(self, parts: Iterable[Part]) -> Iterator[Block]:
+        """Blocks for the whole matrix."""
+        for row_kind, column_kind, blocks in parts:
+            for rows, columns, values in blocks:
+                yield Block(
+                    self._number(row_kind, rows), self._number(column_kind, columns), values
+                )
+
+    def _parts(self) -> Iterator[Part]:
+        """Blocks of K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
+        yield DOF, DOF, self.force_derivative()
+        yield DOF, MULTIPLIER, self.force_blocks()
+        yield MULTIPLIER, DOF, self.law_blocks()
+        yield MULTIPLIER, MULTIPLIER, self.multiplier_blocks()
+
+    def _room(self) -> Iterator[Part]:
+        """Zeros for the reach of K_c, B^T and C; those of A_z are always there."""
+        for (contact, place), reach in zip(self.numbered(), self._reaches, strict=True):
+            own = contact.slave.owned
+            dofs, multipliers = reach.force_pattern(reach.carries)
+            dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
+            numbers = _components(place[np.append(multipliers, own), None]).reshape(-1, 1)
+            nodes, coupled = reach.law_pattern()
+            yield DOF, DOF, [reach.derivative_pattern()]
+            yield DOF, MULTIPLIER, [zeros(dofs, numbers)]
+            yield MULTIPLIER, DOF, [zeros(_components(place[nodes, None]), coupled)]
 
     def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
         """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
+        K_c, B_T, C, A_z = (
+            BlockMatrix(self.comm, self._sizes[rows], self._sizes[columns]).assemble(blocks)
+            for rows, columns, blocks in self._parts()
+        )
         K = self.bulk.K.copy()
-        K_c = self._K_c.assemble(self.force_derivative())
         K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        B_T = self._B_T.assemble(self.force_blocks())
-        C, A_z = self._C.assemble(self.law_blocks()), self._A_z.assemble(self.multiplier_blocks())
         return K, B_T, C, A_z
 
     def assemble(self) -> None:
-        """Build the block matrix, as one sparse matrix with rows [dd, zeta] on each rank."""
-        K, B_T, C, A_z = self.blocks()
-        nest = PETSc.Mat().createNest([[K, B_T], [C, A_z]], comm=self.comm)
+        """Fill the matrix, made anew where contact goes beyond its room, and build -r and rhs."""
+        nest = PETSc.Mat().createNest([[self.bulk.K, None], [None, self._no_K]], comm=self.comm)
+        K = PETSc.Mat()
+        nest.convert("aij", out=K)
+        nest.destroy()
+        if self._update_pattern():
+            self._make_room(K)
+        self.matrix.zeroEntries()
+        K.copy(self.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        K.destroy()
+        add_blocks(self.matrix, self._numbered_blocks(self._parts()))
+        self._assemble_rhs()
+        self._hold(self.matrix, self._rhs, self.matrix.getOwnershipRange()[0])
+
+    def _make_room(self, K: PETSc.Mat) -> None:
+        """Make the matrix anew, with the entries of K and all that contact may reach."""
         if self._assembled is not None:
             self._assembled.destroy()
-        self.matrix = self._assembled = PETSc.Mat()
-        nest.convert("aij", out=self.matrix)
-        nest.destroy()
-        K.destroy()
+        parts = chain(self._parts(), self._room())
+        room = BlockMatrix(self.comm, *[sum(self._sizes)] * 2)
+        room.assemble(self._numbered_blocks(parts))
+        self.matrix = self._assembled = room.mat
+        self.matrix.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         self._rhs = self.matrix.createVecLeft()
+        self.ksp.reset()
+
+    def _assemble_rhs(self) -> None:
         size = self.bulk.num_owned
         self._rhs.array[:size] = -self.bulk.r.array_r[:size]
         for contact, place in self.numbered():
             self._rhs.array[size:].reshape(-1, 2)[self.local(contact, place)] = contact.rows().rhs[
                 contact.slave.owned
             ]
-        self._hold(self.matrix, self._rhs, self.matrix.getOwnershipRange()[0])
 
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
         """Solve for dd and zeta; z is handed to all ranks."""

@@ -34,7 +34,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
-from fenics_mortar.contact import Contact, ContactPair
+from fenics_mortar.contact import Contact
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.mesh import MeshData
@@ -47,6 +47,7 @@ from fenics_mortar.mortar import (
     evaluate_mortar,
     evaluate_normals,
 )
+from fenics_mortar.pair import ContactPair
 from fenics_mortar.segments import Integration, Segments
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface

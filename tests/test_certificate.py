@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The certificate of sound states, and of states that only look solved."""
 
+import re
+
 import indenter_on_block
 import numpy as np
 import pytest
@@ -46,6 +48,26 @@ def test_tension_and_overlap_are_seen():
     scene.u.x.array[:] *= 2.0
     contact.evaluate(scene.u.x.array, scene.problem.linearization)
     assert any("overlap" in v for v in scene.problem.certificate().pairs[0].violations())
+
+
+def test_what_the_mesh_leaves_between_the_nodes_is_told():
+    scene = solved(n_upper=7, n_lower=11)
+    contact, u = scene.contact, scene.u
+    start, up = u.x.array.copy(), contact.slave.local_dofs[:, 1]
+    assert scene.problem.certificate().remarks() == []
+    for facets, told, wrong in (
+        (-0.3, r"penetration of 0.[23]\d .* at \(.*beside", "penetration of 0.[789]"),
+        (0.3, "0.[23]. facets apart; finer", "0.[789]. facets apart"),
+    ):
+        for part, expected in ((1.0, told), (3.0, wrong)):
+            u.x.array[:] = start
+            u.x.array[up] += part * facets * contact.slave.lengths.max()
+            u.x.scatter_forward()
+            contact.evaluate(u.x.array, scene.problem.linearization)
+            (pair,) = scene.problem.certificate().pairs
+            assert any(re.search(expected, said) for said in (*pair.remarks(), *pair.violations()))
+    contact.active[:] = False
+    assert list(pair.remarks()) != [] and scene.problem.certificate().remarks() == []
 
 
 def test_contact_that_was_missed_is_seen():

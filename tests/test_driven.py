@@ -5,6 +5,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from mapped_grids import Grid, build, mapped
 from scenes import TIGHT, internal, neo_hookean, read, rectangles
 from test_obstacles import KINDS, block_under
 
@@ -266,6 +267,44 @@ def test_loaded_obstacle_that_slides_away_is_named():
     with pytest.raises(fm.NotConvergedError) as error:
         problem.solve()
     assert "obstacle 'plane' can move along" in str(error.value)
+
+
+@pytest.mark.serial
+def test_wheel_that_friction_lets_go_slides_no_further_than_a_step_may():
+    """It is held on the slope of a pit, y = 0.3 x^2, and let go, by one step or along a path.
+
+    It slides to where the slope is the coefficient of friction, x = 0.1667; its middle is then
+    above sin(angle) further inside. Corners of facets turn the slope by up to 0.3 h = 0.02.
+    """
+
+    def position(s, t):
+        x = 3.0 * s - 1.5
+        return x, -1.0 + t * (1.0 + 0.3 * x**2)
+
+    data = read(build, grids=[Grid("ground", mapped(48, 8, position))])
+    V, wheel = fm.vector_space(data.mesh, 1), fm.Circle((0.6, 1.108), 1.0)
+    u = fem.Function(V)
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)),
+        u,
+        [fm.ContactPair(data, "ground/top", wheel, law=fm.Coulomb(0.1))],
+        bcs=[fm.dirichlet(V, data, "ground/bottom", (0.0, 0.0))],
+        petsc_options_prefix="pit_",
+    )
+    wheel.push(y=-1.0)
+    problem.solve()
+    start, held = problem.state(), -wheel.reaction[0]
+    wheel.push(x=0.0)
+    (violation,) = problem.solve().certificate.violations()
+    assert "slid away" in violation
+    end = wheel.place.copy()
+    problem.restore(start)
+    path = fm.follow_path(
+        problem, lambda time: wheel.push(x=(1.0 - time) * held), fm.SteppingOptions(step=1.0)
+    )
+    assert path.num_cuts and "slid away" in path.steps[0].failures[0].reason
+    assert np.abs(wheel.place - end).max() < 1e-9
+    assert 0.6 + end[0] == pytest.approx(0.1667 - np.sin(np.arctan(0.1)), abs=0.02)
 
 
 def test_bad_loads():

@@ -343,6 +343,18 @@ def test_displacement_that_is_not_finite_is_refused_by_problem_and_solve():
     assert scene.problem.solve().converged
 
 
+def test_mesh_that_was_moved_after_set_up_is_refused():
+    scene = small_blocks()
+    scene.loads["push"].value[1] = -0.01
+    nodes = scene.data.mesh.geometry.x
+    kept = nodes.copy()
+    nodes[: 1 if COMM.rank == COMM.size - 1 else 0, 0] += 1e-3
+    with refused(fm.MortarError, "the mesh was moved after the problem was set up", "new problem"):
+        scene.problem.solve()
+    nodes[:] = kept
+    assert scene.problem.solve().converged
+
+
 def test_load_that_is_not_finite_is_named():
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))

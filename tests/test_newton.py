@@ -97,6 +97,15 @@ def test_sets_that_change_for_long_are_merged_unless_the_residual_falls(factor, 
     assert any("a cycle of 12" in note for note in failure.value.report.notes) == merged
 
 
+@pytest.mark.parametrize("factor", [2.0, 4.0])
+def test_tentative_solve_ends_where_the_first_iteration_leaves_most(factor):
+    """Of x^2 - 2 at 3 it leaves 0.44 with half the step, 0.72 with a quarter; a whole one 0.1."""
+    assert solve(Root(x=3.0), fm.NewtonOptions(tentative=True)).converged
+    with pytest.raises(fm.NotConvergedError, match="left most of the residual") as failure:
+        solve(Root(x=3.0, factor=factor), fm.NewtonOptions(tentative=True))
+    assert failure.value.report.num_iterations == 1
+
+
 def test_failure_keeps_the_record_and_says_what_is_missing():
     with pytest.raises(fm.NotConvergedError, match="residual .* .allowed") as failure:
         solve(Root(factor=3.0), fm.NewtonOptions(max_iterations=4))

@@ -80,7 +80,7 @@ def test_judge_sees_what_is_wrong():
     contact.z = z
     push = case.held[1].motion[1]
     upper = np.isin(input_nodes(scene.problem.bulk.V)[:, 0], np.arange(*case.first_nodes[1:]))
-    for factor, message in ((-3.0, "a force acts over a distance"), (20.0, "bodies overlap")):
+    for factor, message in ((-30.0, "facets apart"), (20.0, "penetration of")):
         u[:] = good
         u.reshape(-1, 2)[upper] += factor * push
         contact.evaluate(u, scene.problem.linearization)

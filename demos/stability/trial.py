@@ -152,6 +152,8 @@ def summary(records: list[Record]) -> str:
                 if of
                 else []
             )
+        told = [record["seed"] for record in good if record.get("remarks")]
+        lines.append(f"The certificate tells of a coarse mesh in the cases {told or 'none'}.")
     bad = [record for record in records if record["outcome"] != "converged"]
     if bad:
         lines += ["", "| seed | outcome | scene | reason |", "|---:|---|---|---|"]

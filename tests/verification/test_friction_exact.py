@@ -254,12 +254,14 @@ def test_block_pushed_into_a_narrower_channel():
 
 
 @pytest.mark.serial
-def test_wheel_that_friction_drives_rolls():
+@pytest.mark.parametrize("mu, nu, sliding", [(1.0, 0.3, 1), (0.3, 0.45, 2)])
+def test_wheel_that_friction_drives_rolls(mu, nu, sliding):
     """A rigid wheel is turned on a block, held down by a force, and free to go where it wants.
 
-    All nodes stick but for one at the edge, so that it takes hardly work or moment, and goes its
-    circumference, but for the stretch of the ground, of the order (a / R)^2 with half the width of
-    contact a. In the end only nodes touch it that did not at the start.
+    All nodes stick but for one or two at the edge, so that it takes hardly work or moment, and goes
+    its circumference, but for the stretch of the ground, of the order (a / R)^2 with half the width
+    of contact a. In the end only nodes touch it that did not at the start. It has to follow the
+    turn before the solve: else all nodes slide, and Newton's method may send it over the edge.
     """
     R, P, turn, steps = 1.0, 4.0, 0.05, 10
     ground = Grid("ground", block(48, 8, width=2.4, height=0.8, corner=(-0.6, -0.8)))
@@ -267,9 +269,9 @@ def test_wheel_that_friction_drives_rolls():
     V, wheel = fm.vector_space(data.mesh, 1), fm.Circle((0.0, R), R)
     u = fem.Function(V)
     problem = fm.ContactProblem(
-        internal(u, neo_hookean(u, E, NU)),
+        internal(u, neo_hookean(u, E, nu)),
         u,
-        [fm.ContactPair(data, "ground/top", wheel, law=fm.Coulomb(1.0))],
+        [fm.ContactPair(data, "ground/top", wheel, law=fm.Coulomb(mu))],
         bcs=[fm.dirichlet(V, data, "ground/bottom", (0.0, 0.0))],
         petsc_options_prefix="wheel_",
     )
@@ -281,12 +283,14 @@ def test_wheel_that_friction_drives_rolls():
     work = 0.0
     for step in range(1, steps + 1):
         wheel.move(angle=-turn * step)
-        assert problem.solve().certificate.violations() == []
-        assert contact.sticking.sum() >= contact.active.sum() - 1
+        report = problem.solve()
+        assert report.certificate.violations() == []
+        assert report.num_iterations <= 6
+        assert contact.sliding.sum() <= sliding
         work += contact.friction_work
     angle = turn * steps
     assert not (touched & contact.active).any()
     assert contact.active.sum() >= 8
-    assert wheel.place[0] == pytest.approx(R * angle, rel=4 * P * (1 - NU**2) / (np.pi * E * R))
-    assert abs(work) < 1e-4 * P * R * angle
+    assert wheel.place[0] == pytest.approx(R * angle, rel=4 * P * (1 - nu**2) / (np.pi * E * R))
+    assert abs(work) < 2e-4 * P * R * angle
     assert abs(wheel.reaction[2]) < 2e-3 * P * R

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
+import carter
 import cylinders
 from cattaneo import half_planes
 from exact_flat import FlatInterface
@@ -79,6 +80,16 @@ def test_shear_is_cattaneos_and_mindlins(element, rate, most):
     coarse, fine = (half_planes(n, element, graded=True)[0] for n in (32, 64))
     assert fine < most
     assert np.log2(coarse / fine) == pytest.approx(rate, abs=0.15)
+
+
+def test_wheel_rolls_as_carters():
+    """Within what is left at four facets to the half-width: 1 / 8 of it from node to node."""
+    found = carter.roll(4)
+    assert found.pulls[-1] == pytest.approx(carter.PART, rel=0.01)
+    assert found.creepage == pytest.approx(1.0, abs=0.05)
+    assert found.stuck == pytest.approx(1.0, abs=0.125 / np.sqrt(1 - carter.PART))
+    assert found.error < 0.1
+    assert max(found.iterations) <= 6
 
 
 @pytest.mark.parametrize("degree, h", [(1, 0.05), (2, 0.1)])

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: MIT
+"""A contact pair: which sides meet, and the choices of how contact is discretised there."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+
+from fenics_mortar.laws import Frictionless, Law
+from fenics_mortar.mesh import MeshData
+from fenics_mortar.mortar import Basis, GapWeights, Weighting
+from fenics_mortar.obstacles import Obstacle
+from fenics_mortar.segments import Integration
+from fenics_mortar.slip import Measure
+
+Sliding = Literal["finite", "small"]
+
+
+class ContactPair:
+    """Contact of a slave with a master surface or a rigid obstacle.
+
+    Args:
+        data: Mesh, tags and names.
+        slave: Name or tag of the side that carries the multiplier (the finer or softer one).
+        master: Name or tag of the other side, or an obstacle; several pairs may share one, and a
+            slave may have several masters, one pair each: in a groove a node may touch two. An
+            obstacle has its own normals and no ends, so that ``normals`` matters on symmetry planes
+            only, ``gap_weights="cover"`` is "basis", and "segments" and "elements" are the same:
+            Gauss points on whole slave facets.
+        law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or one's own, see ``laws``.
+            Nodes that are held in a component, as on symmetry planes, have no friction.
+        basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes, or, of
+            quadratic facets, at their "vertices" only: linear functions, which can be condensed,
+            too. They are half as many, but the pressure overshoots at the edge of contact.
+        normals: Weights of the facet normals at a slave node: "opposite" (length of the other
+            facet: exact on circles), "unit" (the choice of most codes) or "own" length.
+        gap_weights: What the gap of a node is weighted by. "cover": by the multiplier's function if
+            the node is covered; beyond the edge of the master the dual function would continue the
+            gap to the node, see overlap where the surfaces are apart and press from a distance, so
+            there it is one that asks for the gap at the edge. "basis": always by the multiplier's
+            function, as most codes do. "standard": by the standard functions (Petrov-Galerkin).
+        integration: Where the gap is looked at. "segments": exactly, on every intersection of a
+            slave with a master facet. "elements": at ``points`` Gauss points per slave facet, each
+            with the partner that it hits, as in many codes; forces balance, but a uniform pressure
+            passes only as well as the points resolve the ends of master facets. A facet with fewer
+            partners than nodes counts as uncovered. "nodes": at the slave nodes, which is
+            node-to-segment contact; each node that has a partner has its weight. ``basis`` and
+            ``gap_weights`` mean nothing then, and ``points`` is refused. The last two are there for
+            comparison: as points change their partners, the forces jump or have kinks.
+        points: Gauss points per segment, with "elements" per slave facet; 5 by default.
+        search_radius: Farthest distance along the slave normal at which a partner is looked for
+            [length]; the diagonal of the smaller surface's box by default, for an obstacle no
+            limit.
+        max_angle: Largest angle between the slave normal and the reversed master normal [degree].
+            Steeper facets, as the side of a block that stands on the slave, do not count as cover.
+        initial_gap: Gap [length] that the nodes near the other surface (half a facet) shall have
+            where the problem is set up, whatever the facets of curved surfaces leave between them:
+            0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
+            and overlaps as they are meshed. See also ``Contact.offset``.
+        sliding: "finite", or "small": D, M and normals stay those of the undeformed mesh, and the
+            gap is linear in the displacement. It suffices where slip is small beside a facet and
+            normals hardly turn; with linear bulk the matrix is factored once, see ``reduced``.
+        slip: What friction measures slip by, see ``slip``. "partners": how far a node has moved
+            along the material points that it faced when the step began. "operators": the changes
+            of D and M, as most codes do. With small sliding, where these do not change, and on
+            obstacles both are the first.
+        c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
+            it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
+            that a nonlinear step leaves behind.
+
+    Raises:
+        ValueError: If an option is not one of those named.
+        MeshError: If a name or tag is unknown or has no facets.
+
+    Note:
+        Collective.
+    """
+
+    def __init__(
+        self,
+        data: MeshData,
+        slave: str | int,
+        master: str | int | Obstacle,
+        *,
+        law: Law | None = None,
+        basis: Basis = "dual",
+        normals: Weighting = "opposite",
+        gap_weights: GapWeights = "cover",
+        integration: Integration = "segments",
+        points: int | None = None,
+        search_radius: float | None = None,
+        max_angle: float = 70.0,
+        initial_gap: float | None = None,
+        sliding: Sliding = "finite",
+        slip: Measure = "partners",
+        c_n: float = 1e-3,
+    ) -> None:
+        for what, value, allowed in (
+            ("basis", basis, get_args(Basis)),
+            ("normals", normals, get_args(Weighting)),
+            ("gap_weights", gap_weights, get_args(GapWeights)),
+            ("integration", integration, get_args(Integration)),
+            ("sliding", sliding, get_args(Sliding)),
+            ("slip", slip, get_args(Measure)),
+        ):
+            if value not in allowed:
+                raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
+        if integration == "nodes" and points is not None:
+            raise ValueError(f"points={points}: with integration='nodes' the points are the nodes")
+        points = 5 if points is None else points
+        if not isinstance(points, (int, np.integer)) or points < 2:
+            what = {"segments": "segment", "elements": "facet", "nodes": "facet"}[integration]
+            raise ValueError(f"points={points}: a whole number, at least 2 per {what}")
+        if search_radius is not None and not search_radius > 0.0:
+            raise ValueError(f"search_radius={search_radius}: a positive length, or None")
+        if not 0.0 < max_angle < 90.0:
+            raise ValueError(f"max_angle={max_angle}: between 0 and 90 degrees")
+        if initial_gap is not None and not np.isfinite(initial_gap):
+            raise ValueError(f"initial_gap={initial_gap}: a length, or None")
+        if not 0.0 < c_n < np.inf:
+            raise ValueError(f"c_n={c_n}: a positive number")
+        if law is not None and not isinstance(law, Law):
+            raise ValueError(f"law={law!r}: an instance of Frictionless, Coulomb, Tresca or Law")
+        self.data = data
+        self.slave_name, self.master_name = str(slave), str(master)
+        self.master = master
+        for name in (slave, master):
+            if not isinstance(name, Obstacle):
+                data.boundary_tag(name)
+                data.boundary_facets(name)
+        self.slave_tag = data.boundary_tag(slave)
+        self.basis, self.normals, self.points = basis, normals, points
+        self.gap_weights: GapWeights = gap_weights
+        self.integration: Integration = integration
+        self.search_radius, self.max_angle, self.c_n = search_radius, max_angle, c_n
+        self.initial_gap = initial_gap
+        self.sliding: Sliding = sliding
+        self.slip: Measure = slip
+        self.law: Law = law or Frictionless()
+
+    def __repr__(self) -> str:
+        """The two sides."""
+        return f"ContactPair({self.slave_name!r}, {self.master_name!r})"

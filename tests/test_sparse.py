@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: MIT
+"""Small matrices of some rows, added to a large one: what is added, and what it costs."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from scenes import pressed_blocks
+
+from fenics_mortar.mortar import Block
+from fenics_mortar.sparse import BlockMatrix, SomeRows, add_blocks
+
+comm = MPI.COMM_WORLD
+OWNED = 5  # rows of each rank
+
+
+def tridiagonal():
+    """2 on the diagonal, -1 beside it."""
+    matrix = PETSc.Mat().createAIJ(((OWNED, None), (OWNED, None)), nnz=3, comm=comm)
+    first, last = matrix.getOwnershipRange()
+    for row in range(first, last):
+        columns = [c for c in (row - 1, row, row + 1) if 0 <= c < matrix.getSize()[1]]
+        matrix.setValues([row], columns, [2.0 if c == row else -1.0 for c in columns])
+    matrix.assemble()
+    return matrix
+
+
+def dense(matrix):
+    first, last = matrix.getOwnershipRange()
+    mine = matrix.getValues(range(first, last), range(matrix.getSize()[1]))
+    return np.concatenate(comm.allgather(mine))
+
+
+def with_rows(large, rows, blocks):
+    """The rows, and the blocks in a matrix of these alone."""
+    some = SomeRows(np.array(rows), large.getOwnershipRange()[0], OWNED)
+    small = BlockMatrix(comm, some.local.size, OWNED)
+    return some, small.assemble(some.renumbered(blocks))
+
+
+def everywhere(row, column, value):
+    """A block of one entry, of which each rank adds a part."""
+    return Block(np.array([[row]]), np.array([[column]]), np.full((1, 1, 1), value / comm.size))
+
+
+def test_rows_are_added_where_they_belong():
+    """To entries that are there, to more than one row, and on each rank to rows of others."""
+    large = tridiagonal()
+    last = large.getSize()[0] - 1
+    before, entries = dense(large), large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
+    blocks = [everywhere(last, last - 1, 3.0), everywhere(2, 2, 5.0), everywhere(-1, 2, 7.0)]
+    some, small = with_rows(large, [last, 2, last], blocks)
+    assert small.getSize() == (2, last + 1)
+    some.add(small, large)
+    before[last, last - 1] += 3.0
+    before[2, 2] += 5.0
+    assert np.abs(dense(large) - before).max() < 1e-14
+    assert large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"] == entries
+
+
+def test_blocks_are_added_where_they_belong():
+    """Duplicates are summed, negative numbers left out, and any rank adds to any row."""
+    large = tridiagonal()
+    last = large.getSize()[0] - 1
+    before = dense(large)
+    square = Block(np.array([[0, -1, 1]]), np.array([[1, 0]]), np.arange(6.0).reshape(1, 3, 2))
+    add_blocks(large, [everywhere(last, last - 1, 3.0), *[square] * 2, everywhere(last, -1, 7.0)])
+    before[last, last - 1] += 3.0
+    before[:2, [1, 0]] += 2.0 * comm.size * np.array([[0.0, 1.0], [4.0, 5.0]])
+    assert np.abs(dense(large) - before).max() < 1e-13
+
+
+def test_room_is_zero_where_the_small_matrix_is_not():
+    large = tridiagonal()
+    last = large.getSize()[0] - 1
+    some, small = with_rows(large, [0], [everywhere(0, last, 4.0)])
+    room = some.room(small, OWNED)
+    assert np.abs(dense(room)).max() == 0.0 and room.getSize() == large.getSize()
+    before, entries = dense(large), large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
+    large.axpy(1.0, room, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    assert large.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"] == entries + 1
+    some.add(small, large)
+    before[0, last] = 4.0
+    assert np.abs(dense(large) - before).max() < 1e-14
+
+
+@pytest.mark.serial
+def test_entry_outside_of_the_pattern_is_not_lost_in_silence():
+    large = tridiagonal()
+    some, small = with_rows(large, [0], [everywhere(0, OWNED - 1, 4.0)])
+    with pytest.raises(PETSc.Error):
+        some.add(small, large)
+
+
+def test_tangent_of_slave_nodes_is_taken_from_K_in_place_while_the_pattern_stays():
+    scene = pressed_blocks(n_upper=6, n_lower=9, layers_upper=3, layers_lower=3)
+    kept = []
+    for depth in (0.02, 0.021):
+        scene.loads["push"].value[1] = -depth
+        scene.problem.solve()
+        kept.append(scene.problem.system._slave_K)
+    assert kept[0] is kept[1]
+    rows = 2 * (scene.contact.slave.num_nodes + scene.contact.master.num_nodes)
+    assert scene.problem.system._R.mat.getSize()[0] == rows
