@@ -5,18 +5,23 @@ At the solution of a cheap model the equations of a richer one leave a residual;
 with the tangent of the richer model turns it into a correction of displacement and multipliers. To
 first order the correction is the model's error, and so is the change of any quantity: it is one
 Newton step of the richer model, at the cost of one step. Where the step leaves more of the residual
-than a linear problem would, the models are far apart, and a few more are taken.
+than a linear problem would, the models are far apart, and a few more are taken: until what is left
+of the residual, as a part of the correction, could no longer change any of the quantities by half.
+A peak pressure may be right where the contact is not.
 
 The indicators are what the cheap model leaves out: for linear kinematics the rotation, whose
 spurious strain is angle^2 / 2, and the strain; for small sliding the slip over a facet's length and
-the turn of the normals. For an obstacle in the place of a stiff body there is no richer mesh: a
-body of modulus E' = E / (1 - nu^2) against another one has the compliance 1/E' + 1/E'_other, so
-leaving out the other is an error of E' / E'_other (of forces and pressures under prescribed
-displacements; half of it, of pressures, under prescribed forces).
+the turn of the normals. What an obstacle stands for may be meshed alone, see ``elastic_tool``: it
+gives way to the tractions, and the gaps wider by that are the richer model. Without a mesh there is
+but a rule: a body of modulus E' = E / (1 - nu^2) against another one of its shape has the
+compliance 1/E' + 1/E'_other, so leaving out the other is an error of E' / E'_other (of forces and
+pressures under prescribed displacements; half of it, of pressures, under prescribed forces). Shape
+and supports may make that three times as much or as little.
 
 Where surfaces might have friction, the richer model lets all stick that touches. What it asks for
-is the demand, its shear over its pressure; friction below the demand can do that part of the
-difference.
+is the demand, its shear over its pressure; where that is more than there is, nodes slide in the
+steps that follow. Slip counts from where nodes came to touch, over all solves that the check sees:
+that of the last step alone would be a part of the shear.
 
 A check that climbs begins each solve on the cheapest of the models that the problem's own form
 gives: the bulk linearized at rest and small sliding. The estimate needs a Newton step of the next
@@ -26,9 +31,10 @@ rungs that were not enough once are not tried again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -39,16 +45,18 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.contact import Contact
+from fenics_mortar.elastic_tool import ElasticTool
 from fenics_mortar.errors import MortarError
-from fenics_mortar.laws import Frictionless, Law, Stick
+from fenics_mortar.laws import Coulomb, Frictionless, Law, Stick
 from fenics_mortar.mortar import evaluate_normals
 from fenics_mortar.newton import NewtonReport
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
 
-# Steps of the richer model at the most; one is enough if it leaves this part of the residual.
-MOST_STEPS, LINEAR = 6, 0.1
+# Steps of the richer model at the most; one is enough if it leaves the first part of the residual,
+# and if what that may change is below the second or half of each error.
+MOST_STEPS, LINEAR, SETTLED = 6, 0.1, 1e-3
 ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
 QUANTITIES = (ENERGY, FORCE, PEAK)
 # A model with a larger error than this is no good to go on from.
@@ -132,6 +140,7 @@ class AdequacyCheck:
         finite_strain: UFL form of the residual at finite strain, in the same ``u``, if the
             problem's is linear.
         stiffness_ratio: E / (1 - nu^2) of the bodies over that of what obstacles stand for.
+        tools: What obstacles stand for, where there is a mesh of it, in the place of the ratio.
         discretisation: Relative error that the mesh leaves, if it is known.
         friction: Largest coefficient of friction that surfaces may have where the problem has none.
         climb: Whether solves begin on a cheaper model, and go on to the problem's own only if the
@@ -153,6 +162,7 @@ class AdequacyCheck:
         quantity: str = ENERGY,
         finite_strain: Any | None = None,
         stiffness_ratio: float | None = None,
+        tools: Sequence[ElasticTool] = (),
         discretisation: float | None = None,
         friction: float | None = None,
         climb: bool = False,
@@ -167,9 +177,13 @@ class AdequacyCheck:
         self._finite_strain, self._stiffness_ratio = finite_strain, stiffness_ratio
         self._discretisation, self._mesh_error = discretisation, discretisation
         self._friction, self._climbs = friction, climb
+        self._tools = {tool.obstacle: tool for tool in tools}
         self._richer: dict[str, ContactProblem] = {}
         self._rungs: list[tuple[str, ContactProblem]] = []
         self._climbed: list[Assumption] = []
+        self._ended: ContactProblem | None = None
+        self._slips: dict[Contact, Array] = {}
+        self._seen_mesh_error = (0.0, 0.0)
 
     def prepare(self, problem: ContactProblem) -> None:
         """Set up the models below a problem, if it is to climb (collective)."""
@@ -183,7 +197,7 @@ class AdequacyCheck:
             Its record; ``None`` if only the problem's own model is left, which then is to start
             from where the problem is.
         """
-        start, self._climbed = problem.state(), []
+        start, self._climbed, self._ended = problem.state(), [], None
         while self._rungs:
             name, rung = self._rungs[0]
             rung.adopt(problem)
@@ -193,27 +207,40 @@ class AdequacyCheck:
                 errors = correct(rung, problem)
                 if errors[ENERGY] < FAR:
                     start = replace(problem.state(), partners=start.partners)
+                accepted = self._accepts(problem, errors)
                 problem.restore(solved)
-                if self._accepts(rung, errors):
+                if accepted:
                     self._climbed = [Assumption(name, "the climb ended here", errors)]
+                    self._ended = rung
                     return report
             problem.restore(start)
             self._rungs.pop(0)
         return None
 
-    def _accepts(self, rung: ContactProblem, errors: dict[str, float]) -> bool:
-        """Whether the error of a rung is below the tolerance, or below that of the mesh."""
+    def _accepts(self, problem: ContactProblem, errors: dict[str, float]) -> bool:
+        """Whether the error of a rung is below the tolerance, or below that of the mesh.
+
+        That of the mesh is seen at the corrected state: what is wrong with the model is in the
+        residual of the rung's own state, too. It is looked for anew where it decides, or where the
+        error of the model has doubled since.
+        """
         error, self._mesh_error = errors[self._quantity], self._discretisation
         if error <= self._tolerance:
             return True
         if self._mesh_error is None and self._quantity == ENERGY:
-            with suppress(MortarError):
-                self._mesh_error = rung.estimate().relative
+            seen_at, seen = self._seen_mesh_error
+            if min(2.0 * seen_at, seen) < error < FAR:
+                with suppress(MortarError):
+                    self._seen_mesh_error = error, problem.estimate().relative
+            self._mesh_error = self._seen_mesh_error[1] or None
         return self._mesh_error is not None and error <= self._mesh_error
 
     def assess(self, problem: ContactProblem) -> Adequacy:
         """Estimate the errors of the present solution; it stays as it is (collective)."""
         found = [*self._climbed, *self._assumptions(problem)]
+        if self._ended is not None:  # forces and gaps are those of the rung's operators
+            for contact, theirs in zip(problem.contacts, self._ended.contacts, strict=True):
+                contact.operators = theirs.operators
         return Adequacy(found, self._tolerance, self._quantity, self._mesh_error)
 
     def _assumptions(self, problem: ContactProblem) -> Iterator[Assumption]:
@@ -226,38 +253,56 @@ class AdequacyCheck:
             richer["small sliding"] = {"sliding": "finite"}
             indicators["small sliding"] = describe_sliding
         for name, model in richer.items():
-            yield Assumption(name, indicators[name](problem), self._errors(problem, name, model))
+            errors = estimate(problem, self._variant(problem, name, model))
+            yield Assumption(name, indicators[name](problem), errors)
         yield from self._rigid(problem)
         yield from self._without_friction(problem)
         if len(richer) > 1:
             everything = {key: value for model in richer.values() for key, value in model.items()}
             name = " and ".join(richer)
-            yield Assumption(name, "", self._errors(problem, name, everything))
+            yield Assumption(name, "", estimate(problem, self._variant(problem, name, everything)))
 
-    def _errors(
-        self, problem: ContactProblem, name: str, model: dict[str, Any]
-    ) -> dict[str, float]:
+    def _variant(self, problem: ContactProblem, name: str, model: dict[str, Any]) -> ContactProblem:
         if name not in self._richer:
             self._richer[name] = problem.variant(**model)
-        return estimate(problem, self._richer[name])
+        return self._richer[name]
 
     def _rigid(self, problem: ContactProblem) -> Iterator[Assumption]:
-        """The rule of stiffness, for obstacles."""
-        ratio, names = self._stiffness_ratio, [str(o) for o in problem.tools.obstacles]
-        for name in names:
-            known = f"stiffness ratio {ratio:.2g}" if ratio is not None else "no stiffness_ratio"
-            error = np.nan if ratio is None else ratio
-            yield Assumption(f"rigid {name}", known, dict.fromkeys(QUANTITIES, error))
+        """What obstacles stand for gives way as its mesh says, or by the rule of stiffness."""
+        ratio = self._stiffness_ratio
+        for obstacle in problem.tools.obstacles:
+            if obstacle in self._tools:
+                yield from_tool(problem, self._tools[obstacle])
+            else:
+                known = (
+                    f"stiffness ratio {ratio:.2g}" if ratio is not None else "no stiffness_ratio"
+                )
+                error = np.nan if ratio is None else ratio
+                yield Assumption(f"rigid {obstacle}", known, dict.fromkeys(QUANTITIES, error))
 
     def _without_friction(self, problem: ContactProblem) -> Iterator[Assumption]:
-        """What friction could do, by what stick does and asks for."""
-        name, number = "frictionless", self._friction
+        """What friction could do: all sticks first, and slides where that asks for too much."""
+        number = self._friction
         if number is not None and any(map(_is_frictionless, problem.contacts)):
-            errors = self._errors(problem, name, {"law": _stick_instead})
-            demand = shear_demand(self._richer[name])
+            stick = self._variant(problem, "stick", {"law": partial(_instead, Stick())})
+            rough = self._variant(problem, "friction", {"law": partial(_instead, Coulomb(number))})
+            kept = problem.state()
+            self._count_all_slip(problem)
+            errors = estimate(problem, stick, rough)
+            problem.restore(kept)
+            demand = shear_demand(stick)
             known = f"stick asks for a friction of {demand:.2g}, there may be {number:.2g}"
-            part = min(number / demand, 1.0) if demand > 0.0 else 1.0
-            yield Assumption(name, known, {key: part * error for key, error in errors.items()})
+            yield Assumption("frictionless", known, errors)
+
+    def _count_all_slip(self, problem: ContactProblem) -> None:
+        """Let slip count from where nodes came to touch, of all steps that the check has seen."""
+        for contact in problem.contacts:
+            if not isinstance(contact, Contact) or not _is_frictionless(contact):
+                continue
+            before = self._slips.get(contact, np.zeros(contact.slave.num_nodes))
+            self._slips[contact] = np.where(contact.active, before + contact.slip, 0.0)
+            partners = contact.partners
+            contact.partners = replace(partners, start=partners.start - before)
 
 
 @dataclass
@@ -284,35 +329,67 @@ class Snapshot:
         )
 
 
-def estimate(problem: ContactProblem, richer: ContactProblem) -> dict[str, float]:
+def estimate(problem: ContactProblem, *richer: ContactProblem) -> dict[str, float]:
     """Relative errors of a solved problem by quantity; the state stays as it is (collective)."""
     state = problem.state()
     try:
-        return correct(problem, richer)
+        return correct(problem, *richer)
     finally:
-        richer.system.ksp.reset()
+        for model in richer:
+            model.system.ksp.reset()
         problem.restore(state)
 
 
-def correct(problem: ContactProblem, richer: ContactProblem) -> dict[str, float]:
-    """Go on from a solved problem by a step or a few of a richer variant (collective).
+def correct(problem: ContactProblem, *richer: ContactProblem) -> dict[str, float]:
+    """Go on from a solved problem by a step or a few of richer variants in turn (collective).
 
     Returns:
         Relative errors of the problem by quantity. What the richer model cannot even begin with is
         wrong altogether: inf.
     """
-    cheap = Snapshot.of(problem)
+    cheap, last = Snapshot.of(problem), problem
+    errors = dict.fromkeys(QUANTITIES, 0.0)
     try:
-        richer.adopt(problem)
-        start = richer.evaluate(start=True).residual
-        for _ in range(MOST_STEPS):
-            part = richer.advance().part
-            residual = richer.evaluate(start=False).residual
-            if part == 1.0 and residual <= LINEAR * start:
-                break
+        for model in richer:
+            model.adopt(last)
+            errors = go_on(problem, cheap, model)
+            last = model
     except MortarError:
         return dict.fromkeys(QUANTITIES, np.inf)
-    return differences(problem, cheap, Snapshot.of(richer))
+    return errors
+
+
+def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> dict[str, float]:
+    """Take steps of a model until the next one would hardly change any error (collective).
+
+    A step changes the solution by about the part of the residual that the last one left, times what
+    the steps before have changed.
+    """
+    start = model.evaluate(start=True).residual or np.inf
+    for _ in range(MOST_STEPS):
+        part = model.advance().part
+        left = model.evaluate(start=False).residual / start
+        errors = differences(problem, cheap, Snapshot.of(model))
+        settled = left * errors[ENERGY] <= max(SETTLED, 0.5 * min(errors.values()))
+        if part == 1.0 and left <= LINEAR and settled:
+            break
+    return errors
+
+
+def from_tool(problem: ContactProblem, tool: ElasticTool) -> Assumption:
+    """What it is worth that an obstacle does not give way (collective)."""
+    touching = [
+        c for c in problem.contacts if isinstance(c, Contact) and c.obstacle is tool.obstacle
+    ]
+    kept, give = [contact.offset for contact in touching], tool.give(touching)
+    for contact, offset, motion in zip(touching, kept, give, strict=True):
+        contact.offset = offset - motion
+    errors = estimate(problem, problem)
+    for contact, offset in zip(touching, kept, strict=True):
+        contact.offset = offset
+    problem.restore(problem.state())
+    most = max(float(np.abs(motion).max()) for motion in give)
+    return Assumption(f"rigid {tool.obstacle}", f"it would give way by {most:.2g}", errors)
 
 
 def cheaper_models(problem: ContactProblem) -> Iterator[tuple[str, ContactProblem]]:
@@ -422,9 +499,9 @@ def _is_frictionless(contact: Any) -> bool:
     return isinstance(contact, Contact) and isinstance(contact.pair.law, Frictionless)
 
 
-def _stick_instead(law: Law) -> Law:
-    """Stick in the place of no friction."""
-    return Stick() if isinstance(law, Frictionless) else law
+def _instead(rough: Law, law: Law) -> Law:
+    """A law in the place of no friction."""
+    return rough if isinstance(law, Frictionless) else law
 
 
 def _sliding_little(problem: ContactProblem) -> list[Contact]:

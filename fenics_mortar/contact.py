@@ -22,7 +22,7 @@ modulus), l_j its length and c a plain number: nothing depends on units.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from mpi4py import MPI
@@ -71,6 +71,9 @@ TOUCHING = 1e-8
 # A node lies on the other surface, up to facets that stand for curves, within this part of its
 # length.
 NEAR = 0.5
+# A sticking node that other pairs hold, too, gives way to its shear: by this part of what the bulk
+# does.
+GIVE = 1e-3
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
 
@@ -93,6 +96,8 @@ class Contact(Interface):
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
         active: Active set, shape (slave nodes,), bool.
         piece: Piece of the law that each node is on, 0 where it sticks, shape (slave nodes,).
+        overheld: Whether a node sticks, and pairs that share it have more equations for its motion
+            than it has components, shape (slave nodes,), bool; see ``mark_overheld``.
         partners: What the slave nodes faced at the last accepted state.
         accepted: What they faced when the present state was accepted: the next step's partners.
         operators: D, M, gap and derivatives at the last evaluated state.
@@ -124,6 +129,7 @@ class Contact(Interface):
         self._classify_nodes()
         self._may_carry = self.carries
         self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
+        self.overheld = np.zeros(self.slave.num_nodes, bool)
         if not self.carries.any():
             raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
         self.arm = float(np.hypot(*np.ptp(self.slave.X, axis=0)))
@@ -324,12 +330,18 @@ class Contact(Interface):
         return self.free.all(axis=1)
 
     def tangential_row(self) -> Row:
-        """Tangential row of all nodes as if they were active, each of shape (slave nodes,)."""
+        """Tangential row of all nodes as if they were active, each of shape (slave nodes,).
+
+        The derivative of overheld nodes is that of a spring that gives way to the change of their
+        shear; what the row makes zero stays the slip.
+        """
         node = self.nodal
         ours, without = (
             law.tangential(node, self.piece) for law in (self.pair.law, Frictionless())
         )
-        return Row(*(np.where(self._rubs, a, b) for a, b in zip(ours, without, strict=True)))
+        row = Row(*(np.where(self._rubs, a, b) for a, b in zip(ours, without, strict=True)))
+        give = np.where(self.overheld, GIVE * np.sign(row.by_slip), 0.0)
+        return row._replace(by_z_tau=row.by_z_tau - give)
 
     def update_carriers(self) -> int:
         """Hand over and take back multipliers by the cover of the nodes; return how many changed.
@@ -541,3 +553,25 @@ def _normal_rows(block: Block, direction: Array) -> Block:
     shape = len(block.rows), 2 * block.rows.shape[1]
     rows = (2 * block.rows[:, :, None] + np.arange(2)).reshape(shape)
     return Block(rows, block.columns, values.reshape(*shape, block.columns.shape[1]))
+
+
+def mark_overheld(contacts: Sequence[Interface]) -> None:
+    """Note the sticking nodes whose motion pairs that share them determine more than once (local).
+
+    A node has two components; a gap is one equation for them, and stick is another one. The gaps of
+    two flanks hold a node between them altogether, so that nothing says which of the two takes what
+    part of the shear: without more the linear system would be singular. Nodes that give way keep
+    the shear that they had, or get what their slip asks for until they slide.
+    """
+    bound = [contact for contact in contacts if isinstance(contact, Contact)]
+    if not bound:
+        return
+    _, place = np.unique(np.concatenate([c.slave.nodes for c in bound]), return_inverse=True)
+    gaps = np.concatenate([c.active for c in bound])
+    sticks = np.concatenate([c.sticking for c in bound])
+    equations = np.bincount(place, gaps) + np.bincount(place, sticks)
+    shared = np.bincount(place, gaps) > 1
+    overheld = sticks & (shared & (equations > 2))[place]
+    ends = np.cumsum([c.slave.num_nodes for c in bound])
+    for contact, mine in zip(bound, np.split(overheld, ends), strict=False):
+        contact.overheld = mine

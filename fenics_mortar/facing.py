@@ -92,6 +92,27 @@ def face(o: MortarOperators, segments: Segments) -> Facing:
     return replace(found, start=found.slip(o))
 
 
+def nearest_facets(x: Array, m: Array, surface: Surface) -> tuple[Indices, Array]:
+    """Nearest facets of points, and where these lie along their chords (local).
+
+    Args:
+        x: Points, shape (k, 2).
+        m: Places of the nodes of the surface, shape (nodes, 2).
+        surface: The surface.
+
+    Returns:
+        The two ends of each facet, shape (k, 2), and the places from 0 to 1, or beyond if a point
+        is beyond the ends of the surface, shape (k,).
+    """
+    ends = surface.facets[:, [0, -1]]
+    chord = m[ends[:, 1]] - m[ends[:, 0]]
+    away = x[:, None] - m[ends[:, 0]]
+    part = (away * chord).sum(axis=2) / (chord**2).sum(axis=1)
+    rest = away - np.clip(part, 0.0, 1.0)[:, :, None] * chord
+    facet = np.argmin((rest**2).sum(axis=2), axis=1)
+    return ends[facet], part[np.arange(len(x)), facet]
+
+
 def lagrange(s: Array, degree: int) -> tuple[Array, Array]:
     """Shape functions along a facet at ``s`` in -1 ... 1 and their slopes: (..., degree + 1)."""
     if degree == 1:

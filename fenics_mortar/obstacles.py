@@ -119,22 +119,22 @@ class Obstacle(ABC):
     def evaluate(self, x: Array) -> Fields:
         """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at the points ``x`` (n, 2)."""
         phi, gradient, hessian = self.local(self.to_own_frame(x))
-        turn = self._turn
+        turn = self.turn
         return phi, gradient @ turn.T, turn @ hessian @ turn.T
 
     @property
-    def _turn(self) -> Array:
+    def turn(self) -> Array:
         """Present rotation, shape (2, 2)."""
         c, s = np.cos(self.place[2]), np.sin(self.place[2])
         return np.array([[c, -s], [s, c]])
 
     def to_own_frame(self, x: Array) -> Array:
         """Where the points ``x`` (n, 2) of space are in the obstacle's own frame."""
-        return (x - self.pivot - self.place[:2]) @ self._turn + self.pivot
+        return (x - self.pivot - self.place[:2]) @ self.turn + self.pivot
 
     def to_space(self, x: Array) -> Array:
         """Where the points ``x`` (n, 2) of the obstacle's own frame are in space."""
-        return (x - self.pivot) @ self._turn.T + self.pivot + self.place[:2]
+        return (x - self.pivot) @ self.turn.T + self.pivot + self.place[:2]
 
     def motions(self, x: Array, arm: float) -> Array:
         """V at the points ``x`` (n, 2): shape (n, 3, 2)."""

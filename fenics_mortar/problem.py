@@ -20,7 +20,7 @@ from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
 from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact
+from fenics_mortar.contact import Contact, mark_overheld
 from fenics_mortar.damping import Damped
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, NotConvergedError
@@ -445,6 +445,7 @@ class ContactProblem:
         self.bulk.assemble_tangent()
         loose = self.floating.loose()
         self.floating.add_springs(loose, self._total, self._force)
+        mark_overheld(self.contacts)
         with clock("assembly"):
             self.system.assemble()
         goal = self.newton.residual_tolerance * self._force

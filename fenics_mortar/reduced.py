@@ -41,7 +41,7 @@ from scipy.sparse import coo_array, csr_array, eye
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact
+from fenics_mortar.contact import Contact, mark_overheld
 from fenics_mortar.errors import MortarError
 from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
@@ -118,6 +118,20 @@ def factored(K: PETSc.Mat, prefix: str) -> PETSc.PC:
     raise MortarError(f"the stiffness of the bodies was not factored: MUMPS says {outcome}")
 
 
+def factored_bulk(bulk: Bulk, prefix: str) -> PETSc.PC:
+    """The tangent of bodies, factored with the prescribed dofs held (collective).
+
+    Args:
+        bulk: The bodies; their tangent is assembled.
+        prefix: Prefix of PETSc's options.
+    """
+    held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), bulk.comm)
+    K = bulk.K.copy()
+    K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
+    K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    return factored(K, prefix)
+
+
 class FactoredBulk:
     """K, factored with the prescribed dofs held (collective).
 
@@ -128,12 +142,8 @@ class FactoredBulk:
     """
 
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
-        self._bulk, self._dofs, comm = bulk, dofs, bulk.comm
-        held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), comm)
-        K = bulk.K.copy()
-        K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
-        K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        self._pc = factored(K, prefix)
+        self._bulk, self._dofs = bulk, dofs
+        self._pc = factored_bulk(bulk, prefix)
         free = ~bulk.prescribed[dofs.local]
         self._numbers, self._local = dofs.numbers[free], dofs.local[free]
 
@@ -310,6 +320,7 @@ class ReducedEquations:
 
     def _assemble(self) -> list[csr_array]:
         """K_c, B^T, C and A_z on the contact dofs, complete on rank 0."""
+        mark_overheld(self._problem.contacts)
         system, size = self._system, self._dofs.size
         count = 2 * sum(place.size for place in system.places)
         return [

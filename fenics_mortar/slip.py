@@ -51,7 +51,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
-from fenics_mortar.facing import Facing, face
+from fenics_mortar.facing import Facing, face, nearest_facets
 from fenics_mortar.mortar import Block, MortarOperators, evaluate_normals, share_of
 from fenics_mortar.obstacles import ObstacleOperators
 from fenics_mortar.surfaces import Array, Indices
@@ -179,15 +179,9 @@ def _replicate(
 
 def _nearest(o: MortarOperators, j: Indices) -> tuple[Entries, Entries]:
     """Entries of D and M that pair the nodes ``j`` with the line of the nearest master facet."""
-    ends = o.master.facets[:, [0, -1]]
-    chord = o.m[ends[:, 1]] - o.m[ends[:, 0]]
-    away = o.x[j, None] - o.m[ends[:, 0]]
-    part = (away * chord).sum(axis=2) / (chord**2).sum(axis=1)
-    rest = away - np.clip(part, 0.0, 1.0)[:, :, None] * chord
-    facet = np.argmin((rest**2).sum(axis=2), axis=1)
-    part = part[np.arange(j.size), facet]
+    ends, part = nearest_facets(o.x[j], o.m, o.master)
     values = np.stack([1.0 - part, part], axis=1).ravel()
-    return (j, j, np.ones(j.size)), (np.repeat(j, 2), ends[facet].ravel(), values)
+    return (j, j, np.ones(j.size)), (np.repeat(j, 2), ends.ravel(), values)
 
 
 def _sum(one: Entries, other: Entries, rows: int, columns: int) -> csr_array:

@@ -175,3 +175,61 @@ def test_two_bodies_side_by_side_as_masters(law):
     assert one[1] > 0.1 and (law is None or abs(one[0]) > 1e-3)
     slopes = problem.check_tangent(print_table=False).slopes
     assert all(slope > 1.9 for slope in slopes.values()), slopes
+
+
+def cornered(meshed, **options):
+    """A square pressed into the corner of a floor and a wall with friction, and what moves all."""
+    sides = {"bottom": "low", "right": "low", "left": "high", "top": "high"}
+    grids = [Grid("square", block(6, 6, width=1.0, height=1.0), sides)]
+    if meshed:
+        grids += [
+            Grid("floor", block(9, 3, width=1.17, height=0.5, corner=(-0.2, -0.5))),
+            Grid("wall", block(3, 9, width=0.5, height=1.17, corner=(1.0, 0.03))),
+        ]
+    data = read(lambda: mapped_grids.build(grids))
+    press, up, left = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(3))
+    floor, wall = fm.Plane((0.0, 0.0), (0.0, 1.0)), fm.Plane((1.0, 0.0), (-1.0, 0.0))
+    moved = {"high": press} | ({"floor/bottom": up, "wall/right": left} if meshed else {})
+
+    def move(depth, a, b):
+        press.value[:] = depth, -depth
+        up.value[1], left.value[0] = a, -b
+        floor.move(y=a)
+        wall.move(x=-b)
+
+    problem = problem_on(
+        data, "low", ["floor/top", "wall/left"] if meshed else [floor, wall],
+        bcs=lambda V: [fm.dirichlet(V, data, name, value) for name, value in moved.items()],
+        pair={"law": fm.Coulomb(0.9)}, **options,
+    )  # fmt: skip
+    return problem, move
+
+
+# Pressed; floor and wall come, both, one, the other; one goes back a bit; all is loose; at once
+PATH = [
+    (0.003, 0.0, 0.0), (0.003, 0.01, 0.01), (0.003, 0.012, 0.01), (0.003, 0.012, 0.013),
+    (0.003, 0.011, 0.013), (0.0, -0.01, -0.01), (0.003, 0.01, 0.01),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "meshed, strain, linear_bulk",
+    [(False, "finite", None), (True, "finite", None), (False, "linear", True)],
+)
+def test_corner_sticks_to_floor_and_wall(meshed, strain, linear_bulk):
+    """Two gaps hold it, and stick does so again: of obstacles the system would be singular."""
+    problem, move = cornered(meshed, strain=strain, linear_bulk=linear_bulk)
+    corner = np.argmin(np.hypot(*(problem.contacts[0].slave.X - [1.0, 0.0]).T))
+    overheld = []
+    for step in PATH:
+        move(*step)
+        report = problem.solve()
+        assert report.certificate.violations() == [] and report.num_iterations < 10
+        overheld.append([bool(contact.overheld[corner]) for contact in problem.contacts])
+        for contact in problem.contacts:
+            assert np.abs(contact.slip[contact.sticking]).max(initial=0.0) < 1e-12
+        if not meshed and all(contact.active[corner] for contact in problem.contacts):
+            place = problem.contacts[0].operators.x[corner]
+            assert place == pytest.approx((1.0 - step[2], step[1]), abs=1e-12)
+    both, one, other = [True, True], [True, False], [False, True]
+    assert overheld[4] == both if meshed else overheld[:4:2] + overheld[3:4] == [both, one, other]
