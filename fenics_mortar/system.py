@@ -41,7 +41,7 @@ import numpy as np
 
 from fenics_mortar import compat, errors
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import MortarError, raise_together
 from fenics_mortar.interface import Interface, Rows
 from fenics_mortar.mortar import Block
 from fenics_mortar.multigrid import OPTIONS, TouchingBodies
@@ -228,41 +228,59 @@ class LinearSystem(ABC):
         """
         self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
         self.forcing = 0.0
-        solution, relative = self._attempt(matrix, rhs)
-        if not relative <= LINEAR_TOLERANCE:  # an order that was right for other values may not be
+        solution, failure = self._attempt(matrix, rhs)
+        if failure:  # an order that was right for other values may not be
             self.ksp.reset()
-            solution, relative = self._attempt(matrix, rhs)
-        reason = self.ksp.getConvergedReason()
-        if reason < 0 or not relative <= LINEAR_TOLERANCE:
-            self.ksp.reset()  # MUMPS does not factor again after it has failed
-            if self.may_factor:
-                self.may_factor = False
-                self.remark = (
-                    f"the iterative solver failed, PETSc's reason {reason}: from now on the linear "
-                    "systems are solved directly"
-                )
-                self.ksp.destroy()
-                self._create_solver(DIRECT)
-                return self._solve_linear(matrix, rhs)
-            raise MortarError(
-                f"the linear system was not solved, it may be singular: PETSc's reason {reason}, "
-                f"remaining part of the right-hand side {relative:.1e}"
-            )
-        return solution
+            solution, failure = self._attempt(matrix, rhs)
+        if not failure:
+            return solution
+        self.ksp.reset()  # MUMPS does not factor again after it has failed
+        if not self.may_factor:
+            raise MortarError(f"the linear system was not solved{failure}")
+        self.may_factor = False
+        self.remark = (
+            f"the iterative solver failed{failure}; from now on the linear systems are solved "
+            "directly"
+        )
+        self.ksp.destroy()
+        self._create_solver(DIRECT)
+        return self._solve_linear(matrix, rhs)
 
-    def _attempt(self, matrix: PETSc.Mat, rhs: PETSc.Vec) -> tuple[PETSc.Vec, float]:
-        """A solution, and the part of the right-hand side that it leaves."""
+    def _attempt(self, matrix: PETSc.Mat, rhs: PETSc.Vec) -> tuple[PETSc.Vec, str]:
+        """A solution and, to end a sentence with, why it is none; "" if it is one."""
         solution = rhs.duplicate()
         self.ksp.setOperators(matrix)
-        with options_added(self._prefix, self._options):
-            self.ksp.solve(rhs, solution)
+        try:
+            self._run(rhs, solution)
+        except MortarError as error:
+            return solution, f": {error}"
         defect, relative = self._defect(matrix, rhs, solution)
         if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
             correction = rhs.duplicate()
             self.ksp.solve(defect, correction)
             solution.axpy(1.0, correction)
             defect, relative = self._defect(matrix, rhs, solution)
-        return solution, relative
+        reason = self.ksp.getConvergedReason()
+        if reason >= 0 and relative <= LINEAR_TOLERANCE:
+            return solution, ""
+        return solution, (
+            f", it may be singular: PETSc's reason {reason}, remaining part of the right-hand side "
+            f"{relative:.1e}"
+        )
+
+    def _run(self, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """Let PETSc solve; an error of its on any rank is raised on all as a ``MortarError``."""
+        error, copy = None, rhs.copy()  # which an error leaves locked
+        try:
+            with options_added(self._prefix, self._options):
+                self.ksp.solve(copy, solution)
+            copy.destroy()
+        except MortarError as ours:
+            error = ours
+        except PETSc.Error as of_petsc:
+            what = str(of_petsc).splitlines()[-1]
+            error = MortarError(f"PETSc's error {of_petsc.ierr}, {what}")
+        raise_together(self.comm, error)
 
     def _defect(
         self, matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec

@@ -4,17 +4,21 @@
 from itertools import pairwise
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
+import gmsh
+import half_cylinder_on_block
 import numpy as np
 import pytest
 import two_blocks
-from scenes import linear_elastic, nodal, pressed_blocks, read
+from scenes import linear_elastic, neo_hookean, nodal, pressed_blocks, read
 from test_obstacles import block_under
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.multigrid import TouchingBodies
 from fenics_mortar.system import ITERATIVE
 
 comm = MPI.COMM_WORLD
@@ -80,6 +84,53 @@ def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination):
     counts = [sum(pressed(k, upper, lower, inclination)) for k in (8, 16, 32, 64)]
     assert max(counts) <= 36
     assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
+
+
+def refined_cylinder(refinements):
+    """A half cylinder on a block, all cells halved so many times."""
+    model = half_cylinder_on_block.build(
+        radius=8.0, width=48.0, height=24.0, h=0.16, fine=1.0, growth=0.2
+    )
+    for _ in range(refinements):
+        gmsh.model.mesh.refine()
+    return model
+
+
+def pressed_cylinder(refinements, monkeypatch):
+    """Linear iterations by Newton iterations while a stiff half cylinder sinks into a block."""
+    data = read(refined_cylinder, refinements=refinements)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": 1})
+    residual = sum(
+        E * ufl.inner(neo_hookean(u, 1.0, 0.3), ufl.grad(v)) * dx(data.bodies[name])
+        for name, E in (("cylinder", 1000.0), ("block", 1.0))
+    )
+    problem = fm.ContactProblem(
+        residual, u, [fm.ContactPair(data, "cylinder/arc", "block/top")],
+        bcs=[
+            fm.dirichlet(V, data, "block/bottom", np.zeros(2)),
+            fm.dirichlet(V, data, "cylinder/top", np.array([0.0, -0.05])),
+        ],
+        petsc_options_prefix="test_", solver="iterative",
+    )  # fmt: skip
+    counts, solve = [], TouchingBodies.postSolve
+
+    def counted(self, pc, ksp, b, x):
+        counts.append(ksp.getIterationNumber())
+        solve(self, pc, ksp, b, x)
+
+    monkeypatch.setattr(TouchingBodies, "postSolve", counted)
+    report = problem.solve()
+    assert len(counts) == report.num_iterations
+    return np.mean(counts)
+
+
+@pytest.mark.serial
+def test_iterations_do_not_grow_where_the_contact_is_curved(monkeypatch):
+    """From nothing, so that the active set moves all the time: by a fifth at the most, too."""
+    coarse, fine = (pressed_cylinder(refinements, monkeypatch) for refinements in (1, 2))
+    assert fine <= min(1.2 * coarse, 12)
 
 
 @pytest.mark.parametrize("options", [{"solver": "iterative"}, {"linear_bulk": True}])
@@ -151,3 +202,34 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
         scene = pressed_blocks(problem={"solver": "iterative"}, **MESH)
         scene.loads["push"].value[1] = -0.05
         scene.problem.solve()
+
+
+def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monkeypatch):
+    """PETSc knows no such factors: an error, not a solve that diverged."""
+    monkeypatch.setattr("fenics_mortar.problem.MANY", 0)
+    monkeypatch.setitem(ITERATIVE, "strip_redundant_pc_factor_mat_solver_type", "nobody")
+    scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
+    scene.loads["push"].value[1] = -0.05
+    report = scene.problem.solve()
+    assert solver_of(scene.problem) == "direct"
+    assert any("iterative solver failed: PETSc's error" in note for note in report.notes)
+    scene = pressed_blocks(problem={"solver": "iterative"}, **MESH)
+    scene.loads["push"].value[1] = -0.05
+    with pytest.raises(fm.NotConvergedError, match="linear system was not solved.*PETSc's error"):
+        scene.problem.solve()
+
+
+def test_an_error_of_petsc_in_an_iteration_leaves_nothing_locked(monkeypatch):
+    """Right-hand side and matrix are filled anew afterwards."""
+
+    def fail(*_):
+        raise PETSc.Error(76)
+
+    monkeypatch.setattr("fenics_mortar.problem.MANY", 0)
+    monkeypatch.setattr(TouchingBodies, "apply", fail)
+    scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
+    scene.loads["push"].value[1] = -0.05
+    report = scene.problem.solve()
+    assert solver_of(scene.problem) == "direct"
+    assert any("iterative solver failed: PETSc's error" in note for note in report.notes)
+    assert report.num_iterations > 1
