@@ -4,6 +4,16 @@
 Newton says that the equations it was given are solved. Whether they are those of contact, is asked
 here of the state alone: balance of slave and master and of reactions and loads, signs,
 complementarity, penetration between the nodes, and nodes inside another body that found no partner.
+
+All that may hold where a corner presses, and the force still be far off. That of a slave's corner
+acts along its own averaged normal, not along that of the smooth surface it presses on: an error
+like friction. A master's corner between two slave nodes is felt up to a tenth of the facet too
+early or too late. Neither is less on a finer mesh, in facets. What tells of both is that the
+normals of the two sides are not opposite.
+
+A held slave node carries no multiplier, its neighbours bear its part. If a body leans on the very
+end of a held surface, all its force is at that neighbour, which gives way: too small a force by far
+on any mesh. What tells of that is a peak of pressure there.
 """
 
 from __future__ import annotations
@@ -29,6 +39,11 @@ from fenics_mortar.tied import Tie
 ROUNDING, FORCE_ROUNDING, STILL = 1e-6, 1e-4, 1e-5
 # A node is inside an obstacle if it is deeper than this part of its length.
 DEEP = 0.5
+# Normals of slave and master may differ by this sine before that is told of.
+SLANT = 0.1
+# So many times may the pressure beside held slave nodes be that of the next ones. Pressures below
+# a part of the largest do not count.
+LEANS, COUNTS = 2.0, 0.1
 SAMPLES = np.linspace(-1.0, 1.0, 5)
 # Facets stand for surfaces: what these do between the nodes is told of from so many facet lengths
 # on. Curved bodies on coarse meshes overlap by less; dual functions feel corners from a tenth.
@@ -56,6 +71,11 @@ class PairCertificate:
             discretisation allows between the nodes, of second order in the facets.
         distance: Least distance of slave and master over the facet's length if a force acts.
         where: Place of the deepest point, in words.
+        slant: Part of the forces along the slave's normals that acts along the master's facets; of
+            first order in the facets where both surfaces are smooth.
+        slant_at: Where most of it acts.
+        lean: Pressure beside a slave node that is held over that of the next nodes, the largest.
+        lean_at: Where that is.
         unpaired: Nodes of the two surfaces inside another body without any partner.
         uncovered: Slave nodes without a partner.
     """
@@ -70,6 +90,10 @@ class PairCertificate:
     penetration: float
     distance: float
     where: str
+    slant: float
+    slant_at: str
+    lean: float
+    lean_at: str
     unpaired: int
     uncovered: int
 
@@ -105,13 +129,23 @@ class PairCertificate:
         if self.penetration > TOLD_PENETRATION:
             yield (
                 f"{self.pair}: penetration of {self.penetration:.2f} facets between the nodes, at "
-                f"{self.where}; finer facets lessen it, but held slave nodes carry no multiplier: "
-                "beside them take the other body as slave"
+                f"{self.where}; finer facets lessen it"
             )
         if self.distance > TOLD_DISTANCE:
             yield (
                 f"{self.pair}: a force acts, and the sides are {self.distance:.2f} facets apart; "
                 "finer facets of the slave would bring them closer"
+            )
+        if self.slant > SLANT:
+            yield (
+                f"{self.pair}: {self.slant:.0%} of the normal forces act along the master's "
+                f"facets, most at {self.slant_at}: where a corner presses, direction and depth are "
+                "known up to a part of a facet only; round it, or make facets much finer"
+            )
+        if self.lean > LEANS:
+            yield (
+                f"{self.pair}: a body leans on a held slave node, at {self.lean_at}, which carries "
+                "no multiplier: the force may be far too small; take the other body as slave"
             )
 
 
@@ -170,7 +204,7 @@ class Certificate:
 
     def __str__(self) -> str:
         """One row per measure, one column per pair."""
-        names = [f.name for f in fields(PairCertificate) if f.name not in ("pair", "where")]
+        names = [f.name for f in fields(PairCertificate) if f.type != "str"]
         lines = ["| | " + " | ".join(pair.pair for pair in self.pairs) + " |"]
         lines.append("|---|" + "---:|" * len(self.pairs))
         for name in names:
@@ -246,6 +280,8 @@ def _certify_pair(
         overlap=max(-float(gap.min()), 0.0),
         complementarity=float(np.abs(pressure * gap).max()) / largest,
         **_between_nodes(contact),
+        **_slant(contact, pressure),
+        **_lean(contact, pressure),
         unpaired=_count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.carries & ~contact.covered).sum()),
     )
@@ -262,6 +298,10 @@ def _certify_tie(tie: Tie) -> PairCertificate:
         penetration=0.0,
         distance=0.0,
         where="",
+        slant=0.0,
+        slant_at="",
+        lean=0.0,
+        lean_at="",
         unpaired=0,
         uncovered=int((tie.operators.cover <= 0.0).sum()),
     )
@@ -304,6 +344,40 @@ def _between_nodes(contact: Contact) -> dict[str, Any]:
         "distance": max(least, 0.0) if contact.active.any() else 0.0,
         "where": where,
     }
+
+
+def _slant(contact: Contact, pressure: Array) -> dict[str, Any]:
+    """Which part of the normal forces acts along the master's facets, and where (collective)."""
+    o, s = contact.operators, contact.operators.segments
+    if contact.obstacle is not None:
+        return {"slant": 0.0, "slant_at": ""}
+    chords = o.m[s.master[:, -1]] - o.m[s.master[:, 0]]
+    chords /= np.linalg.norm(chords, axis=1)[:, None]
+    forces = np.abs(o.M.sum(axis=2) * pressure[s.slave])
+    along = forces * np.abs(np.einsum("sjc,sc->sj", o.n[s.slave], chords))
+    nodal = np.zeros((2, contact.slave.num_nodes))
+    for row, values in zip(nodal, (forces, along), strict=True):
+        np.add.at(row, s.slave, values)
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    slant = float(nodal[1].sum()) / _positive(float(nodal[0].sum()))
+    return {"slant": slant, "slant_at": place(o.x[nodal[1].argmax()])}
+
+
+def _lean(contact: Contact, pressure: Array) -> dict[str, Any]:
+    """Largest pressure beside a held slave node over that of the next nodes, and where."""
+    slave, reach = contact.slave, contact.slave.degree
+    held = (contact.free == 0.0).any(axis=1) & np.isin(slave.nodes, contact.idle_nodes)
+    around = slave.along(np.flatnonzero(held), range(-3 * reach, 3 * reach + 1))
+    there = np.where(around >= 0, pressure[around], 0.0)
+    beside = there[:, 2 * reach : 4 * reach + 1].max(axis=1, initial=0.0)
+    there[:, 2 * reach : 4 * reach + 1] = 0.0
+    beside = np.where(beside > COUNTS * pressure.max(initial=0.0), beside, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lean = np.nan_to_num(beside / there.max(axis=1, initial=0.0), posinf=np.inf)
+    if not lean.any():
+        return {"lean": 0.0, "lean_at": ""}
+    where = contact.operators.x[np.flatnonzero(held)[lean.argmax()]]
+    return {"lean": float(lean.max()), "lean_at": place(where)}
 
 
 def _paired_nodes(contact: Contact | Tie) -> Indices:

@@ -4,9 +4,11 @@
 import re
 
 import indenter_on_block
+import mapped_grids
 import numpy as np
 import pytest
-from scenes import internal, neo_hookean, pressed_blocks, read, rectangles
+import two_blocks
+from scenes import internal, neo_hookean, pressed_blocks, read, rectangles, rotation
 
 from dolfinx import fem
 
@@ -56,7 +58,7 @@ def test_what_the_mesh_leaves_between_the_nodes_is_told():
     start, up = u.x.array.copy(), contact.slave.local_dofs[:, 1]
     assert scene.problem.certificate().remarks() == []
     for facets, told, wrong in (
-        (-0.3, r"penetration of 0.[23]\d .* at \(.*beside", "penetration of 0.[789]"),
+        (-0.3, r"penetration of 0.[23]\d .* at \(.*lessen it", "penetration of 0.[789]"),
         (0.3, "0.[23]. facets apart; finer", "0.[789]. facets apart"),
     ):
         for part, expected in ((1.0, told), (3.0, wrong)):
@@ -137,3 +139,60 @@ def test_nodes_beyond_the_edge_are_uncovered_but_not_inside():
     scene = solved(slave="lower", n_upper=7, n_lower=11)
     (certificate,) = scene.problem.certificate().pairs
     assert certificate.uncovered > 0 and certificate.unpaired == 0
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+def test_corner_that_presses_is_told(slave):
+    """A block turned by 20 degrees stands with a corner on a flat one."""
+    low = mapped_grids.block(16, 4, width=2.0, height=0.5, corner=(-1.0, -0.5))
+    high = mapped_grids.block(5, 5, width=0.5, height=0.5) @ rotation(np.radians(20)).T
+    data = read(
+        mapped_grids.build,
+        grids=[mapped_grids.Grid("lower", low), mapped_grids.Grid("upper", high)],
+        cell="quadrilateral",
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)),
+        fm.dirichlet(V, data, "upper/top", (0.0, -0.005)),
+    ]
+    sides = {"upper": ("upper/bottom", "lower/top"), "lower": ("lower/top", "upper/bottom")}
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    problem = fm.ContactProblem(
+        residual, u, [fm.ContactPair(data, *sides[slave])], bcs=bcs, petsc_options_prefix="corner_"
+    )
+    report = problem.solve()
+    (certificate,) = report.certificate.pairs
+    told = [note for note in report.notes if "a corner presses" in note]
+    assert certificate.slant == pytest.approx(np.sin(np.radians(20)), rel=0.15)  # it turns a little
+    assert len(told) == 1 and certificate.slant_at in told[0]
+    assert told[0] in str(report.certificate)
+
+
+@pytest.mark.parametrize(("shift", "leans"), [((0.0, 0.08), True), ((0.0, 0.0), False)])
+def test_body_that_leans_on_a_held_slave_node_is_told(shift, leans):
+    """The upper block is held at its left side; either it is pushed up against, or both move."""
+    data = read(two_blocks.build, n_upper=8, n_lower=14, layers_upper=6, layers_lower=6)
+    V = fm.vector_space(data.mesh, 1)
+    u, down = fem.Function(V), fem.Constant(data.mesh, (0.0, -0.02))
+    bcs = [
+        fm.dirichlet(V, data, "upper/top", down if not leans else (0.0, 0.0)),
+        fm.dirichlet(V, data, "upper/left", np.zeros(2)),
+        fm.dirichlet(V, data, "lower/bottom", shift),
+    ]
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="leaning_")
+    report = problem.solve()
+    (certificate,) = report.certificate.pairs
+    assert problem.contacts[0].active.sum() > 2
+    assert any("leans on a held slave node" in note for note in report.notes) == leans
+    assert (certificate.lean > 2.0) == leans
+    if leans:  # the node at the end of the held side
+        assert certificate.lean_at == "(0.6, 1)"
+
+
+def test_edges_of_a_punch_are_no_corners():
+    scene = solved(n_upper=7, n_lower=11)
+    assert scene.problem.certificate().remarks() == []
