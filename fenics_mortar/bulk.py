@@ -31,8 +31,8 @@ LEAST_AREA = 0.2
 SMALLEST_STEP = 1e-3
 # A cell is flat at a node if its area there is below this part of the cell's extent squared.
 FLAT = 1e-13
-# The mesh is where it was if no node has moved by more than this part of its size: to tie a second
-# problem's bodies on it moves nodes by rounding.
+# The mesh is where it was if no node has moved by more than this part of the farthest place: to tie
+# a second problem's bodies on it moves nodes by rounding.
 UNMOVED = 1e-10
 # Times that the pattern of K may grow before it is made anew: sliding contact leaves zeros
 # behind.
@@ -279,9 +279,9 @@ class Bulk:
 
     def _check_mesh(self) -> None:
         """Surfaces and tangent are those of the undeformed mesh as it was at set-up."""
-        now, size = self.V.mesh.geometry.x, np.ptp(self._nodes, axis=0).max(initial=0.0)
-        size = self.comm.allreduce(float(size), MPI.MAX)
-        moved = ~(np.abs(now - self._nodes).max(axis=1) <= UNMOVED * size)
+        far = self.comm.allreduce(float(np.abs(self._nodes).max(initial=0.0)), MPI.MAX)
+        change = np.abs(self.V.mesh.geometry.x - self._nodes).max(axis=1)
+        moved = ~(change <= UNMOVED * far)
         count, where = count_places(self.comm, self._nodes[moved, :2])
         if count:
             raise MortarError(
