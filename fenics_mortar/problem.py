@@ -37,8 +37,9 @@ from fenics_mortar.slip import Partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import (
+    DIRECT,
+    ITERATIVE,
     MANY,
-    SOLVERS,
     SYSTEMS,
     Algorithm,
     Solver,
@@ -93,11 +94,12 @@ class ContactProblem:
         petsc_options: Options of the linear solver, beside those of ``solver``.
         algorithm: "condensed" (the paper's Alg. 2, dual multipliers only) or "saddle" (Alg. 1);
             condensed by default where D can be inverted node by node.
-        solver: "direct" (MUMPS), "iterative": GMRES with multigrid, see ``multigrid``, for the
-            condensed system of displacements alone; or "auto". That iterates from 100,000 unknowns
-            on (``system.MANY``), where no options of PETSc are given and the bulk is not linear,
-            and directly solves all else: saddle point systems, mixed functions, small problems. If
-            an iterative solution fails the direct solver takes over, and the report says so.
+        solver: "direct" (MUMPS), "iterative": GMRES with multigrid, of the condensed system see
+            ``multigrid``, of the saddle point by blocks, whose bodies Dirichlet conditions have to
+            hold; or "auto". That iterates from 100,000 unknowns on (``system.MANY``), where no
+            options of PETSc are given and the bulk is not linear, and directly solves all else:
+            saddle point systems, mixed functions, small problems. If an iterative solution fails
+            the direct solver takes over, and the report says so.
             Measured, CPU time of a Newton iteration, direct over iterative (``bench_newton.py``,
             two blocks): 1.0 with 10,000 unknowns, 1.5 with 41,000, 1.9 with 161,000. Below
             100,000 the gain is not worth answers that are right to 1e-8 instead of rounding.
@@ -167,8 +169,8 @@ class ContactProblem:
         if algorithm not in (None, *get_args(Algorithm)):
             allowed = ", ".join(get_args(Algorithm))
             raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
-        if solver not in SOLVERS:
-            raise ValueError(f"solver={solver!r}: allowed are {', '.join(SOLVERS)}")
+        if solver not in get_args(Solver):
+            raise ValueError(f"solver={solver!r}: allowed are {', '.join(get_args(Solver))}")
         if solver == "iterative" and space.is_mixed:
             raise ValueError("solver='iterative': mixed functions need solver='direct'")
         self.newton = newton or NewtonOptions()
@@ -193,14 +195,14 @@ class ContactProblem:
         self.floating.find()
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(self.contacts) else "condensed"
-        if solver == "iterative" and algorithm != "condensed":
-            why = obstacle_to_condensation(self.contacts) or "algorithm='saddle' is asked for"
-            raise ValueError(f"solver='iterative' needs algorithm='condensed': {why}")
         automatic = solver == "auto"
         if automatic and not self._is_for_multigrid(algorithm, linear_bulk, petsc_options):
             solver = "direct"
         self.system = SYSTEMS[algorithm](
-            self.bulk, self.contacts, petsc_options_prefix, SOLVERS[solver] | (petsc_options or {})
+            self.bulk,
+            self.contacts,
+            petsc_options_prefix,
+            (DIRECT if solver == "direct" else ITERATIVE[algorithm]) | (petsc_options or {}),
         )
         self.system.may_factor = automatic and solver == "auto"
         if solver == "iterative" and linear_bulk is None:

@@ -44,7 +44,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.errors import MortarError, raise_together
 from fenics_mortar.interface import Interface, Rows
 from fenics_mortar.mortar import Block
-from fenics_mortar.multigrid import OPTIONS, TouchingBodies
+from fenics_mortar.multigrid import CYCLE, OPTIONS, TouchingBodies
 from fenics_mortar.reach import Reach, zeros
 from fenics_mortar.sparse import BlockMatrix, SomeRows, add_blocks
 from fenics_mortar.surfaces import Array, Indices
@@ -58,19 +58,34 @@ DIRECT = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 50,
 }
-ITERATIVE = {
-    "ksp_type": "gmres",
-    "ksp_pc_side": "right",
-    "ksp_gmres_restart": 100,
-    "ksp_rtol": 1e-8,
-    "ksp_max_it": 300,
-    "pc_type": "python",
-    **OPTIONS,
-}
-SOLVERS: dict[Solver, dict[str, Any]] = {
-    "auto": ITERATIVE,
-    "direct": DIRECT,
-    "iterative": ITERATIVE,
+# Both forms by multigrid for the bodies. The saddle point's is by blocks: its Schur complement is
+# solved by GMRES with one cycle for K, preconditioned by factors of that with the diagonal of K.
+KRYLOV = {"ksp_gmres_restart": 100, "ksp_rtol": 1e-8, "ksp_max_it": 300}
+ITERATIVE: dict[Algorithm, dict[str, Any]] = {
+    "condensed": {
+        **KRYLOV,
+        "ksp_type": "gmres",
+        "ksp_pc_side": "right",
+        "pc_type": "python",
+        **OPTIONS,
+    },
+    "saddle": {
+        **KRYLOV,
+        "ksp_type": "fgmres",
+        "pc_type": "fieldsplit",
+        "pc_fieldsplit_type": "schur",
+        "pc_fieldsplit_schur_fact_type": "full",
+        "pc_fieldsplit_schur_precondition": "selfp",
+        "fieldsplit_dofs_ksp_type": "preonly",
+        **{f"fieldsplit_dofs_{name}": value for name, value in CYCLE.items()},
+        "fieldsplit_multipliers_ksp_type": "gmres",
+        "fieldsplit_multipliers_ksp_pc_side": "right",
+        "fieldsplit_multipliers_ksp_gmres_restart": 100,
+        "fieldsplit_multipliers_ksp_rtol": 1e-2,
+        "fieldsplit_multipliers_ksp_max_it": 100,
+        "fieldsplit_multipliers_pc_type": "lu",
+        "fieldsplit_multipliers_pc_factor_mat_solver_type": "mumps",
+    },
 }
 # From so many unknowns on "auto" iterates; see ``ContactProblem``.
 MANY = 100_000
@@ -153,6 +168,10 @@ class LinearSystem(ABC):
             self.ksp.setFromOptions()
         self._finest, *_ = self.ksp.getTolerances()
 
+    def _reset(self) -> None:
+        """Forget what was made for matrices so far."""
+        self.ksp.reset()
+
     def _update_pattern(self) -> bool:
         """Whether contact goes beyond its reaches; make them anew then (collective)."""
         now = [(c.operators, c.carries, c.faced()) for c in self.contacts]
@@ -230,11 +249,11 @@ class LinearSystem(ABC):
         self.forcing = 0.0
         solution, failure = self._attempt(matrix, rhs)
         if failure:  # an order that was right for other values may not be
-            self.ksp.reset()
+            self._reset()
             solution, failure = self._attempt(matrix, rhs)
         if not failure:
             return solution
-        self.ksp.reset()  # MUMPS does not factor again after it has failed
+        self._reset()  # MUMPS does not factor again after it has failed
         if not self.may_factor:
             raise MortarError(f"the linear system was not solved{failure}")
         self.may_factor = False
@@ -352,7 +371,7 @@ class CondensedSystem(LinearSystem):
             if matrix is not None:
                 matrix.destroy()
         self._slave_K = None
-        self.ksp.reset()  # PETSc does not see that K has another pattern: it would keep factors
+        self._reset()  # PETSc does not see that K has another pattern: it would keep factors
 
     def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
         """C in the rows of the slave's displacement."""
@@ -470,6 +489,20 @@ class SaddleSystem(LinearSystem):
         self._no_K = BlockMatrix(self.comm, *[self._sizes[MULTIPLIER]] * 2).assemble([])
         self._assembled: Any = None
 
+    def _reset(self) -> None:
+        """The same, but for which rows are those of dofs and of multipliers."""
+        super()._reset()
+        if self.ksp.getPC().getType() != "fieldsplit":
+            return
+        first = int(self._ends[self.comm.rank].sum()) - sum(self._sizes)
+        starts = first, first + self._sizes[DOF]
+        parts = [
+            PETSc.IS().createStride(size, start, 1, comm=self.comm)
+            for size, start in zip(self._sizes, starts, strict=True)
+        ]
+        parts[DOF].setBlockSize(self.bulk.space.block_size)
+        self.ksp.getPC().setFieldSplitIS(*zip(("dofs", "multipliers"), parts, strict=True))
+
     def _number(self, kind: int, numbers: Indices) -> Indices:
         """Numbers in the whole matrix of dofs or of components of multipliers; -1 stays -1."""
         rank = np.searchsorted(self._ends[:, kind], numbers, side="right")
@@ -537,7 +570,7 @@ class SaddleSystem(LinearSystem):
         self.matrix = self._assembled = room.mat
         self.matrix.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         self._rhs = self.matrix.createVecLeft()
-        self.ksp.reset()
+        self._reset()
 
     def _assemble_rhs(self) -> None:
         size = self.bulk.num_owned
@@ -548,8 +581,15 @@ class SaddleSystem(LinearSystem):
             ]
 
     def solve(self) -> tuple[PETSc.Vec, list[Array]]:
-        """Solve for dd and zeta; z is handed to all ranks."""
-        return self._recover(self._rhs)
+        """Solve for dd and the change of zeta, which vanish as Newton converges."""
+        rhs, present = self._rhs.duplicate(), self._rhs.duplicate()
+        zeta = present.array[self.bulk.num_owned :].reshape(-1, 2)
+        for contact, place in self.numbered():
+            scaled = contact.z / self.scale(contact)[:, None]
+            zeta[self.local(contact, place)] = scaled[contact.slave.owned]
+        self.matrix.mult(present, rhs)
+        rhs.aypx(-1.0, self._rhs)
+        return self._recover(rhs, present)
 
     def respond(self, laws: Sequence[Array]) -> tuple[PETSc.Vec, list[Array]]:
         """The same without forces and prescribed values."""
@@ -557,10 +597,12 @@ class SaddleSystem(LinearSystem):
         for (contact, place), law in zip(self.numbered(), laws, strict=True):
             mine = rhs.array[self.bulk.num_owned :].reshape(-1, 2)
             mine[self.local(contact, place)] = law[contact.slave.owned]
-        return self._recover(rhs)
+        return self._recover(rhs, rhs.duplicate())
 
-    def _recover(self, rhs: PETSc.Vec) -> tuple[PETSc.Vec, list[Array]]:
+    def _recover(self, rhs: PETSc.Vec, present: PETSc.Vec) -> tuple[PETSc.Vec, list[Array]]:
+        """Solve for a change; return dd and the new multipliers, handed to all ranks."""
         solution = self._solve_linear(self.matrix, rhs)
+        solution.axpy(1.0, present)
         size = self.bulk.num_owned
         dd = PETSc.Vec().createMPI((size, None), comm=self.comm)
         dd.array[:] = solution.array_r[:size]

@@ -23,6 +23,7 @@ from fenics_mortar.system import ITERATIVE
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}
+ROUGH = {"basis": "standard", "law": fm.Coulomb(0.3)}
 
 
 def largest(values):
@@ -30,13 +31,18 @@ def largest(values):
 
 
 @pytest.mark.parametrize("slave", ["upper", "lower"])
-@pytest.mark.parametrize("degree", [1, 2])
-def test_results_are_those_of_the_direct_solver(slave, degree):
+@pytest.mark.parametrize(
+    "degree, pair",
+    [(1, {}), (2, {}), (1, {"basis": "standard"}), (2, {"basis": "standard"}), (1, ROUGH)],
+)
+def test_results_are_those_of_the_direct_solver(slave, degree, pair):
     """A corner of the upper block lies beyond the edge of the lower one."""
     u, z, iterations = [], [], []
     for solver in ("direct", "iterative"):
         options = {"solver": solver, "newton": fm.NewtonOptions()}
-        scene = pressed_blocks(slave=slave, degree=degree, problem=options, offset=1.4, **MESH)
+        scene = pressed_blocks(
+            slave=slave, degree=degree, pair=pair, problem=options, offset=1.4, **MESH
+        )
         for push in ((0.02, -0.05), (0.08, -0.1)):
             scene.loads["push"].value[:] = push
             iterations.append(scene.problem.solve().num_iterations)
@@ -47,7 +53,7 @@ def test_results_are_those_of_the_direct_solver(slave, degree):
     assert largest(z[0] - z[1]) < 1e-8 * largest(z[0])
 
 
-def pressed(k, upper, lower, inclination):
+def pressed(k, upper, lower, inclination, basis="dual"):
     """Linear iterations of each Newton iteration, k facets to the length of the slave."""
     mesh = {"n_upper": k, "n_lower": 2 * k, "layers_upper": k, "layers_lower": k}
     data = read(two_blocks.build, inclination=np.radians(inclination), **mesh)
@@ -59,7 +65,7 @@ def pressed(k, upper, lower, inclination):
         for name, E in (("upper", upper), ("lower", lower))
     )
     problem = fm.ContactProblem(
-        residual, u, [fm.ContactPair(data, "upper/bottom", "lower/top")],
+        residual, u, [fm.ContactPair(data, "upper/bottom", "lower/top", basis=basis)],
         bcs=[
             fm.dirichlet(V, data, "lower/bottom", np.zeros(2)),
             fm.dirichlet(V, data, "upper/top", np.array([0.01, -0.01])),
@@ -83,6 +89,14 @@ def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination):
     """By a fifth at the most each time that the mesh is refined, whichever body is the stiffer."""
     counts = [sum(pressed(k, upper, lower, inclination)) for k in (8, 16, 32, 64)]
     assert max(counts) <= 36
+    assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
+
+
+@pytest.mark.parametrize("lower", [1, 1000])
+def test_iterations_by_blocks_do_not_grow_with_the_mesh(lower):
+    """The saddle point, of a basis that cannot be condensed."""
+    counts = [sum(pressed(k, 1, lower, 0.0, basis="standard")) for k in (8, 16, 32, 64)]
+    assert max(counts) <= 32
     assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
 
 
@@ -154,10 +168,6 @@ def test_rigid_obstacle_is_pressed_into_a_block(options):
 def test_what_it_cannot_do_is_said():
     with pytest.raises(ValueError, match="allowed are auto, direct, iterative"):
         pressed_blocks(problem={"solver": "guess"}, **MESH)
-    with pytest.raises(ValueError, match="algorithm='saddle' is asked for"):
-        pressed_blocks(problem={"solver": "iterative", "algorithm": "saddle"}, **MESH)
-    with pytest.raises(ValueError, match="D is not diagonal"):
-        pressed_blocks(pair={"basis": "standard"}, problem={"solver": "iterative"}, **MESH)
 
 
 def solver_of(problem):
@@ -189,7 +199,7 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
     u, reports = [], []
     for many in (10**9, 0):
         monkeypatch.setattr("fenics_mortar.problem.MANY", many)
-        monkeypatch.setitem(ITERATIVE, "ksp_max_it", 1)
+        monkeypatch.setitem(ITERATIVE["condensed"], "ksp_max_it", 1)
         scene = pressed_blocks(problem=options, **MESH)
         for push in (-0.05, -0.1):
             scene.loads["push"].value[1] = push
@@ -207,7 +217,9 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
 def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monkeypatch):
     """PETSc knows no such factors: an error, not a solve that diverged."""
     monkeypatch.setattr("fenics_mortar.problem.MANY", 0)
-    monkeypatch.setitem(ITERATIVE, "strip_redundant_pc_factor_mat_solver_type", "nobody")
+    monkeypatch.setitem(
+        ITERATIVE["condensed"], "strip_redundant_pc_factor_mat_solver_type", "nobody"
+    )
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05
     report = scene.problem.solve()
