@@ -49,7 +49,8 @@ from fenics_mortar.sparse import BlockMatrix, is_symmetric
 from fenics_mortar.surfaces import Array, Indices
 
 # Measured: sweeps at half the cost of the default ones, for a few iterations more; coarse grids and
-# interpolation for which iterations grow less with the mesh than by the default ones, at no cost.
+# interpolation for which iterations grow by 15 instead of 25 % at the most where contact is curved.
+# On flat contact at 645,000 unknowns they cost 20 % more time.
 CYCLE = {
     "pc_type": "hypre",
     "pc_hypre_boomeramg_coarsen_type": "HMIS",

@@ -60,6 +60,12 @@ def frozen_cone() -> AbstractContextManager:
     return patch.object(Coulomb, "limit", limit)
 
 
+def bound_by_pressure() -> AbstractContextManager:
+    """The bound of friction follows the pressure, not the test of the active set."""
+    return patch.dict(Coulomb.__init__.__kwdefaults__, limit_by="pressure")
+
+
+FRICTION = "rubbing*,reversal,slope"
 # Scenes of long or difficult steps; elsewhere nothing is cut short.
 DAMPED = "step_size,stiffness,bouncing,*arch,ironing,rubbing*,corner*,press_fit,roll,cantilevers"
 
@@ -76,7 +82,8 @@ METHODS = {
     "plain_frozen": Method(
         "plain fixed point", problem={"linearization": "frozen"}, adaptive=False
     ),
-    "frozen_cone": Method("frozen cone", override=frozen_cone, scenes="rubbing*,reversal,slope"),
+    "by_pressure": Method("bound by pressure", override=bound_by_pressure, scenes=FRICTION),
+    "frozen_cone": Method("frozen cone", override=frozen_cone, scenes=FRICTION),
     "whole_facet": Method(
         "basis of whole facets", pair={"gap_weights": "basis"}, override=whole_facet_basis
     ),
