@@ -94,12 +94,11 @@ class ContactProblem:
         petsc_options: Options of the linear solver, beside those of ``solver``.
         algorithm: "condensed" (the paper's Alg. 2, dual multipliers only) or "saddle" (Alg. 1);
             condensed by default where D can be inverted node by node.
-        solver: "direct" (MUMPS), "iterative": GMRES with multigrid, of the condensed system see
-            ``multigrid``, of the saddle point by blocks, whose bodies Dirichlet conditions have to
-            hold; or "auto". That iterates from 100,000 unknowns on (``system.MANY``), where no
-            options of PETSc are given and the bulk is not linear, and directly solves all else:
-            saddle point systems, mixed functions, small problems. If an iterative solution fails
-            the direct solver takes over, and the report says so.
+        solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
+            That iterates from 100,000 unknowns on (``system.MANY``), where no options of PETSc are
+            given and the bulk is not linear, and directly solves all else: mixed functions, small
+            problems. If an iterative solution fails the direct solver takes over, and the report
+            says so.
             Measured, CPU time of a Newton iteration, direct over iterative (``bench_newton.py``,
             two blocks): 1.0 with 10,000 unknowns, 1.5 with 41,000, 1.9 with 161,000. Below
             100,000 the gain is not worth answers that are right to 1e-8 instead of rounding.
@@ -196,13 +195,13 @@ class ContactProblem:
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(self.contacts) else "condensed"
         automatic = solver == "auto"
-        if automatic and not self._is_for_multigrid(algorithm, linear_bulk, petsc_options):
+        if automatic and not self._is_for_multigrid(linear_bulk, petsc_options):
             solver = "direct"
         self.system = SYSTEMS[algorithm](
             self.bulk,
             self.contacts,
             petsc_options_prefix,
-            (DIRECT if solver == "direct" else ITERATIVE[algorithm]) | (petsc_options or {}),
+            (DIRECT if solver == "direct" else ITERATIVE) | (petsc_options or {}),
         )
         self.system.may_factor = automatic and solver == "auto"
         if solver == "iterative" and linear_bulk is None:
@@ -222,13 +221,13 @@ class ContactProblem:
             adequacy.prepare(self)
 
     def _is_for_multigrid(
-        self, algorithm: str, linear_bulk: bool | None, petsc_options: dict[str, Any] | None
+        self, linear_bulk: bool | None, petsc_options: dict[str, Any] | None
     ) -> bool:
         """Whether solver "auto" iterates; see there."""
         given = PETSc.Options(self._given["petsc_options_prefix"]).getAll() or petsc_options
         factored_once = self.bulk.is_linear and linear_bulk is not False
-        bodies_only = algorithm == "condensed" and not self.bulk.space.is_mixed
-        return bodies_only and not given and not factored_once and self.bulk.r.getSize() >= MANY
+        simple = not (self.bulk.space.is_mixed or given or factored_once)
+        return simple and self.bulk.r.getSize() >= MANY
 
     # Solving
 
