@@ -101,7 +101,7 @@ class TouchingBodies:
 
     Args:
         bulk: The bodies.
-        contacts: The contacts, with dual multipliers.
+        contacts: The contacts.
         prefix: Prefix of the options; those of the cycle and the strip are below it.
         multipliers: Rows of multipliers that follow the rows of this rank's dofs; ``None`` if the
             system is condensed.
@@ -129,8 +129,7 @@ class TouchingBodies:
         outdated = self._is_outdated()
         if outdated:
             self._turn_axes()
-        self._motion.assemble(self._motion_blocks(nodes))
-        self._equations.assemble(self._equation_blocks(nodes))
+        self._follow(nodes)
         if outdated:
             self._make_cycle(A, nodes)
         self._work = [A.createVecRight(), *(self._R.mat.createVecRight() for _ in range(3))]
@@ -250,18 +249,17 @@ class TouchingBodies:
         mine = all(np.allclose(F @ F, np.eye(2)) for _, F, _ in nodes)
         return self._bulk.comm.allreduce(mine, MPI.LAND)
 
-    def _motion_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
-        """Blocks of T - 1."""
-        yield from self._own_blocks(nodes)
-        for slave, other, part, followed in self._partners():
-            yield Block(slave, other, part * followed)
-
-    def _equation_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
-        """Blocks of L^T - 1."""
-        yield from self._own_blocks(nodes)
+    def _follow(self, nodes: list[tuple[Indices, Array, Array]]) -> None:
+        """Set T - 1 and L^T - 1: what active nodes follow, and where their forces go."""
+        first = self._bulk.first
+        own = [Block(dofs + first, dofs + first, -F @ F) for dofs, F, _ in nodes]
         gathered = np.eye(2) if self._condensed else np.zeros((2, 2))
+        motion, equations = own.copy(), own.copy()
         for slave, other, part, followed in self._partners():
-            yield Block(slave, other, part * (followed - gathered))
+            motion.append(Block(slave, other, part * followed))
+            equations.append(Block(slave, other, part * (followed - gathered)))
+        self._motion.assemble(motion)
+        self._equations.assemble(equations)
 
     def _idle_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
         """Blocks of the motions that T leaves out, along the axes."""
@@ -270,12 +268,6 @@ class TouchingBodies:
             idle = axes.transpose(0, 2, 1) @ F @ F @ axes
             dofs = dofs + self._bulk.first
             yield Block(dofs, dofs, IDLE * k[:, None, None] * idle)
-
-    def _own_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
-        """Blocks that take from active nodes what they follow."""
-        for dofs, F, _ in nodes:
-            dofs = dofs + self._bulk.first
-            yield Block(dofs, dofs, -F @ F)
 
     def _partners(self) -> Iterator[tuple[Indices, Indices, Array, Array]]:
         """Dofs (p, 2) of active slave nodes and of others, M_jl / D_jj (p, 1, 1), F F.
