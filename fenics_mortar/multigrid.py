@@ -157,6 +157,7 @@ class TouchingBodies:
         product = A.matMult(self._T)
         B = self._L.matMult(product)
         product.destroy()
+        B.setBlockSize(self._bulk.space.block_size)  # which large products on ranks have lost
         idle = self._idle.assemble(self._idle_blocks(nodes))
         B.axpy(1.0, idle, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         held = (self._held + first).astype(PETSc.IntType)

@@ -92,6 +92,16 @@ def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination):
     assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
 
 
+def test_components_are_coarsened_apart_also_after_products_of_large_matrices():
+    """On several ranks PETSc multiplies them by an algorithm that forgets the block size."""
+    name, counts = "mattransposematmult_via", []
+    for algorithm in ("nonscalable", "scalable"):
+        PETSc.Options().setValue(name, algorithm)
+        counts.append(pressed(16, 1, 1, 0.0))
+        PETSc.Options().delValue(name)
+    assert counts[0] == counts[1]
+
+
 @pytest.mark.parametrize("lower", [1, 1000])
 def test_iterations_by_blocks_do_not_grow_with_the_mesh(lower):
     """The saddle point, of a basis that cannot be condensed."""
