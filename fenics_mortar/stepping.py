@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.dead_end import why_path_ends
+from fenics_mortar.equations import State
 from fenics_mortar.errors import NotConvergedError
 from fenics_mortar.newton import NewtonReport
 from fenics_mortar.predictor import Predictor
-from fenics_mortar.problem import ContactProblem, State
+from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
 
 # What is left of the path below this part of a step is taken with the step.
