@@ -100,11 +100,9 @@ class TouchingBodies:
     def __init__(self, bulk: Bulk, contacts: Sequence[Interface], prefix: str) -> None:
         self._bulk, self._contacts, self._held = bulk, contacts, bulk.held
         size, block_size = bulk.num_owned, bulk.space.block_size
-        self._T_parts, self._L_parts, self._idle, self._R = (
+        self._motion, self._equations, self._idle, self._R = (
             BlockMatrix(bulk.comm, size, size, block_size) for _ in range(4)
         )
-        self._T: Any = None
-        self._L: Any = None
         self._strip = Strip(bulk, contacts, f"{prefix}strip_")
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
@@ -118,10 +116,11 @@ class TouchingBodies:
         outdated = self._is_outdated()
         if outdated:
             self._turn_axes()
-        self._join(nodes)
+        self._motion.assemble(self._motion_blocks(nodes))
+        self._equations.assemble(self._equation_blocks(nodes))
         if outdated:
             self._make_cycle(A, nodes)
-        self._work = [A.createVecRight() for _ in range(3)]
+        self._work = [A.createVecRight() for _ in range(4)]
 
     def reset(self, pc: PETSc.PC) -> None:
         """Forget the cycle, as PETSc calls it."""
@@ -143,21 +142,9 @@ class TouchingBodies:
             self._best = self._best or iterations / digits
             self._excess += iterations - self._best * digits
 
-    def _join(self, nodes: list[tuple[Indices, Array, Array]]) -> None:
-        """Set T R and R^T L."""
-        if self._T is not None:
-            self._T.destroy()
-            self._L.destroy()
-        R = self._R.mat
-        self._T = self._T_parts.assemble(self._motion_blocks(nodes)).matMult(R)
-        self._L = R.transposeMatMult(self._L_parts.assemble(self._equation_blocks(nodes)))
-
     def _make_cycle(self, A: PETSc.Mat, nodes: list[tuple[Indices, Array, Array]]) -> None:
         first = self._bulk.first
-        product = A.matMult(self._T)
-        B = self._L.matMult(product)
-        product.destroy()
-        B.setBlockSize(self._bulk.space.block_size)  # which large products on ranks have lost
+        B = self._touching_tangent(A)
         idle = self._idle.assemble(self._idle_blocks(nodes))
         B.axpy(1.0, idle, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         held = (self._held + first).astype(PETSc.IntType)
@@ -174,17 +161,36 @@ class TouchingBodies:
         self._best, self._excess = 0.0, 0.0
         self._sets = [contact.active.copy() for contact in self._contacts]
 
+    def _touching_tangent(self, A: PETSc.Mat) -> PETSc.Mat:
+        """R^T L A T R."""
+        T_R, L_T_R = (self._turned(part.mat) for part in (self._motion, self._equations))
+        product = A.matMult(T_R)
+        B = L_T_R.transposeMatMult(product)
+        for matrix in (T_R, L_T_R, product):
+            matrix.destroy()
+        B.setBlockSize(self._bulk.space.block_size)  # which large products on ranks have lost
+        return B
+
+    def _turned(self, part: PETSc.Mat) -> PETSc.Mat:
+        """(1 + part) R."""
+        whole = part.matMult(self._R.mat)
+        whole.axpy(1.0, self._R.mat, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        return whole
+
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """One application, as PETSc calls it."""
         A, _ = pc.getOperators()
-        rest, gathered, y = self._work
+        R, (rest, gathered, turned, y) = self._R.mat, self._work
         self._strip.solve(b, x)
         A.mult(x, rest)
         rest.aypx(-1.0, b)
-        self._L.mult(rest, gathered)
-        gathered.array[self._held] = 0.0
-        self._cycle.solve(gathered, y)
-        self._T.multAdd(y, x, x)
+        self._equations.mat.multTransposeAdd(rest, rest, gathered)
+        R.multTranspose(gathered, turned)
+        turned.array[self._held] = 0.0
+        self._cycle.solve(turned, y)
+        R.mult(y, turned)
+        x.axpy(1.0, turned)
+        self._motion.mat.multAdd(turned, x, x)
 
     def _turn_axes(self) -> None:
         """Set R; nodes held in one component keep the axes of the mesh."""
@@ -227,16 +233,16 @@ class TouchingBodies:
         return self._bulk.comm.allreduce(mine, MPI.LAND)
 
     def _motion_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
-        """Blocks of T."""
-        yield from self._free_blocks(nodes)
-        for slave, master, part, followed in self._partners():
-            yield Block(slave, master, part * followed)
+        """Blocks of T - 1."""
+        yield from self._own_blocks(nodes)
+        for slave, other, part, followed in self._partners():
+            yield Block(slave, other, part * followed)
 
     def _equation_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
-        """Blocks of L."""
-        yield from self._free_blocks(nodes)
-        for slave, master, part, followed in self._partners():
-            yield Block(master, slave, -part * (np.eye(2) - followed))
+        """Blocks of L^T - 1."""
+        yield from self._own_blocks(nodes)
+        for slave, other, part, followed in self._partners():
+            yield Block(slave, other, part * (followed - np.eye(2)))
 
     def _idle_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
         """Blocks of the motions that T leaves out, along the axes."""
@@ -246,14 +252,11 @@ class TouchingBodies:
             dofs = dofs + self._bulk.first
             yield Block(dofs, dofs, IDLE * k[:, None, None] * idle)
 
-    def _free_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
-        """Blocks of the identity, but for what active nodes follow."""
-        first, one = self._bulk.first, np.ones(self._bulk.num_owned)
+    def _own_blocks(self, nodes: list[tuple[Indices, Array, Array]]) -> Iterator[Block]:
+        """Blocks that take from active nodes what they follow."""
         for dofs, F, _ in nodes:
-            one[dofs] = 0.0
-            yield Block(dofs + first, dofs + first, np.eye(2) - F @ F)
-        dofs = np.arange(one.size)[:, None] + first
-        yield Block(dofs, dofs, one[:, None, None])
+            dofs = dofs + self._bulk.first
+            yield Block(dofs, dofs, -F @ F)
 
     def _partners(self) -> Iterator[tuple[Indices, Indices, Array, Array]]:
         """Dofs (p, 2) of active slave nodes and of others, M_jl / D_jj (p, 1, 1), F F."""

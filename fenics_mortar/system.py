@@ -358,20 +358,24 @@ class CondensedSystem(LinearSystem):
 
     def _make_room(self, laws: Sequence[Rows]) -> None:
         """Put zeros into K wherever contact may add within its reach."""
+        different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         size = self.bulk.num_owned
-        zeros = BlockMatrix(self.comm, size, size, self.bulk.space.block_size)
-        self.bulk.grow_tangent(zeros.assemble(r.derivative_pattern() for r in self._reaches))
-        zeros.mat.destroy()
+        room = BlockMatrix(self.comm, size, size, self.bulk.space.block_size).assemble(
+            reach.derivative_pattern() for reach in self._reaches
+        )
         R = self._R.assemble(self._rows.renumbered(chain(self._R_blocks(laws), self._R_room())))
-        slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
+        slave_K, of_room = (A.createSubMatrix(self._slave_rows) for A in (self.bulk.K, room))
+        slave_K.axpy(1.0, of_room, different)
         product = R.matMult(slave_K)
-        room = self._rows.room(product, size)
+        gathered = self._rows.room(product, size)
+        room.axpy(1.0, gathered, different)
         self.bulk.grow_tangent(room)
-        for matrix in (slave_K, product, room, self._slave_K):
+        for matrix in (room, slave_K, of_room, product, gathered, self._slave_K):
             if matrix is not None:
                 matrix.destroy()
         self._slave_K = None
-        self._reset()  # PETSc does not see that K has another pattern: it would keep factors
+        if self._multigrid is None:  # which sees to itself
+            self._reset()  # PETSc does not see that K has another pattern: it would keep factors
 
     def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
         """C in the rows of the slave's displacement."""
