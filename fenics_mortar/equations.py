@@ -229,6 +229,7 @@ class ContactEquations:
         return ", ".join(filter(None, free))
 
     def _describe_inverted(self) -> str:
+        """Number and place of inverted cells, in words; "" if there are none (collective)."""
         count, where = self.bulk.inverted_cells()
         return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
 

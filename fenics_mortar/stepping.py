@@ -157,6 +157,10 @@ class PathReport:
         reasons += [f"- step {len(self.steps) + 1}: {failure.reason}" for failure in self.failures]
         return "\n".join([*lines, *(["", *reasons] if reasons else [])])
 
+    def __str__(self) -> str:
+        """The table."""
+        return self.table()
+
 
 def follow_path(
     problem: ContactProblem,
@@ -185,8 +189,8 @@ def follow_path(
 
     Raises:
         NotConvergedError: If a step of the smallest size fails, or ends in a state that violates
-            its certificate. Displacement and multipliers are
-            those of the last accepted step then; ``report`` is the ``PathReport``.
+            its certificate. Displacement and multipliers are those of the last accepted step then;
+            ``report`` is the ``PathReport``.
     """
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
