@@ -107,6 +107,15 @@ class ContactEquations:
     def _set_stiffness(self) -> None:
         """Give each contact the mean diagonal of K at its slave nodes."""
         diagonal = self.bulk.K.getDiagonal().array_r
+        self._check_diagonal(diagonal)
+        largest = float(np.abs(diagonal[self.bulk.space.owned_dofs]).max(initial=0.0))
+        self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
+        self.bulk.set_units(self.stiffest)
+        for contact in self.contacts:
+            contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
+
+    def _check_diagonal(self, diagonal: Array) -> None:
+        """Refuse a bulk tangent with this diagonal (owned dofs,) if a node has no stiffness."""
         if self.comm.allreduce(not np.isfinite(diagonal).all(), MPI.LOR):
             reason = self._describe_inverted() or "check the residual form"
             raise MortarError(
@@ -124,11 +133,6 @@ class ContactEquations:
                 f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
                 "the residual form has to hold the stress of every body"
             )
-        largest = float(np.abs(diagonal[dofs]).max(initial=0.0))
-        self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
-        self.bulk.set_units(self.stiffest)
-        for contact in self.contacts:
-            contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
 
     # Where they stand
 
