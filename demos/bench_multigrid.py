@@ -3,10 +3,11 @@
 # A half cylinder is pressed on a block in three load steps, both neo-Hookean; the cylinder is the
 # slave. What counts is how often GMRES with multigrid iterates in one Newton iteration, in the mean
 # over all steps, and by what factor that grows as the facets are halved. The first argument is how
-# many times as stiff as the block the cylinder is, the second how often the mesh is refined:
+# many times as stiff as the block the cylinder is, the second how often the mesh is refined; with
+# "saddle" multipliers are unknowns of the system:
 #
-#     python3 demos/bench_multigrid.py                    equal bodies, 2k to 121k unknowns
-#     python3 demos/bench_multigrid.py 1000               a stiff cylinder
+#     python3 demos/bench_multigrid.py                       equal bodies, 2k to 121k unknowns
+#     python3 demos/bench_multigrid.py 1000 3 saddle         a stiff cylinder
 #     mpirun -n 2 python3 demos/bench_multigrid.py 1e-3 4    a stiff block, to 483k
 
 # +
@@ -14,8 +15,10 @@ import sys
 
 from bench_scene import comm, half_cylinder, size_of
 
-RATIO = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
-REFINEMENTS = int(sys.argv[2]) if len(sys.argv) > 2 else 3
+ALGORITHM = "saddle" if "saddle" in sys.argv else "condensed"
+NUMBERS = [arg for arg in sys.argv[1:] if arg != "saddle"]
+RATIO = float(NUMBERS[0]) if NUMBERS else 1.0
+REFINEMENTS = int(NUMBERS[1]) if len(NUMBERS) > 1 else 3
 DEPTHS = (0.05, 0.15, 0.25)
 # -
 
@@ -24,7 +27,8 @@ DEPTHS = (0.05, 0.15, 0.25)
 def measure(refinements):
     """Dofs, nodes in contact, Newton iterations, and linear iterations in each, mean and most."""
     stiff = (1.0, RATIO) if RATIO >= 1.0 else (1.0 / RATIO, 1.0)
-    problem, push = half_cylinder(0.16, refinements, stiff=stiff, solver="iterative")
+    options = {"solver": "iterative", "algorithm": ALGORITHM}
+    problem, push = half_cylinder(0.16, refinements, stiff=stiff, **options)
     seen = []  # 0, 1, 2, ... of every linear solve
     problem.system.ksp.setMonitor(lambda ksp, iteration, residual: seen.append(iteration))
     newton = 0
