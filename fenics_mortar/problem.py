@@ -15,6 +15,9 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+import ufl
+from dolfinx import fem
+
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
@@ -30,6 +33,7 @@ from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, Status, Step, forcing, solve
 from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.options import check_choice, check_kind
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
@@ -151,6 +155,19 @@ class ContactProblem:
             isinstance(p, (ContactPair, TiedPair)) for p in pairs
         ):
             raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
+        check_kind("residual", residual, ufl.Form, "a UFL form")
+        check_kind("u", u, fem.Function, "a function of dolfinx")
+        check_kind("petsc_options_prefix", petsc_options_prefix, str, "a text, as 'blocks_'")
+        for name, value, kind, right in (
+            ("petsc_options", petsc_options, dict, "a dictionary, or None"),
+            ("newton", newton, NewtonOptions, "an instance of NewtonOptions, or None"),
+            ("jacobian", jacobian, ufl.Form, "a UFL form, or None"),
+            ("linear_bulk", linear_bulk, bool, "True, False or None"),
+        ):
+            if value is not None:
+                check_kind(name, value, kind, right)
+        if adequacy is not None and not hasattr(adequacy, "prepare"):
+            raise ValueError(f"adequacy={adequacy!r}: an instance of AdequacyCheck, or None")
         if not isinstance(bcs, Sequence):
             raise ValueError(
                 f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions"
@@ -163,14 +180,10 @@ class ContactProblem:
         compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)
-        if linearization not in LINEARIZATIONS:
-            allowed = ", ".join(LINEARIZATIONS)
-            raise ValueError(f"linearization={linearization!r}: allowed are {allowed}")
-        if algorithm not in (None, *get_args(Algorithm)):
-            allowed = ", ".join(get_args(Algorithm))
-            raise ValueError(f"algorithm={algorithm!r}: allowed are {allowed}")
-        if solver not in get_args(Solver):
-            raise ValueError(f"solver={solver!r}: allowed are {', '.join(get_args(Solver))}")
+        check_choice("linearization", linearization, tuple(LINEARIZATIONS))
+        if algorithm is not None:
+            check_choice("algorithm", algorithm, get_args(Algorithm))
+        check_choice("solver", solver, get_args(Solver))
         if solver == "iterative" and space.is_mixed:
             raise ValueError("solver='iterative': mixed functions need solver='direct'")
         self.newton = newton or NewtonOptions()

@@ -15,6 +15,7 @@ from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.files import make_folder, try_together, without_suffix
 from fenics_mortar.newton import NewtonReport
+from fenics_mortar.options import check_flag, check_number
 from fenics_mortar.predictor import Predictor
 from fenics_mortar.problem import ContactProblem, State
 from fenics_mortar.surfaces import Array
@@ -57,18 +58,20 @@ class SteppingOptions:
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
-        for name, right in (
-            ("step", self.step > 0.0),
-            ("smallest", 0.0 < self.smallest <= self.step),
-            ("largest", self.largest is None or self.largest >= self.step),
-            ("growth", self.growth >= 1.0),
-            ("cut", 0.0 < self.cut < 1.0),
+        right = (
+            "0 < smallest <= step <= largest, growth at least 1, cut between 0 and 1 are allowed"
+        )
+        largest = self.step if self.largest is None else self.largest
+        for name, value, allows in (
+            ("step", self.step, lambda step: 0.0 < step < np.inf),
+            ("smallest", self.smallest, lambda smallest: 0.0 < smallest <= self.step),
+            ("largest", largest, lambda largest: largest >= self.step),
+            ("growth", self.growth, lambda growth: growth >= 1.0),
+            ("cut", self.cut, lambda cut: 0.0 < cut < 1.0),
         ):
-            if not right:
-                raise ValueError(
-                    f"{name}={getattr(self, name)}: 0 < smallest <= step <= largest, growth at "
-                    "least 1 and cut between 0 and 1 are allowed"
-                )
+            check_number(name, value, right, allows)
+        check_number("easy", self.easy, "a number of iterations", lambda easy: easy >= 0)
+        check_flag("predict", self.predict)
 
 
 class Work(NamedTuple):

@@ -167,7 +167,14 @@ def test_state_with_slave_and_master_exchanged_is_refused(shared_path):
 
 
 @pytest.mark.parametrize(
-    "options", [{"step": 0.0}, {"step": 0.1, "smallest": 0.2}, {"step": 0.1, "cut": 1.0}]
+    "options",
+    [
+        {"step": 0.0},
+        {"step": "0.1"},
+        {"step": 0.1, "smallest": 0.2},
+        {"step": 0.1, "cut": 1.0},
+        {"step": 0.1, "largest": None, "growth": [2.0]},
+    ],
 )
 def test_stepping_options_that_cannot_work_are_refused(options):
     with pytest.raises(ValueError, match="allowed"):
