@@ -361,6 +361,8 @@ def _check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any) -> None:
         raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
     if not isinstance(bcs, Sequence):
         raise ValueError(f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions")
+    if not all(hasattr(bc, "function_space") for bc in bcs):
+        raise ValueError(f"bcs={bcs!r}: right is a list of Dirichlet conditions")
     if len(residual.arguments()) != 1:
         raise ValueError(
             "the residual has to hold one test function and no trial function; of an energy, "

@@ -713,6 +713,7 @@ def test_fewer_points_than_nodes_of_a_facet_are_refused():
         ),
         ({"pairs": "slave"}, "pairs='slave': .*list of ContactPair"),
         ({"pairs": None}, "pairs=None: .*list of ContactPair"),
+        ({"bcs": [0.0]}, r"bcs=\[0.0\]: .*list of Dirichlet"),
         ({"newton": {"max_iterations": 5}}, "newton=.*: an instance of NewtonOptions"),
         ({"adequacy": True}, "adequacy=True: an instance of AdequacyCheck"),
         ({"petsc_options": "ksp_view"}, "petsc_options='ksp_view': a dictionary"),
