@@ -60,6 +60,8 @@ LEAST_NODE_COVER = 1e-10
 # than the second: as the cover vanishes, its own would grow beyond all bounds, and its end would be
 # a jump. So often it may change in one solve.
 HAND_OVER, STRONG, MOST_CHANGES = 0.05, 0.1, 4
+# Within this part of HAND_OVER a cover may be above it if the node carries and below if not.
+VERGE = 0.1
 # A slave node held in one component lies on a symmetry plane if the cosine between its normal and
 # the free component is above the first (20 degrees), and is held along its normal if below the
 # second.
@@ -369,20 +371,45 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
+        kappa, helped = self._cover_and_help()
+        carries = self._may_carry & ~((kappa < HAND_OVER) & helped)
+        changed = (carries != self.carries) & (self._changes < MOST_CHANGES)
+        self.carries = np.where(changed, carries, self.carries)
+        self._changes += changed
+        return int(changed.sum())
+
+    @property
+    def undecided(self) -> Indices:
+        """Nodes beside active ones that are covered by about ``HAND_OVER``, (nodes,).
+
+        Whether such a node carries a multiplier changes the surface a little, and with it the cover
+        that decides on it: with and without, there may be two solutions.
+        """
+        if self.options.integration == "nodes":
+            return np.empty(0, np.int64)
+        kappa, helped = self._cover_and_help()
+        near = np.flatnonzero(helped & (np.abs(kappa - HAND_OVER) < VERGE * HAND_OVER))
+        step = self._spacing
+        beside = self.slave.along(near, range(-step, step + 1, 2 * step))
+        return near[((beside >= 0) & self.active[beside]).any(axis=1)]
+
+    @property
+    def _spacing(self) -> int:
+        """How many nodes there are from one that may have a multiplier to the next."""
+        return self.slave.degree if self._at_vertices else 1
+
+    def _cover_and_help(self) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """Covered part of each node, and whether it has neighbours to hand its multiplier to."""
         kappa = self.operators.cover / self.nodal_lengths
         strong = self._may_carry & (kappa > STRONG)
         safe, helped = np.ones(kappa.size, bool), np.zeros(kappa.size, bool)
-        step = self.slave.degree if self._at_vertices else 1
+        step = self._spacing
         sides = self.slave.along(np.arange(kappa.size), range(-step, step + 1, 2 * step))
         for neighbour in sides.T:
             there = neighbour >= 0
             safe &= ~there | strong[neighbour] | (kappa[neighbour] == 0.0)
             helped |= there & strong[neighbour]
-        carries = self._may_carry & ~((kappa < HAND_OVER) & safe & helped)
-        changed = (carries != self.carries) & (self._changes < MOST_CHANGES)
-        self.carries = np.where(changed, carries, self.carries)
-        self._changes += changed
-        return int(changed.sum())
+        return kappa, safe & helped
 
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
@@ -415,7 +442,10 @@ class Contact(Interface):
             on_slave: Displacements of the slave nodes, shape (n, 2).
             on_master: Displacements of the master nodes, shape (n, 2).
         """
-        change, on = self._change(self.operators.gap_derivative(), on_slave, on_master), self.covered
+        change, on = (
+            self._change(self.operators.gap_derivative(), on_slave, on_master),
+            self.covered,
+        )
         change[on] /= self.operators.weight[on]
         return np.where(on, change, 0.0)
 
