@@ -278,7 +278,7 @@ class Contact(Interface):
         """See ``Interface``; notes the nodes that press though their multipliers pull (collective).
 
         A linear system knows the force w z of a node to first order, w_old z + dw z_old. As the
-        cover of a node grows many times over, at an edge that slides, the second term alone may be
+        weight of a node more than doubles, at an edge that slides, the second term alone may be
         more than the force, and z pulls to make up for it. Such a node would be released, to come
         back an iteration or two later; it is its force that says if it presses.
         """
@@ -288,6 +288,7 @@ class Contact(Interface):
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
             change = part * self._change(o.weight_derivative(), *sides)
+            pulls &= change > o.weight
             force = o.weight[:, None] * self.z + change[:, None] * old
             self._borne = pulls & (np.einsum("ja,ja->j", o.n, force) > 0.0), force
 
