@@ -100,6 +100,16 @@ class Interface(ABC):
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate everything at the displacement ``u``, a local array (collective)."""
 
+    def move(self, z: Array, part: float, step: Array) -> None:
+        """Go a part of the way to the multipliers of a linear system (collective).
+
+        Args:
+            z: These, shape (slave nodes, 2) [stress].
+            part: How much of it.
+            step: All of the displacements that go with them, owned dofs [length].
+        """
+        self.z = self.z + part * (z - self.z) if part < 1.0 else z
+
     @abstractmethod
     def rows(self) -> Rows:
         """Rows of the multipliers, the law of the interface."""
