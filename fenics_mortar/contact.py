@@ -74,6 +74,8 @@ NEAR = 0.5
 # A sticking node that other pairs hold, too, gives way to its shear: by this part of what the bulk
 # does.
 GIVE = 1e-3
+# Gauss points per segment by default, or for each part of a facet between two nodes
+POINTS = 5
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
 
@@ -125,7 +127,6 @@ class Contact(Interface):
         """Extract the surfaces (collective); see ``Interface``."""
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         super().__init__(pair, space, prescribed, welds)
-        self._check_points()
         self._classify_nodes()
         self._may_carry = self.carries
         self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
@@ -138,7 +139,7 @@ class Contact(Interface):
             pair.normals,
             pair.gap_weights,
             pair.integration,
-            pair.points,
+            self._points(),
             pair.search_radius or self._reach(),
             float(np.cos(np.radians(pair.max_angle))),
         )
@@ -168,13 +169,22 @@ class Contact(Interface):
             return np.inf
         return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
 
-    def _check_points(self) -> None:
-        size = self.slave.degree + 1
-        if self.pair.integration == "elements" and self.pair.points < size:
+    def _points(self) -> int:
+        """Gauss points per segment, with "elements" per facet: those of the pair, or the default.
+
+        How well points on a facet pass a uniform pressure does not depend on the mesh: through 5 it
+        passes to 0.1 % on facets with two nodes, to 5 % on those with three, through 10 to 0.4 %.
+        """
+        points, degree = self.pair.points, self.slave.degree
+        on_facets = self.pair.integration == "elements" and self.obstacle is None
+        if points is None:
+            return POINTS * (degree if on_facets else 1)
+        if on_facets and points <= degree:
             raise ValueError(
-                f"points={self.pair.points}: with integration='elements' at least as many as a "
-                f"facet has nodes, {size}"
+                f"points={points}: with integration='elements' at least as many as a facet has "
+                f"nodes, {degree + 1}"
             )
+        return points
 
     def _classify_nodes(self) -> None:
         """Set ``carries``, ``oblique`` and the normals on symmetry planes, from reference normals.

@@ -48,7 +48,8 @@ class ContactPair:
             node-to-segment contact; each node that has a partner has its weight. ``basis`` and
             ``gap_weights`` mean nothing then, and ``points`` is refused. The last two are there for
             comparison: as points change their partners, the forces jump or have kinks.
-        points: Gauss points per segment, with "elements" per slave facet; 5 by default.
+        points: Gauss points per segment, with "elements" per slave facet. By default 5, with
+            "elements" 5 for each part of a facet between two nodes.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default, for an obstacle no
             limit.
@@ -108,8 +109,7 @@ class ContactPair:
                 raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
         if integration == "nodes" and points is not None:
             raise ValueError(f"points={points}: with integration='nodes' the points are the nodes")
-        points = 5 if points is None else points
-        if not isinstance(points, (int, np.integer)) or points < 2:
+        if points is not None and not (isinstance(points, (int, np.integer)) and points >= 2):
             what = {"segments": "segment", "elements": "facet", "nodes": "facet"}[integration]
             raise ValueError(f"points={points}: a whole number, at least 2 per {what}")
         if search_radius is not None and not search_radius > 0.0:
