@@ -262,9 +262,19 @@ class Contact(Interface):
         dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
         return kept.operators.after_small_motion(x, m, dq)
 
+    @property
+    def as_faced(self) -> MortarOperators:
+        """The operators at the places of the nodes by which points of both sides are partners.
+
+        With small sliding these are those of the undeformed mesh.
+        """
+        if self.pair.sliding == "small" and self._reference is not None:
+            return self._reference.operators
+        return self.operators
+
     def intersections(self) -> Segments:
         """Where the facets of this rank's share meet the master, whatever integrates the pair."""
-        o, options = self.operators, self.options
+        o, options = self.as_faced, self.options
         if options.integration == "segments" or self.obstacle is not None:
             return o.segments
         return find_segments(

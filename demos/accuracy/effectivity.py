@@ -68,6 +68,7 @@ PROBLEMS = {
     "linear press fit": Problem(partial(press_fit, law="linear"), 96),
     "flat": Problem(flat, 12),
     "flat, slides": Problem(partial(flat, friction=0.3), 12),
+    "flat, ends in a jump": Problem(partial(flat, friction=0.1, ends=0.1), 12),
     "curved, sticks": Problem(curved, 12),
     "curved, tied": Problem(partial(curved, tied=True), 6),
 }
