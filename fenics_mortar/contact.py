@@ -67,6 +67,8 @@ NEAR = 0.5
 # A sticking node that other pairs hold, too, gives way to its shear: by this part of what the bulk
 # does.
 GIVE = 1e-3
+# Gauss points per segment by default, or for each part of a facet between two nodes
+POINTS = 5
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
 
@@ -118,7 +120,6 @@ class Contact(Interface):
         """Extract the surfaces (collective); see ``Interface``."""
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         super().__init__(pair, space, prescribed, welds)
-        self._check_points()
         normals, _ = evaluate_normals(self.slave, self.slave.X, pair.normals)
         self._carriers = Carriers(self.slave, normals, self.free, at_vertices=self._at_vertices)
         self.carries = self._may_carry = self._carriers.possible
@@ -132,7 +133,7 @@ class Contact(Interface):
             pair.normals,
             pair.gap_weights,
             pair.integration,
-            pair.points,
+            self._points(),
             pair.search_radius or self._reach(),
             float(np.cos(np.radians(pair.max_angle))),
         )
@@ -163,13 +164,22 @@ class Contact(Interface):
             return np.inf
         return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
 
-    def _check_points(self) -> None:
-        size = self.slave.degree + 1
-        if self.pair.integration == "elements" and self.pair.points < size:
+    def _points(self) -> int:
+        """Gauss points per segment, with "elements" per facet: those of the pair, or the default.
+
+        How well points on a facet pass a uniform pressure does not depend on the mesh: through 5 it
+        passes to 0.1 % on facets with two nodes, to 5 % on those with three, through 10 to 0.4 %.
+        """
+        points, degree = self.pair.points, self.slave.degree
+        on_facets = self.pair.integration == "elements" and self.obstacle is None
+        if points is None:
+            return POINTS * (degree if on_facets else 1)
+        if on_facets and points <= degree:
             raise ValueError(
-                f"points={self.pair.points}: with integration='elements' at least as many as a "
-                f"facet has nodes, {size}"
+                f"points={points}: with integration='elements' at least as many as a facet has "
+                f"nodes, {degree + 1}"
             )
+        return points
 
     @property
     def covered(self) -> npt.NDArray[np.bool_]:
@@ -228,9 +238,19 @@ class Contact(Interface):
         dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
         return kept.operators.after_small_motion(x, m, dq)
 
+    @property
+    def as_faced(self) -> MortarOperators:
+        """The operators at the places of the nodes by which points of both sides are partners.
+
+        With small sliding these are those of the undeformed mesh.
+        """
+        if self.pair.sliding == "small" and self._reference is not None:
+            return self._reference.operators
+        return self.operators
+
     def intersections(self) -> Segments:
         """Where the facets of this rank's share meet the master, whatever integrates the pair."""
-        o, options = self.operators, self.options
+        o, options = self.as_faced, self.options
         if options.integration == "segments" or self.obstacle is not None:
             return o.segments
         return find_segments(

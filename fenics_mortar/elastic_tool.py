@@ -100,7 +100,7 @@ class ElasticTool:
 
     def _add_tractions(self, contact: Contact, load: Array) -> None:
         """Add what the tractions on this rank's facets put on the nodes of the tool, own frame."""
-        o, points = contact.operators, points_of(contact.operators.segments, contact.slave)
+        o, points = contact.operators, points_of(contact.operators.segments)
         ends, shares = self._places(points.of(o.x).reshape(-1, 2))
         forces = points.of(contact.z) * points.measure(o.x)[:, :, None]
         forces = forces.reshape(-1, 2) @ self.obstacle.turn

@@ -58,7 +58,8 @@ class ContactPair:
             node-to-segment contact; each node that has a partner has its weight. ``basis`` and
             ``gap_weights`` mean nothing then, and ``points`` is refused. The last two are there for
             comparison: as points change their partners, the forces jump or have kinks.
-        points: Gauss points per segment, with "elements" per slave facet; 5 by default.
+        points: Gauss points per segment, with "elements" per slave facet. By default 5, with
+            "elements" 5 for each part of a facet between two nodes.
         search_radius: Farthest distance along the slave normal at which a partner is looked for
             [length]; the diagonal of the smaller surface's box by default, for an obstacle no
             limit.
@@ -117,10 +118,10 @@ class ContactPair:
             check_choice(what, value, allowed)
         if integration == "nodes" and points is not None:
             raise ValueError(f"points={points}: with integration='nodes' the points are the nodes")
-        points = 5 if points is None else points
         what = {"segments": "segment", "elements": "facet", "nodes": "facet"}[integration]
         right = f"a whole number, at least 2 per {what}"
-        check_number("points", points, right, lambda n: n >= 2, whole=True)
+        if points is not None:
+            check_number("points", points, right, lambda n: n >= 2, whole=True)
         check_reach(search_radius, max_angle)
         if initial_gap is not None:
             check_number("initial_gap", initial_gap, "a length, or None", np.isfinite)

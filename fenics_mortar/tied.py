@@ -263,6 +263,12 @@ class Tie(Interface):
         self.operators = replace(self.operators, x=x, m=m, n=n, dn=dn)
         self.jump: Array = self.D @ on_slave - self.M @ on_master
 
+    @property
+    def as_faced(self) -> MortarOperators:
+        """The operators with the nodes where they are on the reference mesh."""
+        n, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
+        return replace(self.operators, x=self.slave.X, m=self.master.X, n=n)
+
     def intersections(self) -> Segments:
         """Where the facets of this rank's share meet the master."""
         return self.operators.segments
