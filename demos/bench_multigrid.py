@@ -4,10 +4,10 @@
 # slave. What counts is how often GMRES with multigrid iterates for eight digits, in the mean over
 # all Newton iterations, which ask for fewer; and by what factor that grows as the facets are
 # halved. The first argument is how many times as stiff as the block the cylinder is, the second
-# how often the mesh is refined:
+# how often the mesh is refined; with "saddle" multipliers are unknowns of the system:
 #
-#     python3 demos/bench_multigrid.py                    equal bodies, 2k to 121k unknowns
-#     python3 demos/bench_multigrid.py 1000               a stiff cylinder
+#     python3 demos/bench_multigrid.py                       equal bodies, 2k to 121k unknowns
+#     python3 demos/bench_multigrid.py 1000 3 saddle         a stiff cylinder
 #     mpirun -n 2 python3 demos/bench_multigrid.py 1e-3 4    a stiff block, to 483k
 
 # +
@@ -16,8 +16,10 @@ import sys
 import numpy as np
 from bench_scene import comm, half_cylinder, size_of
 
-RATIO = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
-REFINEMENTS = int(sys.argv[2]) if len(sys.argv) > 2 else 3
+ALGORITHM = "saddle" if "saddle" in sys.argv else "condensed"
+NUMBERS = [arg for arg in sys.argv[1:] if arg != "saddle"]
+RATIO = float(NUMBERS[0]) if NUMBERS else 1.0
+REFINEMENTS = int(NUMBERS[1]) if len(NUMBERS) > 1 else 3
 DEPTHS = (0.05, 0.15, 0.25)
 # -
 
@@ -26,7 +28,8 @@ DEPTHS = (0.05, 0.15, 0.25)
 def measure(refinements):
     """Dofs, nodes in contact, Newton iterations, linear ones in each, and for eight digits."""
     stiff = (1.0, RATIO) if RATIO >= 1.0 else (1.0 / RATIO, 1.0)
-    problem, push = half_cylinder(0.16, refinements, stiff=stiff, solver="iterative")
+    options = {"solver": "iterative", "algorithm": ALGORITHM}
+    problem, push = half_cylinder(0.16, refinements, stiff=stiff, **options)
     seen = []  # iteration and residual: 0, 1, 2, ... in each linear solve
     problem.system.ksp.setMonitor(
         lambda ksp, iteration, residual: seen.append((iteration, residual))
