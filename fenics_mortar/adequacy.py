@@ -12,11 +12,12 @@ A peak pressure may be right where the contact is not.
 The indicators are what the cheap model leaves out: for linear kinematics the rotation, whose
 spurious strain is angle^2 / 2, and the strain; for small sliding the slip over a facet's length and
 the turn of the normals. What an obstacle stands for may be meshed alone, see ``elastic_tool``: it
-gives way to the tractions, and the gaps wider by that are the richer model. Without a mesh there is
-but a rule: a body of modulus E' = E / (1 - nu^2) against another one of its shape has the
-compliance 1/E' + 1/E'_other, so leaving out the other is an error of E' / E'_other (of forces and
-pressures under prescribed displacements; half of it, of pressures, under prescribed forces). Shape
-and supports may make that three times as much or as little.
+gives way to the tractions, and the gaps wider by that are the richer model. Beside it stands what
+the facets of that mesh get wrong, in place of the curve: where that is more, refine it before you
+model it. Without a mesh there is but a rule: a body of modulus E' = E / (1 - nu^2) against another
+one of its shape has the compliance 1/E' + 1/E'_other, so leaving out the other is an error of
+E' / E'_other (of forces and pressures under prescribed displacements; half of it, of pressures,
+under prescribed forces). Shape and supports may make that three times as much or as little.
 
 Where surfaces might have friction, the richer model lets all stick that touches. What it asks for
 is the demand, its shear over its pressure; where that is more than there is, nodes slide in the
@@ -71,11 +72,13 @@ class Assumption:
         name: The assumption.
         indicator: How far the state is from it, in words.
         errors: Estimated relative error by quantity; nan if nothing is known.
+        mesh: What the mesh of the richer model would get wrong, if that is known.
     """
 
     name: str
     indicator: str
     errors: dict[str, float]
+    mesh: Assumption | None = None
 
 
 @dataclass(frozen=True)
@@ -111,17 +114,17 @@ class Adequacy:
             return "unknown"
         if error <= self.tolerance:
             return "enough"
-        if self.discretisation is not None and error <= self.discretisation:
-            return "refine before you model more"
-        return "not enough"
+        of_meshes = [self.discretisation or 0.0]
+        of_meshes += [assumption.mesh.errors[self.quantity]] if assumption.mesh else []
+        return "refine before you model more" if error <= max(of_meshes) else "not enough"
 
     def __str__(self) -> str:
         """One row per assumption, and the error of the mesh."""
         lines = ["| assumption | indicator | " + " | ".join(QUANTITIES) + " | verdict |"]
         lines.append("|---|---|" + "---:|" * len(QUANTITIES) + "---|")
         for a in self.assumptions:
-            cells = [f"{100 * a.errors[name]:.2g} %" for name in QUANTITIES]
-            lines.append(f"| {a.name} | {a.indicator} | {' | '.join(cells)} | {self.verdict(a)} |")
+            lines.append(_row(a, self.verdict(a)))
+            lines += [_row(a.mesh, "")] if a.mesh else []
         if self.discretisation is not None:
             empty = " | " * (len(QUANTITIES) - 1)
             lines.append(f"| mesh | | {100 * self.discretisation:.2g} % {empty} | |")
@@ -129,6 +132,12 @@ class Adequacy:
             f"\nestimated errors; allowed are {100 * self.tolerance:g} % in {self.quantity}"
         )
         return "\n".join(lines)
+
+
+def _row(assumption: Assumption, verdict: str) -> str:
+    """A line of the table."""
+    cells = [f"{100 * assumption.errors[name]:.2g} %" for name in QUANTITIES]
+    return f"| {' | '.join([assumption.name, assumption.indicator, *cells, verdict])} |"
 
 
 class AdequacyCheck:
@@ -377,19 +386,45 @@ def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> di
 
 
 def from_tool(problem: ContactProblem, tool: ElasticTool) -> Assumption:
-    """What it is worth that an obstacle does not give way (collective)."""
-    touching = [
-        c for c in problem.contacts if isinstance(c, Contact) and c.obstacle is tool.obstacle
-    ]
-    kept, give = [contact.offset for contact in touching], tool.give(touching)
-    for contact, offset, motion in zip(touching, kept, give, strict=True):
-        contact.offset = offset - motion
+    """What it is worth that an obstacle does not give way, and has no facets (collective)."""
+    touching = touching_tool(problem, tool)
+    give, flatness = tool.give(touching), tool.flatness(touching)
+    by_mesh = Assumption(
+        f"mesh of {tool.obstacle}",
+        f"its facets are off by {largest(flatness):.2g}",
+        estimate_wider(problem, touching, flatness),
+    )
+    return Assumption(
+        f"rigid {tool.obstacle}",
+        f"it would give way by {largest(give):.2g}",
+        estimate_wider(problem, touching, give),
+        by_mesh,
+    )
+
+
+def touching_tool(problem: ContactProblem, tool: ElasticTool) -> list[Contact]:
+    """The contacts with the obstacle that a mesh is there of."""
+    contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
+    return [contact for contact in contacts if contact.obstacle is tool.obstacle]
+
+
+def estimate_wider(
+    problem: ContactProblem, contacts: Sequence[Contact], lengths: Sequence[Array]
+) -> dict[str, float]:
+    """Relative errors by quantity if gaps were wider by lengths, (slave nodes,) (collective)."""
+    kept = [contact.offset for contact in contacts]
+    for contact, length in zip(contacts, lengths, strict=True):
+        contact.offset = contact.offset - length
     errors = estimate(problem, problem)
-    for contact, offset in zip(touching, kept, strict=True):
+    for contact, offset in zip(contacts, kept, strict=True):
         contact.offset = offset
     problem.restore(problem.state())
-    most = max(float(np.abs(motion).max()) for motion in give)
-    return Assumption(f"rigid {tool.obstacle}", f"it would give way by {most:.2g}", errors)
+    return errors
+
+
+def largest(lengths: Sequence[Array]) -> float:
+    """The largest of all."""
+    return max((float(np.abs(length).max(initial=0.0)) for length in lengths), default=0.0)
 
 
 def cheaper_models(problem: ContactProblem) -> Iterator[tuple[str, ContactProblem]]:

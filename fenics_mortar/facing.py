@@ -12,7 +12,8 @@ from fenics_mortar.segments import Segments
 from fenics_mortar.surfaces import Array, Indices, Surface
 
 # Gauss points on a segment
-POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
+NUM_POINTS = 4
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(NUM_POINTS)
 # Steps of Newton's method to the place on a curved facet of a point that lies on it
 STEPS = 4
 
@@ -44,6 +45,16 @@ class Points:
         v = self.of(nodal)
         return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
 
+    def dual_moments(self, x: Array, values: Array) -> tuple[Array, Array]:
+        """Integrals of ``values`` (n, q) with the dual functions of each facet, and of these alone.
+
+        With the slave nodes at ``x``, where each segment is a whole facet: both (n, K).
+        """
+        N, w = self.shape, self.measure(x)
+        mass = np.einsum("nq,nqj,nqk->njk", w, N, N)
+        sizes, moments = np.einsum("nq,nqj->nj", w, N), np.einsum("nq,nqj,nq->nj", w, N, values)
+        return sizes * np.linalg.solve(mass, moments[..., None])[..., 0], sizes
+
     def measure(self, x: Array) -> Array:
         """Lengths that the points stand for with the slave nodes at ``x``, shape (n, q)."""
         _, slope = lagrange(self.s, self.shape.shape[2] - 1)
@@ -74,12 +85,13 @@ class Facing(Points):
         return np.einsum("nqc,nqc->nq", self.direction(o.tau), self.apart(o.x, o.m)) - self.start
 
 
-def points_of(segments: Segments, slave: Surface) -> Points:
-    """Gauss points of the segments (local)."""
+def points_of(segments: Segments, slave: Surface, count: int = NUM_POINTS) -> Points:
+    """``count`` Gauss points of each segment (local)."""
+    points, weights = np.polynomial.legendre.leggauss(count)
     middle, half = segments.ends.mean(axis=1)[:, None], np.diff(segments.ends) / 2
-    s = middle + half * POINTS
+    s = middle + half * points
     facet = np.repeat(segments.facets, np.diff(segments.offsets))
-    return Points(facet, segments.slave, s, half * WEIGHTS, lagrange(s, slave.degree)[0])
+    return Points(facet, segments.slave, s, half * weights, lagrange(s, slave.degree)[0])
 
 
 def face(o: MortarOperators, segments: Segments) -> Facing:
