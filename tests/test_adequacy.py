@@ -20,7 +20,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.adequacy import (
+from fenics_mortar.elastic_tool import ElasticTool
+from fenics_mortar.model_error import (
     ENERGY,
     PEAK,
     QUANTITIES,
@@ -30,7 +31,6 @@ from fenics_mortar.adequacy import (
     largest_strain,
     strained,
 )
-from fenics_mortar.elastic_tool import ElasticTool
 
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
 
@@ -373,9 +373,12 @@ def test_climb_reaches_the_full_model_where_it_is_needed(law):
 
 
 def test_climb_stays_where_it_is_enough():
-    """A step of the full model for each load instead of all; the answer is the cheap model's."""
+    """A step of the full model for a load instead of all; the answer is the cheap model's.
+
+    For the second load there is none: it is by a tenth more than what was checked before.
+    """
     (full, push, steps), (problem, same_push, few) = climbing(), climbing(tolerance=0.05)
-    for depth in (0.005, 0.01, 0.02):
+    for depth in (0.005, 0.0055, 0.02):
         push[1] = same_push[1] = -depth
         full.solve()
         report = problem.solve()
@@ -385,7 +388,7 @@ def test_climb_stays_where_it_is_enough():
         true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
         for name in QUANTITIES:  # of the rung's own forces, not of its pressures on moved segments
             assert 0.9 < assumption.errors[name] / true[name] < 1.1, (name, true)
-    assert len(few) == 3 and len(steps) >= 9
+    assert len(few) == 2 and len(steps) >= 8
 
 
 def test_climb_ends_on_a_rung_between():
@@ -400,7 +403,7 @@ def test_climb_ends_on_a_rung_between():
     assert 1e-5 < true[ENERGY] < 0.02
     del steps[:]
     problem.solve()
-    assert len(steps) == 1  # the rung below is not tried again
+    assert not steps  # the rung below is not tried again, nor this one checked where it was
 
 
 def test_climb_stops_at_the_error_of_the_mesh():
@@ -429,13 +432,17 @@ def test_the_error_of_the_mesh_is_not_that_of_the_model():
 def test_climb_goes_on_where_a_rung_fails(monkeypatch):
     """A cheap model that has no solution leaves no trace."""
     (full, push, _), (problem, same_push, _) = climbing(), climbing(tolerance=0.5)
-    for _, rung in problem._adequacy._rungs:
+    climb = problem._adequacy._climb
+    models = [climb._model, *climb._models]
+    climb._models = iter(models[1:])
+    assert len(models) == 2
+    for model in models:
 
-        def fail(rung=rung):
+        def fail(rung=model.problem):
             rung.bulk.u.x.array[:] = 0.01
             raise fm.MortarError("no")
 
-        monkeypatch.setattr(rung, "solve", fail)
+        monkeypatch.setattr(model.problem, "solve", fail)
     push[:] = same_push[:] = PATH[1]
     full.solve()
     problem.solve()

@@ -40,7 +40,8 @@ from scenes_ladder import (
 from scipy.spatial import cKDTree
 
 import fenics_mortar as fm
-from fenics_mortar.adequacy import (
+from fenics_mortar.adequacy import touching_tool
+from fenics_mortar.model_error import (
     ENERGY,
     FORCE,
     PEAK,
@@ -48,7 +49,6 @@ from fenics_mortar.adequacy import (
     Snapshot,
     differences,
     estimate_wider,
-    touching_tool,
 )
 
 Errors = dict[str, float]
