@@ -59,7 +59,8 @@ class ElasticTool:
         Collective.
 
     Example:
-        ``fm.AdequacyCheck(tools=[ElasticTool(circle, residual, u, data, "tool/rim", bcs=grips)])``.
+        ``tool = fm.ElasticTool(circle, residual, u, data, "tool/rim", bcs=grips)``, and of the
+        problem with the circle, ``adequacy=fm.AdequacyCheck(tools=[tool])``.
     """
 
     def __init__(

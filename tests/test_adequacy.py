@@ -20,7 +20,6 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.elastic_tool import ElasticTool
 from fenics_mortar.model_error import (
     ENERGY,
     PEAK,
@@ -150,7 +149,7 @@ def soft_on(tool, *, angle=0.0):
     problem.solve()
     elastic = internal(w, linear_elastic(w, 100.0 * STIFFER, 0.3))
     grip = [fm.dirichlet(w.function_space, alone, "tool/bottom", (0.0, 0.0))]
-    return problem, lambda bcs=grip: ElasticTool(plane, elastic, w, alone, "tool/top", bcs=bcs)
+    return problem, lambda bcs=grip: fm.ElasticTool(plane, elastic, w, alone, "tool/top", bcs=bcs)
 
 
 def test_a_meshed_tool_says_what_it_is_worth_that_an_obstacle_is_rigid():
@@ -188,7 +187,7 @@ def ring_on(tool, data):
     sides = (("left", 1), ("right", 0))
     bcs = [fm.dirichlet(V, data, f"{b}/{side}", 0.0, i) for b in bodies for side, i in sides]
     if tool == "alone":
-        return lambda of: ElasticTool(of, forms[0], u, data, "tool/bottom", bcs=bcs)
+        return lambda of: fm.ElasticTool(of, forms[0], u, data, "tool/bottom", bcs=bcs)
     pair = fm.ContactPair(data, "soft/top", "tool/bottom" if tool == "meshed" else circle)
     problem = fm.ContactProblem(sum(forms), u, [pair], bcs=bcs, petsc_options_prefix="test_")
     problem.solve()
