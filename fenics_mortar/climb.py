@@ -24,6 +24,7 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.contact import Contact
+from fenics_mortar.equations import State
 from fenics_mortar.errors import MortarError
 from fenics_mortar.model_error import (
     ENERGY,
@@ -37,7 +38,7 @@ from fenics_mortar.model_error import (
     sliding_little,
 )
 from fenics_mortar.newton import NewtonReport
-from fenics_mortar.problem import ContactProblem, State
+from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
 
 # A model with a larger error than this is no good to go on from.
