@@ -27,6 +27,18 @@ HAND_OVER, STRONG, MOST_CHANGES = 0.05, 0.1, 4
 VERGE = 0.1
 
 
+def normals_on_planes(normals: Array, free: Array) -> Array:
+    """Normals of nodes on symmetry planes, nan elsewhere, shape (nodes, 2).
+
+    Args:
+        normals: Normals of the undeformed surface, shape (nodes, 2).
+        free: 1 where a component of a node is not prescribed, else 0, shape (nodes, 2).
+    """
+    half_held = free.sum(axis=1) == 1.0
+    on_plane = half_held & (np.abs(normals * free).max(axis=1) > PLANE_COSINE)
+    return np.where(on_plane[:, None], np.sign(normals) * free, np.nan)
+
+
 class Carriers:
     """The slave nodes that may carry multipliers, and those that do; equal on all ranks.
 
@@ -44,15 +56,13 @@ class Carriers:
     """
 
     def __init__(self, slave: Surface, normals: Array, free: Array, *, at_vertices: bool) -> None:
-        half_held = free.sum(axis=1) == 1.0
+        self.plane_normals = normals_on_planes(normals, free)
+        on_plane, half_held = np.isfinite(self.plane_normals[:, 0]), free.sum(axis=1) == 1.0
         cosine = np.abs(normals * free).max(axis=1)
-        on_plane = half_held & (cosine > PLANE_COSINE)
         self.oblique = half_held & ~on_plane & (cosine > HELD_COSINE)
         self.possible = (free.sum(axis=1) == 2.0) | on_plane | self.oblique
         if at_vertices:
             self.possible &= ~slave.inner
-        self.plane_normals: Array = np.full_like(normals, np.nan)
-        self.plane_normals[on_plane] = (np.sign(normals) * free)[on_plane]
         step = slave.degree if at_vertices else 1
         self._sides = slave.along(np.arange(slave.num_nodes), range(-step, step + 1, 2 * step)).T
         self._changes: Indices = np.zeros(slave.num_nodes, np.int64)

@@ -30,7 +30,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.carriers import Carriers
+from fenics_mortar.carriers import Carriers, normals_on_planes
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.laws import STICK, Frictionless, Nodal, Pieces, Row
@@ -122,6 +122,7 @@ class Contact(Interface):
         super().__init__(pair, space, prescribed, welds)
         normals, _ = evaluate_normals(self.slave, self.slave.X, pair.normals)
         self._carriers = Carriers(self.slave, normals, self.free, at_vertices=self._at_vertices)
+        self._master_planes = self._find_master_planes(prescribed)
         self.carries = self._may_carry = self._carriers.possible
         self.oblique = self._carriers.oblique
         self.overheld = np.zeros(self.slave.num_nodes, bool)
@@ -152,6 +153,13 @@ class Contact(Interface):
         if self.obstacle is not None:
             return surface_without_nodes(self.slave, self.pair.master_name)
         return super()._master_surface(space)
+
+    def _find_master_planes(self, prescribed: npt.NDArray[np.bool_]) -> Array:
+        """Normals of master nodes on symmetry planes, nan elsewhere (collective)."""
+        if self.obstacle is not None:
+            return self.master.X
+        normals, _ = evaluate_normals(self.master, self.master.X, "opposite")
+        return normals_on_planes(normals, 1.0 - self.master.gather(prescribed.astype(float)))
 
     def has_master_of(self, other: Interface) -> bool:
         """Whether the two have the same obstacle, or masters that share a node."""
@@ -294,6 +302,7 @@ class Contact(Interface):
             self.covered,
             touches,
             self._slip_measure,
+            master_planes=self._master_planes,
             between=not isinstance(self.pair.law, Frictionless),
         )
 

@@ -188,7 +188,7 @@ class ContactProblem(ContactEquations):
                 or if the mesh was moved after set-up.
         """
         self.bulk.check_input()
-        report = None if self._adequacy is None else self._adequacy.climb(self)
+        report = None if self._adequacy is None else self._adequacy.climb()
         report = report or self._solve_by_this_model()
         if self._adequacy is not None:
             report.adequacy = self._adequacy.assess(self)
