@@ -82,7 +82,7 @@ OPTIONS = {
 }
 # Layers of cells on either side of a contact surface that a strip has.
 LAYERS = 2
-# A new cycle costs as much as ten to fifteen iterations. It pays sooner: it serves several solves.
+# A new cycle costs as much as ten to fifteen iterations, but serves several solves.
 COST = 5
 # Stiffness of the motion that T leaves out, by that of the node: it has no effect but on the
 # cycle's coarse grids, which would be stiff if it were large.
