@@ -294,6 +294,11 @@ class Contact(Interface):
             force = o.weight[:, None] * self.z + change[:, None] * old
             self._borne = pulls & (np.einsum("ja,ja->j", o.n, force) > 0.0), force
 
+    def take(self, z: Array) -> None:
+        """See ``Interface``; what nodes bore on the way elsewhere says nothing here."""
+        super().take(z)
+        self._borne = None
+
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
         touches = self.active | (self.pair.sliding == "small")

@@ -337,8 +337,9 @@ class ContactEquations:
         self.bulk.u.x.array[:] = state.u
         self.tools.places = state.places
         for i, contact in enumerate(self.contacts):
-            contact.z, contact.active = state.z[i].copy(), state.active[i].copy()
-            contact.carries, contact.piece = state.carries[i].copy(), state.piece[i].copy()
+            contact.take(state.z[i])
+            contact.active, contact.piece = state.active[i].copy(), state.piece[i].copy()
+            contact.carries = state.carries[i].copy()
             contact.partners, contact.accepted = state.partners[i]
             contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged

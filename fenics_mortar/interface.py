@@ -111,6 +111,10 @@ class Interface(ABC):
         """
         self.z = self.z + part * (z - self.z) if part < 1.0 else z
 
+    def take(self, z: Array) -> None:
+        """Go to the multipliers of a state, shape (slave nodes, 2) [stress]."""
+        self.z = z.copy()
+
     @property
     @abstractmethod
     def as_faced(self) -> MortarOperators:
