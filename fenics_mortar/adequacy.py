@@ -31,6 +31,8 @@ from typing import Any
 
 import numpy as np
 
+import ufl
+
 from fenics_mortar.climb import Climb
 from fenics_mortar.contact import Contact
 from fenics_mortar.elastic_tool import ElasticTool
@@ -47,6 +49,7 @@ from fenics_mortar.model_error import (
     sliding_little,
 )
 from fenics_mortar.newton import NewtonReport
+from fenics_mortar.options import check_choice, check_flag, check_kind, check_number
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
 
@@ -163,12 +166,21 @@ class AdequacyCheck:
         friction: float | None = None,
         climb: bool = False,
     ) -> None:
-        if quantity not in QUANTITIES:
-            raise ValueError(f"quantity={quantity!r}: allowed are {', '.join(QUANTITIES)}")
+        check_choice("quantity", quantity, QUANTITIES)
         numbers = {"tolerance": tolerance, "stiffness_ratio": stiffness_ratio, "friction": friction}
         for name, value in numbers.items():
-            if value is not None and not 0.0 < value < np.inf:
-                raise ValueError(f"{name}={value}: a positive number")
+            if value is not None or name == "tolerance":
+                check_number(name, value, "a positive number", lambda number: 0.0 < number < np.inf)
+        if discretisation is not None:
+            right = "zero or a positive number"
+            check_number("discretisation", discretisation, right, lambda e: 0.0 <= e < np.inf)
+        right = "a list of ElasticTool"
+        check_kind("tools", tools, Sequence, right)
+        for tool in tools:
+            check_kind("tools", tool, ElasticTool, right)
+        if finite_strain is not None:
+            check_kind("finite_strain", finite_strain, ufl.Form, "a UFL form of the residual")
+        check_flag("climb", climb)
         self._tolerance, self._quantity = tolerance, quantity
         self._finite_strain, self._stiffness_ratio = finite_strain, stiffness_ratio
         self._discretisation, self._friction, self._climbs = discretisation, friction, climb

@@ -23,6 +23,8 @@ PLANE_COSINE, HELD_COSINE = 0.94, 0.1
 # A node of which less than the first part is covered hands its multiplier to a neighbour with more
 # than the second. So often it may change in one solve.
 HAND_OVER, STRONG, MOST_CHANGES = 0.05, 0.1, 4
+# Within this part of HAND_OVER a cover may be above it if the node carries and below if not.
+VERGE = 0.1
 
 
 def normals_on_planes(normals: Array, free: Array) -> Array:
@@ -76,13 +78,27 @@ class Carriers:
             carries: Which ones do at present, shape (slave nodes,).
             cover: The part of each node that is covered, shape (slave nodes,).
         """
+        wanted = self.possible & ~((cover < HAND_OVER) & self._helped(cover))
+        changed = (wanted != carries) & (self._changes < MOST_CHANGES)
+        self._changes += changed
+        return np.where(changed, wanted, carries)
+
+    def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
+        """Numbers of the nodes beside active ones that are covered by about ``HAND_OVER``.
+
+        Whether such a node carries a multiplier changes the surface a little, and with it the cover
+        that decides on it: with and without, there may be two solutions.
+        """
+        near = self._helped(cover) & (np.abs(cover - HAND_OVER) < VERGE * HAND_OVER)
+        beside = ((self._sides >= 0) & active[self._sides]).any(axis=0)
+        return np.flatnonzero(near & beside)
+
+    def _helped(self, cover: Array) -> npt.NDArray[np.bool_]:
+        """Whether nodes have neighbours to hand their multipliers to, (slave nodes,), bool."""
         strong = self.possible & (cover > STRONG)
         safe, helped = np.ones(cover.size, bool), np.zeros(cover.size, bool)
         for neighbour in self._sides:
             there = neighbour >= 0
             safe &= ~there | strong[neighbour] | (cover[neighbour] == 0.0)
             helped |= there & strong[neighbour]
-        wanted = self.possible & ~((cover < HAND_OVER) & safe & helped)
-        changed = (wanted != carries) & (self._changes < MOST_CHANGES)
-        self._changes += changed
-        return np.where(changed, wanted, carries)
+        return safe & helped

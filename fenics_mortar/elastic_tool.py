@@ -30,6 +30,7 @@ from fenics_mortar.facing import nearest_facets, points_of
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.obstacles import Obstacle
 from fenics_mortar.reduced import factored_bulk
+from fenics_mortar.segments import gauss_rule
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Surface, extract_surface
 
@@ -126,7 +127,7 @@ class _Touching:
 
     def __init__(self, contact: Contact, obstacle: Obstacle, surface: Surface) -> None:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
-        self._points = points_of(o.segments, contact.slave, NUM_POINTS)
+        self._points = points_of(o.segments, gauss_rule(NUM_POINTS))
         self._measure = self._points.measure(o.x)
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
         portions = np.array_split(own, len(own) // MOST_POINTS + 1)

@@ -30,29 +30,33 @@ varies across it by one degree more than the cells can follow.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial.legendre import legvander
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
-from fenics_mortar.facing import POINTS, WEIGHTS, Points, face, lagrange, points_of
+from fenics_mortar.facing import GAUSS, Points, Rule, face, points_behind, points_of
 from fenics_mortar.fluxes import Fluxes, ReferenceCell
 from fenics_mortar.interface import Interface
-from fenics_mortar.mortar import evaluate_normals
+from fenics_mortar.obstacles import ObstacleOperators
+from fenics_mortar.segments import Segments, gauss_rule
 from fenics_mortar.surfaces import Array, Indices, Surface
 
 # b and c by degree
 IN_CELL = {1: 1 / 12, 2: 1 / 60}
 ON_SIDE = {1: 1 / 6, 2: 1 / 10}
+# A facet of which less than this is covered, of its length 2, counts as bare
+LEAST_COVER = 0.02
 TINY = float(np.finfo(float).tiny)
 Mask = npt.NDArray[np.bool_]
 # Dyads of the slave facets [length^3], and what counts by itself [stress length^2]
@@ -158,23 +162,19 @@ class Estimator:
 
     def _defects(self, tractions: Array, interfaces: Sequence[Interface]) -> tuple[Array, Mask]:
         """Tractions less what they ought to be, (cells, sides, q, 2), and which sides touch."""
-        sides, s = self._sides, 2.0 * self._fluxes.cell.s - 1.0
+        sides = self._sides
         outer, touching = ~sides.inner, np.zeros(sides.inner.shape, bool)
         defects = 0.5 * sides.sum_of_both(tractions)
         t, k = np.nonzero(outer)
         defects[t, k] = tractions[t, k] - self._fluxes.loads(t, k, sides.facets[t, k])
-        shape, _ = lagrange(s, self._degree)
+        rule = gauss_rule(self._fluxes.cell.s.size)
         for pair in interfaces:
-            forces = pair.operators.force(pair.z)
-            for surface, force in zip((pair.slave, pair.master), forces, strict=True):
-                if surface.num_nodes:
-                    t, k, facet = sides.of_surface(surface)
-                    held = surface.gather(self._held).all(axis=1)
-                    nodal = nodal_tractions(surface, -force, held)[surface.facets[facet]]
-                    backward = surface.nodes[surface.facets[facet, 0]] != sides.first(t, k)
-                    nodal = np.where(backward[:, None, None], nodal[:, ::-1], nodal)
-                    defects[t, k] -= np.einsum("qk,nkc->nqc", shape, nodal)
-                    touching[t, k] = True
+            for surface, given in interface_tractions(pair, self._held, rule):
+                t, k, facet = sides.of_surface(surface)
+                backward = surface.nodes[surface.facets[facet, 0]] != sides.first(t, k)
+                values = np.where(backward[:, None, None], given[facet, ::-1], given[facet])
+                defects[t, k] -= values
+                touching[t, k] = True
         held = sides.held & outer[..., None]
         return np.where(held[:, :, None, :], 0.0, defects), touching
 
@@ -279,28 +279,85 @@ def _outlines(jacobian: Array, cell: ReferenceCell) -> tuple[Array, Array]:
 # Contact surfaces: replicated, as everything there
 
 
-def nodal_tractions(surface: Surface, forces: Array, held: Mask) -> Array:
-    """Nodal values of the traction whose forces on the nodes are ``forces``, both (n, 2).
+def interface_tractions(
+    pair: Interface, held: Array, rule: Rule
+) -> Iterator[tuple[Surface, Array]]:
+    """Give both surfaces with the tractions on their facets (collective).
 
-    Per reference length [stress]: the projection to the functions of the displacement. What force
-    acts on a node that is ``held`` (n,) is of no consequence: at the end of a surface it has the
-    value that goes on from the two nodes next to it.
+    Args:
+        pair: The interface.
+        held: 1 where a dof of the displacement is prescribed, a local array.
+        rule: Of Gauss, of q points on a facet.
+
+    Yields:
+        A surface, and tractions per reference length, shape (facets, q, 2) [stress].
     """
-    shape, slope = lagrange(POINTS, surface.degree)
-    measure = WEIGHTS * np.linalg.norm(
-        np.einsum("qk,mkc->mqc", slope, surface.X[surface.facets]), axis=2
+    surfaces, forces = (pair.slave, pair.master), pair.operators.force(pair.z)
+    for surface, force, here in zip(surfaces, forces, _covers(pair)):
+        keeps = surface.gather(held).all(axis=1)
+        yield surface, facet_tractions(surface, -force, keeps, here, rule)
+
+
+def facet_tractions(surface: Surface, forces: Array, held: Mask, here: Points, rule: Rule) -> Array:
+    """Traction whose forces on the nodes are ``forces`` at points of all facets (collective).
+
+    It is one of the functions of the displacement where the surface is covered, the projection to
+    them, and zero elsewhere: a pressure may end in a jump. On a facet that is covered in part it
+    has the same moments up to the number of points.
+
+    Args:
+        surface: The surface.
+        forces: Shape (nodes, 2) [stress length].
+        held: Nodes at which forces are of no consequence, shape (nodes,): at the end of a surface
+            the traction goes on there from the two nodes next to it.
+        here: Points that stand for the cover, of this rank's share.
+        rule: Of Gauss, of q points on a facet.
+
+    Returns:
+        Per reference length, shape (facets, q, 2) [stress].
+    """
+    polynomials = legvander(here.s, len(rule[0]) - 1) @ np.linalg.inv(
+        legvander(rule[0], len(rule[0]) - 1)
     )
-    blocks = np.einsum("mq,qj,qk->mjk", measure, shape, shape)
+    at_points = np.einsum("np,npq,npk->nqk", here.weights, polynomials / rule[1], here.shape)
+    mass = np.einsum("np,npj,npk->njk", here.measure(surface.X), here.shape, here.shape)
+    cover = here.weights.sum(axis=1)
+    cover, at_points, mass = (_sum_over_facets(surface, here, a) for a in (cover, at_points, mass))
+    hardly = cover < LEAST_COVER
+    at_points[hardly] = mass[hardly] = 0.0
+    nodal = _solve_on_covered(surface, mass, forces, held)
+    return np.asarray(np.einsum("fqk,fkc->fqc", at_points, nodal[surface.facets]))
+
+
+def _sum_over_facets(surface: Surface, here: Points, values: Array) -> Array:
+    """Sums (facets, ...) of what belongs to parts of facets, shape (n, ...) (collective)."""
+    sums = np.zeros((len(surface.facets), *values.shape[1:]))
+    np.add.at(sums, here.facet, values)
+    surface.comm.Allreduce(MPI.IN_PLACE, sums)
+    return sums
+
+
+def _solve_on_covered(surface: Surface, blocks: Array, forces: Array, held: Mask) -> Array:
+    """Nodal tractions (nodes, 2) of ``forces`` by the mass matrices (facets, K, K) of facets."""
     rows, columns = (np.broadcast_to(surface.facets[a], blocks.shape) for a in _ROW_COLUMN)
     size = surface.num_nodes
     mass = coo_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), (size, size)).tolil()
     rhs = forces.copy()
+    alone = np.flatnonzero(mass.diagonal() == 0.0)
+    mass[alone, alone], rhs[alone] = 1.0, 0.0
     for end, first, second in _ends(surface, held):
         part = np.linalg.norm(surface.X[[end, first]] - surface.X[[first, second]], axis=1)
         ratio = part[0] / part[1]
         mass[end], rhs[end] = 0.0, 0.0
-        mass[end, [end, first, second]] = measure.max() * np.array([1.0, -1.0 - ratio, ratio])
+        mass[end, [end, first, second]] = blocks.max() * np.array([1.0, -1.0 - ratio, ratio])
     return np.asarray(splu(mass.tocsc()).solve(rhs))
+
+
+def _covers(pair: Interface) -> list[Points]:
+    """Points that stand for the parts of slave and master that face each other (local)."""
+    o, segments = pair.as_faced, pair.intersections()
+    behind = [points_behind(o, segments)] if pair.master.num_nodes else []
+    return [points_of(segments), *behind]
 
 
 def _ends(surface: Surface, held: Mask) -> list[list[int]]:
@@ -320,23 +377,34 @@ def interface_defects(pair: Interface) -> dict[str, Defects]:
     """What is wrong between the nodes of an interface, by its kind (collective)."""
     if isinstance(pair, Contact):
         return {"gap": gap_defects(pair), "slip": slip_defects(pair)}
-    o, X = pair.operators, (pair.slave.X, pair.master.X)
-    n, _ = evaluate_normals(pair.slave, X[0], "opposite")
-    facing = face(replace(o, x=X[0], m=X[1], n=n), o.segments)
-    jump = facing.apart(o.x - X[0], o.m - X[1])
+    o, facing = pair.operators, face(pair.as_faced, pair.intersections())
+    jump = facing.apart(o.x - pair.slave.X, o.m - pair.master.X)
     return {"gap": _on_facets(pair, facing, jump, 0.0 * facing.s)}
 
 
 def gap_defects(contact: Contact) -> Defects:
     """The gap where it is a penetration, or where all nodes are active; else z_n g (collective)."""
     o, segments = contact.operators, contact.intersections()
-    here = points_of(segments, contact.slave)
-    gap = o.sample_gaps(o.x + contact.offset[:, None] * o.n, segments, POINTS)
+    here, gap = points_of(segments), _gaps(contact, segments)
     closed = contact.active[here.slave[:, [0, -1]]].all(axis=1)[:, None]
     pressure = np.maximum(here.of(contact.pressure), 0.0)
     wrong = np.where(closed, gap, np.minimum(gap, 0.0))
     work = np.where(closed, 0.0, pressure * np.maximum(gap, 0.0))
     return _on_facets(contact, here, wrong[..., None] * here.direction(o.n), work)
+
+
+def _gaps(contact: Contact, segments: Segments) -> Array:
+    """Gaps less the offset at the points of segments, shape (n, q) [length] (local).
+
+    With small sliding they are linear in the motion, as those of the nodes are.
+    """
+    o, first = contact.operators, contact.as_faced
+    gap = first.sample_gaps(first.x + contact.offset[:, None] * o.n, segments, GAUSS[0])
+    if isinstance(first, ObstacleOperators) and isinstance(o, ObstacleOperators):
+        return gap + points_of(segments).of(o.phi - first.phi)
+    here = face(first, segments)
+    moved = here.apart(o.x - first.x, o.m - first.m)
+    return gap - np.einsum("nqc,nqc->nq", here.direction(o.n), moved)
 
 
 def slip_defects(contact: Contact) -> Defects:
@@ -346,7 +414,7 @@ def slip_defects(contact: Contact) -> Defects:
     or along an obstacle, whose surface has no mesh, that of the nodes.
     """
     o, facing = contact.operators, contact.partners.facing
-    here = points_of(o.segments, contact.slave) if facing is None else facing
+    here = points_of(o.segments) if facing is None else facing
     slip = here.of(contact.slip) if facing is None else facing.slip(o)
     ends, held = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
     sticking = contact.sticking[ends]

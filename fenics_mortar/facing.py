@@ -8,22 +8,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fenics_mortar.mortar import MortarOperators
-from fenics_mortar.segments import Segments
+from fenics_mortar.segments import Segments, gauss_rule
 from fenics_mortar.surfaces import Array, Indices, Surface
 
-# Gauss points on a segment
-NUM_POINTS = 4
-POINTS, WEIGHTS = np.polynomial.legendre.leggauss(NUM_POINTS)
+Rule = tuple[Array, Array]
+# Gauss points on a segment, and its ends
+GAUSS: Rule = gauss_rule(4)
+ENDS: Rule = (np.array([-1.0, 1.0]), np.ones(2))
 # Steps of Newton's method to the place on a curved facet of a point that lies on it
 STEPS = 4
 
 
 @dataclass(frozen=True)
 class Points:
-    """Gauss points of some segments on their slave facets (all methods are local).
+    """Gauss points of some segments on their facets of one side (all methods are local).
 
     Attributes:
-        facet: Slave facet of each segment, shape (n,).
+        facet: Facet of each segment, shape (n,).
         slave: Its nodes, shape (n, K).
         s: Places -1 ... 1 on the facet, shape (n, q).
         weights: Weights for integrals over these, shape (n, q).
@@ -37,7 +38,7 @@ class Points:
     shape: Array
 
     def of(self, nodal: Array) -> Array:
-        """Values at the points by those of the slave nodes (slave nodes, ...): (n, q, ...)."""
+        """Values at the points by those of the side's nodes (nodes, ...): (n, q, ...)."""
         return np.einsum("nqk,nk...->nq...", self.shape, nodal[self.slave])
 
     def direction(self, nodal: Array) -> Array:
@@ -85,18 +86,32 @@ class Facing(Points):
         return np.einsum("nqc,nqc->nq", self.direction(o.tau), self.apart(o.x, o.m)) - self.start
 
 
-def points_of(segments: Segments, slave: Surface, count: int = NUM_POINTS) -> Points:
-    """``count`` Gauss points of each segment (local)."""
-    points, weights = np.polynomial.legendre.leggauss(count)
-    middle, half = segments.ends.mean(axis=1)[:, None], np.diff(segments.ends) / 2
-    s = middle + half * points
+def points_between(facet: Indices, nodes: Indices, ends: Array, rule: Rule = GAUSS) -> Points:
+    """Points of the parts between ``ends`` (n, 2) of facets (n,) with ``nodes`` (n, K) (local)."""
+    middle, half = ends.mean(axis=1)[:, None], np.diff(ends) / 2
+    s = middle + half * rule[0]
+    return Points(facet, nodes, s, half * rule[1], lagrange(s, nodes.shape[1] - 1)[0])
+
+
+def points_of(segments: Segments, rule: Rule = GAUSS) -> Points:
+    """Points of the segments on the slave (local)."""
     facet = np.repeat(segments.facets, np.diff(segments.offsets))
-    return Points(facet, segments.slave, s, half * weights, lagrange(s, slave.degree)[0])
+    return points_between(facet, segments.slave, segments.ends, rule)
 
 
-def face(o: MortarOperators, segments: Segments) -> Facing:
+def points_behind(o: MortarOperators, segments: Segments) -> Points:
+    """Gauss points of the parts of master facets that the segments face at the state of ``o``."""
+    on_master = face(o, segments, ENDS).on_master
+    ends = np.sort(on_master @ np.linspace(-1.0, 1.0, on_master.shape[2]), axis=1)
+    of_first_node = np.zeros(o.master.num_nodes, np.int64)
+    of_first_node[o.master.facets[:, 0]] = np.arange(len(o.master.facets))
+    facet = of_first_node[segments.master[:, 0]]
+    return points_between(facet, segments.master, np.clip(ends, -1.0, 1.0))
+
+
+def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
     """Which points of the master those of the segments face at the state of ``o`` (local)."""
-    here, gap = points_of(segments, o.slave), o.sample_gaps(o.x, segments, POINTS)
+    here, gap = points_of(segments, rule), o.sample_gaps(o.x, segments, rule[0])
     y = here.of(o.x) + gap[..., None] * here.direction(o.n)
     master = segments.master
     on_master, _ = lagrange(_places_on(o.m[master], y), o.master.degree)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.mortar import Block, Linearization, MortarOperators
+from fenics_mortar.segments import Segments
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
@@ -99,6 +100,25 @@ class Interface(ABC):
     @abstractmethod
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate everything at the displacement ``u``, a local array (collective)."""
+
+    def move(self, z: Array, part: float, step: Array) -> None:
+        """Go a part of the way to the multipliers of a linear system (collective).
+
+        Args:
+            z: These, shape (slave nodes, 2) [stress].
+            part: How much of it.
+            step: All of the displacements that go with them, owned dofs [length].
+        """
+        self.z = self.z + part * (z - self.z) if part < 1.0 else z
+
+    @property
+    @abstractmethod
+    def as_faced(self) -> MortarOperators:
+        """The operators at the places of the nodes by which points of both sides are partners."""
+
+    @abstractmethod
+    def intersections(self) -> Segments:
+        """Where the facets of this rank's share meet the master, whatever integrates the pair."""
 
     @abstractmethod
     def rows(self) -> Rows:

@@ -82,8 +82,8 @@ OPTIONS = {
 }
 # Layers of cells on either side of a contact surface that a strip has.
 LAYERS = 2
-# Iterations that cost as much as a new cycle.
-COST = 10
+# A new cycle costs as much as ten to fifteen iterations, but serves several solves.
+COST = 5
 # Stiffness of the motion that T leaves out, by that of the node: it has no effect but on the
 # cycle's coarse grids, which would be stiff if it were large.
 IDLE = 1e-2

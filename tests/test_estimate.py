@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The estimate of the error vanishes for what the cells can follow, and marks what they cannot."""
 
+import inspect
+from functools import partial
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -12,10 +14,14 @@ import two_blocks
 
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
 from fenics_mortar import compat
-from fenics_mortar.estimate import ErrorEstimate
+from fenics_mortar.estimate import ErrorEstimate, interface_tractions
+from fenics_mortar.fluxes import Fluxes
+from fenics_mortar.segments import gauss_rule
+from fenics_mortar.space import DisplacementSpace
 
 # Blocks of unlike material with rollers on the left and below, free on the right
 MESH = {"n_upper": 3, "n_lower": 5, "layers_upper": 2, "layers_lower": 3}
@@ -23,9 +29,20 @@ MESH = {"n_upper": 3, "n_lower": 5, "layers_upper": 2, "layers_lower": 3}
 EXACT = 1e-7
 
 
-def column(law, degree, weight, cell="triangle", traction=-3.0, extra=None, pair=None):
-    """Two blocks of equal width under a traction on top and their own weight."""
-    data = scenes.read(two_blocks.build, cell=cell, width_upper=1.0, width_lower=1.0, **MESH)
+def column(
+    law,
+    degree,
+    weight,
+    cell="triangle",
+    traction=-3.0,
+    extra=None,
+    pair=None,
+    slave="upper",
+    **mesh,
+):
+    """Two blocks, of equal width if no other is said, under a traction and their own weight."""
+    widths = {"width_upper": 1.0, "width_lower": 1.0}
+    data = scenes.read(two_blocks.build, cell=cell, **{**MESH, **widths, **mesh})
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
     rule = {"quadrature_degree": 4}
@@ -40,7 +57,8 @@ def column(law, degree, weight, cell="triangle", traction=-3.0, extra=None, pair
         residual += extra(u, v)
     bcs = [fm.dirichlet(V, data, "lower/bottom", 0.0, component=1)]
     bcs.append(fm.dirichlet(V, data, ["lower/left", "upper/left"], 0.0, component=0))
-    pair = (pair or fm.ContactPair)(data, "upper/bottom", "lower/top")
+    sides = ["upper/bottom", "lower/top"]
+    pair = (pair or fm.ContactPair)(data, *(sides if slave == "upper" else reversed(sides)))
     return fm.ContactProblem(
         residual, u, [pair], bcs=bcs, petsc_options_prefix="estimate_", newton=scenes.TIGHT
     )
@@ -76,6 +94,40 @@ def test_no_error_is_seen_in_what_the_cells_can_follow(law, degree, weight, cell
     assert estimate.size > 0.0
 
 
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_no_error_is_seen_where_a_pressure_ends_in_the_middle_of_a_surface(degree, slave):
+    """Beside the narrow upper block the lower one bears the same traction, so stress is uniform."""
+
+    def beside(u, v):
+        x = ufl.SpatialCoordinate(u.function_space.mesh)
+        at = ufl.And(ufl.gt(x[1], 0.999), ufl.gt(abs(x[0] - 1.0), 0.5))
+        return 3.0 * ufl.conditional(at, v[1], 0.0) * ufl.ds(metadata={"quadrature_degree": 4})
+
+    wide = {"width_lower": 2.0, "n_lower": 8, "layers_lower": 4}
+    problem = column(scenes.linear_elastic, degree, 0.0, extra=beside, slave=slave, **wide)
+    problem.solve()
+    assert problem.estimate().relative < EXACT
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_facets_that_are_covered_in_part_bear_the_force_on_that_part(degree, slave):
+    """Of a uniform pressure; the ends of the upper block are in the middle of lower facets."""
+    wide = {"width_lower": 2.0, "n_lower": 7}
+    problem = column(scenes.linear_elastic, degree, 0.0, slave=slave, **wide)
+    (contact,), rule = problem.contacts, gauss_rule(3)
+    contact.evaluate(problem.bulk.u.x.array, problem.linearization)
+    contact.z[:] = [1.0, -3.0]
+    held = problem.bulk.prescribed.astype(float)
+    for surface, tractions in interface_tractions(contact, held, rule):
+        ends = np.sort(surface.X[surface.facets[:, [0, -1]], 0])
+        covered = np.diff(np.clip(ends, 0.5, 1.5))
+        force = np.einsum("q,fqc->fc", rule[1], tractions) * np.diff(ends) / 2
+        sign = 1.0 if surface is contact.master else -1.0
+        assert np.abs(force - sign * covered * [1.0, -3.0]).max() < 1e-13
+
+
 def test_every_term_sees_what_is_wrong():
     """A multiplier, a load, and a displacement that do not fit."""
     problem = column(scenes.linear_elastic, 1, 0.0)
@@ -97,6 +149,24 @@ def test_every_term_sees_what_is_wrong():
     wrong = problem.estimate()
     for part in ("sides", "boundary", "contact"):
         assert wrong.parts[part] > 0.01 * wrong.size, part
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("sliding, gap", [("small", 0.0), ("finite", 0.1 * 0.01)])
+def test_gap_is_that_of_the_model(sliding, gap, degree):
+    """A tilt by 0.1, and a slip by 0.01 across it, which only a finite one turns into overlap."""
+    problem = column(
+        scenes.linear_elastic, degree, 0.0, pair=partial(fm.ContactPair, sliding=sliding)
+    )
+    problem.solve()
+    (contact,) = problem.contacts
+    contact.active[:] = True
+    u, dofs = problem.bulk.u.x.array, problem.bulk.space.dofs
+    u[dofs[:, 1]] += 0.1 * problem.bulk.positions().reshape(-1, 2)[:, 0]
+    move_upper(problem, (0.01, 0.0))
+    # but for the length that slips off the end
+    expected = np.sqrt(0.5 * 100.0 / 0.5) * gap
+    assert problem.estimate().parts["gap"] == pytest.approx(expected, rel=0.05, abs=EXACT)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -196,3 +266,26 @@ def test_integrals_over_inner_facets_are_refused():
     problem = column(scenes.linear_elastic, 1, 0.0, extra=penalty)
     with pytest.raises(fm.MortarError, match="interior_facet"):
         problem.estimate()
+
+
+@pytest.mark.serial
+def test_forms_are_read_after_the_first_compilation_on_a_mesh_as_before_it(tmp_path):
+    # dolfinx 0.5 gives the mesh's element a variant as it compiles: test functions and normals made
+    # from then on look like those of another mesh
+    mesh = dmesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (1.0, 1.0)], [2, 2])
+    V = fm.vector_space(mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    rule = {"metadata": {"quadrature_degree": 2}}
+    residual = scenes.internal(u, scenes.neo_hookean(u, 100.0, 0.3))
+    residual += 3.0 * ufl.inner(ufl.FacetNormal(mesh), v) * ufl.ds(domain=mesh, **rule)
+    names = {"jit_params", "jit_options"} & set(inspect.signature(fem.form).parameters)
+    fem.form(residual, **{name: {"cache_dir": str(tmp_path)} for name in names})
+    fluxes = Fluxes(residual, u, DisplacementSpace(V))
+    below = dmesh.locate_entities_boundary(mesh, 1, lambda x: x[1] == 0.0)
+    mesh.topology.create_connectivity(1, 2)
+    cells = np.array([mesh.topology.connectivity(1, 2).links(f)[0] for f in below], np.int32)
+    inside, _ = fluxes.in_cells()
+    tractions = [fluxes.loads(cells, np.full(cells.size, side), below) for side in range(3)]
+    assert np.abs(inside.stress).max() == 0.0
+    # the pressure is along the normal of some side, whichever is the one below
+    assert any(np.allclose(t, [0.0, 3.0]) for t in np.concatenate(tractions))

@@ -84,8 +84,6 @@ def rate_beside(rows: Sequence[Row], name: str, expected: float) -> str:
         return cell
     if in_contact < LEAST_FACETS:
         return f"{cell}, too coarse: from {in_contact:.1f} facets in contact on"
-    if coarsest.get("integration") == "elements":  # Q2 on 64 to 256: 0.81, with 10 points 0.99
-        return f"{cell}, by too few points on a facet"
     return f"{cell}, not as predicted"
 
 

@@ -373,14 +373,15 @@ def press_fit(n: int, choice: Choice, *, law: str = "neo_hookean") -> Posed:
     )
 
 
-def flat(n: int, choice: Choice, *, friction: float = 0.0) -> Posed:
+def flat(n: int, choice: Choice, *, friction: float = 0.0, ends: float = 0.0) -> Posed:
     """The smooth manufactured solution; n facets of the slave, which is below.
 
     With friction the upper part is wider, and has slid by half the width of the slave. Beside it
-    the upper part bears the exact traction; the pressure is zero at the ends of the slave.
+    the upper part bears the exact traction; ``ends`` is the stretch at the ends of the slave,
+    without which the pressure is zero there.
     """
     cell, degree = ELEMENTS[choice.element]
-    slides = {"friction": friction, "slid": 0.5, "stretches": (0.0, 0.2)}
+    slides = {"friction": friction, "slid": 0.5, "stretches": (ends, 0.2)}
     exact = FlatInterface(**slides) if friction else FlatInterface()
     bodies = {"lower": True, "upper": False}
 

@@ -79,6 +79,14 @@ def test_more_points_per_facet_pass_the_patch_test_better(degree):
     assert 1e-5 < errors[1] < errors[0] / 10
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("degree", [1, 2])
+def test_default_points_per_facet_pass_the_patch_test_to_half_a_percent(degree):
+    """On any mesh of these ratios; with 5 points on facets of three nodes it would be 5 percent."""
+    scene, pressure = patch((5, 8), {"integration": "elements"}, degree)
+    assert 1e-5 < np.abs(scene.contact.pressure / pressure - 1).max() < 5e-3
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("pair", FIXED)
 def test_matching_nodes_pass_a_uniform_pressure(pair, degree):
