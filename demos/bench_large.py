@@ -14,55 +14,17 @@
 import resource
 import sys
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
-import numpy as np
+from bench_scene import comm, half_cylinder, size_of
 
-import ufl
-from dolfinx import fem
-
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root), str(root / "meshes")]
-import half_cylinder_on_block
-
-import fenics_mortar as fm
-
-comm = MPI.COMM_WORLD
 SOLVER = "direct" if "direct" in sys.argv else "iterative"
 REFINEMENTS = int(next((arg for arg in sys.argv[1:] if arg.isdecimal()), 1))
-R, DEPTHS = 8.0, (0.05, 0.15, 0.25)
+DEPTHS = (0.05, 0.15, 0.25)
 # -
 
-model = None
-if comm.rank == 0:
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    model = half_cylinder_on_block.build(
-        radius=R, width=48.0, height=24.0, h=0.08, fine=1.0, growth=0.2
-    )
-    for _ in range(REFINEMENTS):
-        model.mesh.refine()
-data = fm.read_gmsh(model, comm)
-if comm.rank == 0:
-    gmsh.finalize()
-
-# +
-V = fm.vector_space(data.mesh, 1)
-u, v = fem.Function(V), ufl.TestFunction(V)
-F = ufl.Identity(2) + ufl.grad(u)
-P = 40.0 * (F - ufl.inv(F).T) + 60.0 * ufl.ln(ufl.det(F)) * ufl.inv(F).T
-residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 1})
-push = fem.Constant(data.mesh, (0.0, 0.0))
-bcs = [fm.dirichlet(V, data, "block/bottom", np.zeros(2))]
-bcs += [fm.dirichlet(V, data, "cylinder/top", push)]
-pair = fm.ContactPair(data, slave="cylinder/arc", master="block/top")
-problem = fm.ContactProblem(
-    residual, u, [pair], bcs=bcs, petsc_options_prefix="large_", solver=SOLVER
-)
-# -
+problem, push = half_cylinder(0.08, REFINEMENTS, solver=SOLVER)
 
 
 def peak():
@@ -76,7 +38,7 @@ def say(line):
 
 
 # +
-say(f"{V.dofmap.index_map.size_global * 2} dofs, {SOLVER}, {comm.size} ranks\n")
+say(f"{size_of(problem)} dofs, {SOLVER}, {comm.size} ranks\n")
 say("| depth [mm] | force [N/mm] | nodes in contact | iterations | on the clock [s] | CPU [s] |")
 say("|---:|---:|---:|---:|---:|---:|")
 iterations, clock, cpu, phases = 0, 0.0, 0.0, {}

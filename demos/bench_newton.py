@@ -22,10 +22,9 @@ from pathlib import Path
 from mpi4py import MPI
 
 import numpy as np
-from bench_scene import two_pressed_blocks
+from bench_scene import comm, size_of, two_pressed_blocks
 from matplotlib.figure import Figure
 
-comm = MPI.COMM_WORLD
 STEPS = 5
 CONTACT = ("search", "integrals", "assembly")
 SOLVERS = [solver for solver in ("direct", "iterative") if solver in sys.argv] or ["direct"]
@@ -52,9 +51,8 @@ def measure(dofs, solver):
             np.array([*seconds.values(), whole, comm.allreduce(busy, MPI.MAX)])
             / report.num_iterations
         )
-    size = problem.bulk.V.dofmap.index_map.size_global * 2
     return (
-        size,
+        size_of(problem),
         np.median(iterations),
         dict(zip([*seconds, "all", "CPU"], np.median(costs, axis=0), strict=True)),
     )

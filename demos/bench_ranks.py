@@ -22,9 +22,8 @@ import time
 from mpi4py import MPI
 
 import numpy as np
-from bench_scene import two_pressed_blocks
+from bench_scene import comm, size_of, two_pressed_blocks
 
-comm = MPI.COMM_WORLD
 STEPS = 3
 DOFS = int(next(iter(sys.argv[1:]), 40_000))
 LENGTHS, AREA = (1.0, 2.2), 3.2  # of slave and master, of both bodies together
@@ -94,7 +93,7 @@ def measure(kind, dofs):
         iterations += report.num_iterations
     segments = comm.allgather(contact.operators.segments.num_segments)
     S, M = contact.slave.num_nodes, contact.master.num_nodes
-    cells = [kind, f"{comm.size}", f"{problem.bulk.V.dofmap.index_map.size_global * 2}"]
+    cells = [kind, f"{comm.size}", f"{size_of(problem)}"]
     cells += [f"{iterations}", *(f"{1e3 * t / iterations:.1f}" for t in (clock, cpu, phases))]
     least, most = (100 * share / sum(segments) for share in (min(segments), max(segments)))
     cells += [f"{least:.1f} to {most:.1f}", f"{calls}", f"{sent}", f"{80 * S + 32 * M}"]
@@ -168,7 +167,7 @@ def simulate(dofs):
     x, m = refined(contact.operators.x, k + 1), refined(contact.operators.m, 2 * k + 1)
     S, M, segments = len(x), len(m), 2 * k  # about two segments to a slave facet
     slave, master, segment = held_bytes()
-    strip = problem.system._multigrid._strip._rows.getSize() / (
+    strip = problem.system._multigrid._strip.num_rows / (
         contact.slave.num_nodes + contact.master.num_nodes
     )
     say(f"\n{dofs:.0e} dofs: S = {S}, M = {M}, {strip * (S + M):.0f} dofs in the strip\n")

@@ -36,7 +36,7 @@ FLAT = 1e-13
 UNMOVED = 1e-10
 # Times that the pattern of K may grow before it is made anew: sliding contact leaves zeros
 # behind.
-MOST_GROWTHS = 8
+MOST_GROWTHS = 4
 # The nodes of a cell along its outline, by their number: dolfinx' order is corners, edges, inside,
 # that of quadrilaterals the one of a tensor product
 AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6, 3, 7, 2, 5]}

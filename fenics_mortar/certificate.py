@@ -83,19 +83,19 @@ class PairCertificate:
     pair: str
     force: float
     moment: float
-    tension: float
-    shear: float
-    overlap: float
-    complementarity: float
-    penetration: float
-    distance: float
-    where: str
-    slant: float
-    slant_at: str
-    lean: float
-    lean_at: str
-    unpaired: int
-    uncovered: int
+    tension: float = 0.0
+    shear: float = 0.0
+    overlap: float = 0.0
+    complementarity: float = 0.0
+    penetration: float = 0.0
+    distance: float = 0.0
+    where: str = ""
+    slant: float = 0.0
+    slant_at: str = ""
+    lean: float = 0.0
+    lean_at: str = ""
+    unpaired: int = 0
+    uncovered: int = 0
 
     def violations(self, tolerance: float = 1e-6, penetration: float = 0.5) -> list[str]:
         """What does not hold, in words; empty for a sound state.
@@ -256,12 +256,12 @@ def _balance(
     num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
     sums = [np.bincount(body, component, num_bodies) for component in total[dofs].T]
     defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r[dofs]).sum()))
-    largest = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
+    motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=0.0)
     extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)
-    rounding = FORCE_ROUNDING * stiffness * max(largest, STILL * extent)
-    largest = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
-    return float(largest) / _positive(size + rounding)
+    rounding = FORCE_ROUNDING * stiffness * max(motion, STILL * extent)
+    defect = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
+    return float(defect) / _positive(size + rounding)
 
 
 def _certify_pair(
@@ -270,7 +270,7 @@ def _certify_pair(
     """Measure one pair; ``paired``: global numbers of the nodes that have a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
     bound = np.where(contact.active, contact.pair.law.bound(pressure), 0.0)
-    excess = np.abs(np.einsum("jc,jc->j", contact.operators.tau, contact.z)) - bound
+    excess = np.abs(contact.z_tau) - bound
     largest = max(float(pressure.max()), ROUNDING * float(contact.stiffness.max()))
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
     return PairCertificate(
@@ -291,18 +291,7 @@ def _certify_tie(tie: Tie) -> PairCertificate:
     """Measure one tied pair, which bears tension and shear as well."""
     return PairCertificate(
         **_action_and_reaction(tie),
-        tension=0.0,
-        shear=0.0,
         overlap=float(np.nanmax(tie.gap / tie.nodal_lengths)),
-        complementarity=0.0,
-        penetration=0.0,
-        distance=0.0,
-        where="",
-        slant=0.0,
-        slant_at="",
-        lean=0.0,
-        lean_at="",
-        unpaired=0,
         uncovered=int((tie.operators.cover <= 0.0).sum()),
     )
 
@@ -350,7 +339,7 @@ def _slant(contact: Contact, pressure: Array) -> dict[str, Any]:
     """Which part of the normal forces acts along the master's facets, and where (collective)."""
     o, s = contact.operators, contact.operators.segments
     if contact.obstacle is not None:
-        return {"slant": 0.0, "slant_at": ""}
+        return {}
     chords = o.m[s.master[:, -1]] - o.m[s.master[:, 0]]
     chords /= np.linalg.norm(chords, axis=1)[:, None]
     forces = np.abs(o.M.sum(axis=2) * pressure[s.slave])
@@ -375,7 +364,7 @@ def _lean(contact: Contact, pressure: Array) -> dict[str, Any]:
     with np.errstate(divide="ignore", invalid="ignore"):
         lean = np.nan_to_num(beside / there.max(axis=1, initial=0.0), posinf=np.inf)
     if not lean.any():
-        return {"lean": 0.0, "lean_at": ""}
+        return {}
     where = contact.operators.x[np.flatnonzero(held)[lean.argmax()]]
     return {"lean": float(lean.max()), "lean_at": place(where)}
 

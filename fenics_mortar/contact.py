@@ -30,6 +30,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.carriers import Carriers
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.laws import STICK, Frictionless, Nodal, Pieces, Row
@@ -56,14 +57,6 @@ from fenics_mortar.surfaces import Array, Indices, Surface
 
 # A node counts as covered if the diagonal of D is above this part of its length.
 LEAST_NODE_COVER = 1e-10
-# A node of which less than the first part is covered hands its multiplier to a neighbour with more
-# than the second: as the cover vanishes, its own would grow beyond all bounds, and its end would be
-# a jump. So often it may change in one solve.
-HAND_OVER, STRONG, MOST_CHANGES = 0.05, 0.1, 4
-# A slave node held in one component lies on a symmetry plane if the cosine between its normal and
-# the free component is above the first (20 degrees), and is held along its normal if below the
-# second.
-PLANE_COSINE, HELD_COSINE = 0.94, 0.1
 # A pressure below this part of the stiffness and a gap below this part of the place are rounding.
 ROUNDING = 1e-14
 # Before the first solve a node is active if it touches: gap below this part of its length.
@@ -74,8 +67,6 @@ NEAR = 0.5
 # A sticking node that other pairs hold, too, gives way to its shear: by this part of what the bulk
 # does.
 GIVE = 1e-3
-# Gauss points per segment by default, or for each part of a facet between two nodes
-POINTS = 5
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
 
@@ -127,9 +118,10 @@ class Contact(Interface):
         """Extract the surfaces (collective); see ``Interface``."""
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         super().__init__(pair, space, prescribed, welds)
-        self._classify_nodes()
-        self._may_carry = self.carries
-        self._changes: Indices = np.zeros(self.slave.num_nodes, np.int64)
+        normals, _ = evaluate_normals(self.slave, self.slave.X, pair.normals)
+        self._carriers = Carriers(self.slave, normals, self.free, at_vertices=self._at_vertices)
+        self.carries = self._may_carry = self._carriers.possible
+        self.oblique = self._carriers.oblique
         self.overheld = np.zeros(self.slave.num_nodes, bool)
         if not self.carries.any():
             raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
@@ -169,42 +161,6 @@ class Contact(Interface):
             return np.inf
         return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
 
-    def _points(self) -> int:
-        """Gauss points per segment, with "elements" per facet: those of the pair, or the default.
-
-        How well points on a facet pass a uniform pressure does not depend on the mesh: through 5 it
-        passes to 0.1 % on facets with two nodes, to 5 % on those with three, through 10 to 0.4 %.
-        """
-        points, degree = self.pair.points, self.slave.degree
-        on_facets = self.pair.integration == "elements" and self.obstacle is None
-        if points is None:
-            return POINTS * (degree if on_facets else 1)
-        if on_facets and points <= degree:
-            raise ValueError(
-                f"points={points}: with integration='elements' at least as many as a facet has "
-                f"nodes, {degree + 1}"
-            )
-        return points
-
-    def _classify_nodes(self) -> None:
-        """Set ``carries``, ``oblique`` and the normals on symmetry planes, from reference normals.
-
-        A node held in one component, whose normal is about along the other one, lies on a symmetry
-        plane: by symmetry its normal is along the free component. If its normal is oblique, it is
-        held for another reason, and keeps its normal. A node held along its normal, or altogether,
-        carries no multiplier.
-        """
-        normals, _ = evaluate_normals(self.slave, self.slave.X, self.pair.normals)
-        half_held = self.free.sum(axis=1) == 1.0
-        cosine = np.abs(normals * self.free).max(axis=1)
-        on_plane = half_held & (cosine > PLANE_COSINE)
-        self.oblique = half_held & ~on_plane & (cosine > HELD_COSINE)
-        self.carries = (self.free.sum(axis=1) == 2.0) | on_plane | self.oblique
-        if self._at_vertices:
-            self.carries &= ~self.slave.inner
-        self._plane_normals: Array = np.full_like(normals, np.nan)
-        self._plane_normals[on_plane] = (np.sign(normals) * self.free)[on_plane]
-
     @property
     def covered(self) -> npt.NDArray[np.bool_]:
         """Whether a slave node has a multiplier and a partner at the last evaluated state."""
@@ -239,7 +195,7 @@ class Contact(Interface):
 
     def _evaluate(self, x: Array, m: Array, linearization: Linearization) -> MortarOperators:
         """The operators where the nodes are at ``x`` and ``m`` (collective)."""
-        planes = self._plane_normals
+        planes = self._carriers.plane_normals
         if self.obstacle is None:
             return evaluate_mortar(
                 self.slave, self.master, x, m, self.carries, planes, self.options, linearization
@@ -289,7 +245,7 @@ class Contact(Interface):
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve."""
-        self._changes[:] = 0
+        self._carriers.begin()
 
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
@@ -364,27 +320,16 @@ class Contact(Interface):
         return row._replace(by_z_tau=row.by_z_tau - give)
 
     def update_carriers(self) -> int:
-        """Hand over and take back multipliers by the cover of the nodes; return how many changed.
+        """Hand over and take back multipliers, see ``carriers``; return how many changed.
 
         The operators have to be evaluated anew then. Points at the nodes cover a node or they do
         not, there is nothing to hand over.
         """
         if self.options.integration == "nodes":
             return 0
-        kappa = self.operators.cover / self.nodal_lengths
-        strong = self._may_carry & (kappa > STRONG)
-        safe, helped = np.ones(kappa.size, bool), np.zeros(kappa.size, bool)
-        step = self.slave.degree if self._at_vertices else 1
-        sides = self.slave.along(np.arange(kappa.size), range(-step, step + 1, 2 * step))
-        for neighbour in sides.T:
-            there = neighbour >= 0
-            safe &= ~there | strong[neighbour] | (kappa[neighbour] == 0.0)
-            helped |= there & strong[neighbour]
-        carries = self._may_carry & ~((kappa < HAND_OVER) & safe & helped)
-        changed = (carries != self.carries) & (self._changes < MOST_CHANGES)
-        self.carries = np.where(changed, carries, self.carries)
-        self._changes += changed
-        return int(changed.sum())
+        before, cover = self.carries, self.operators.cover / self.nodal_lengths
+        self.carries = self._carriers.update(before, cover)
+        return int((self.carries != before).sum())
 
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""

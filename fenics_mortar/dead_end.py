@@ -17,10 +17,11 @@ from itertools import product
 import numpy as np
 
 from fenics_mortar.contact import Contact
+from fenics_mortar.equations import State
 from fenics_mortar.errors import MortarError, place
 from fenics_mortar.laws import STICK
 from fenics_mortar.mortar import LINEARIZATIONS
-from fenics_mortar.problem import ContactProblem, State
+from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array, Indices
 
 # Overlap of surfaces that slip off each other, over the shortest facet of both.

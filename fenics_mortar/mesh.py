@@ -43,6 +43,16 @@ class MeshData:
         facet_tags: Tags of the facets. With dolfinx 0.5 they also list facets of ghost cells.
         bodies: Tag of each named body.
         boundaries: Tag of each named boundary.
+
+    Example:
+        A mesh that is not from gmsh, with two of its sides as boundaries 1 and 2::
+
+            low = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 0.0))
+            high = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 1.0))
+            facets = np.hstack([low, high])
+            tags = np.repeat(np.int32([1, 2]), [low.size, high.size])
+            order = np.argsort(facets)
+            data = MeshData(mesh, None, meshtags(mesh, 1, facets[order], tags[order]))
     """
 
     mesh: dmesh.Mesh

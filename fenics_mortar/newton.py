@@ -185,6 +185,10 @@ class NewtonReport:
         lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
         return "\n".join(lines)
 
+    def __str__(self) -> str:
+        """The table."""
+        return self.table()
+
 
 def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
     """Iterate until residual and increment are small and the sets stay (collective).
@@ -247,7 +251,7 @@ def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonRepo
     try:
         return report.followed_by(solve())
     except NotConvergedError as error:
-        raise NotConvergedError(str(error), report.followed_by(error.report)) from error
+        raise NotConvergedError(str(error), report.followed_by(error.report)) from None
 
 
 def _is_near(first: float, second: float) -> bool:

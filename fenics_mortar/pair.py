@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from fenics_mortar.errors import check_choice
 from fenics_mortar.laws import Frictionless, Law
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import Basis, GapWeights, Weighting
@@ -105,8 +106,7 @@ class ContactPair:
             ("sliding", sliding, get_args(Sliding)),
             ("slip", slip, get_args(Measure)),
         ):
-            if value not in allowed:
-                raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
+            check_choice(what, value, allowed)
         if integration == "nodes" and points is not None:
             raise ValueError(f"points={points}: with integration='nodes' the points are the nodes")
         if points is not None and not (isinstance(points, (int, np.integer)) and points >= 2):

@@ -21,9 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact import Contact
+from fenics_mortar.equations import State
 from fenics_mortar.errors import NotConvergedError
 from fenics_mortar.newton import NewtonReport, after
-from fenics_mortar.problem import ContactProblem, State
+from fenics_mortar.problem import ContactProblem
 
 # A guess that has not led to a solution in so many iterations has cost more than any could save.
 FEW = 8

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.dead_end import why_path_ends
+from fenics_mortar.equations import State
 from fenics_mortar.errors import NotConvergedError
 from fenics_mortar.newton import NewtonReport
 from fenics_mortar.predictor import Predictor
-from fenics_mortar.problem import ContactProblem, State
+from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
 
 # What is left of the path below this part of a step is taken with the step.
@@ -156,6 +157,10 @@ class PathReport:
         reasons += [f"- step {len(self.steps) + 1}: {failure.reason}" for failure in self.failures]
         return "\n".join([*lines, *(["", *reasons] if reasons else [])])
 
+    def __str__(self) -> str:
+        """The table."""
+        return self.table()
+
 
 def follow_path(
     problem: ContactProblem,
@@ -184,8 +189,8 @@ def follow_path(
 
     Raises:
         NotConvergedError: If a step of the smallest size fails, or ends in a state that violates
-            its certificate. Displacement and multipliers are
-            those of the last accepted step then; ``report`` is the ``PathReport``.
+            its certificate. Displacement and multipliers are those of the last accepted step then;
+            ``report`` is the ``PathReport``.
     """
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step

@@ -44,7 +44,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.errors import MortarError, raise_together
 from fenics_mortar.interface import Interface, Rows
 from fenics_mortar.mortar import Block
-from fenics_mortar.multigrid import CYCLE, OPTIONS, TouchingBodies
+from fenics_mortar.multigrid import OPTIONS, TouchingBodies
 from fenics_mortar.reach import Reach, zeros
 from fenics_mortar.sparse import BlockMatrix, SomeRows, add_blocks
 from fenics_mortar.surfaces import Array, Indices
@@ -58,34 +58,14 @@ DIRECT = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 50,
 }
-# Both forms by multigrid for the bodies. The saddle point's is by blocks: its Schur complement is
-# solved by GMRES with one cycle for K, preconditioned by factors of that with the diagonal of K.
-KRYLOV = {"ksp_gmres_restart": 100, "ksp_rtol": 1e-8, "ksp_max_it": 300}
-ITERATIVE: dict[Algorithm, dict[str, Any]] = {
-    "condensed": {
-        **KRYLOV,
-        "ksp_type": "gmres",
-        "ksp_pc_side": "right",
-        "pc_type": "python",
-        **OPTIONS,
-    },
-    "saddle": {
-        **KRYLOV,
-        "ksp_type": "fgmres",
-        "pc_type": "fieldsplit",
-        "pc_fieldsplit_type": "schur",
-        "pc_fieldsplit_schur_fact_type": "full",
-        "pc_fieldsplit_schur_precondition": "selfp",
-        "fieldsplit_dofs_ksp_type": "preonly",
-        **{f"fieldsplit_dofs_{name}": value for name, value in CYCLE.items()},
-        "fieldsplit_multipliers_ksp_type": "gmres",
-        "fieldsplit_multipliers_ksp_pc_side": "right",
-        "fieldsplit_multipliers_ksp_gmres_restart": 100,
-        "fieldsplit_multipliers_ksp_rtol": 1e-2,
-        "fieldsplit_multipliers_ksp_max_it": 100,
-        "fieldsplit_multipliers_pc_type": "lu",
-        "fieldsplit_multipliers_pc_factor_mat_solver_type": "mumps",
-    },
+ITERATIVE = {
+    "ksp_type": "gmres",
+    "ksp_pc_side": "right",
+    "ksp_gmres_restart": 100,
+    "ksp_rtol": 1e-8,
+    "ksp_max_it": 300,
+    "pc_type": "python",
+    **OPTIONS,
 }
 # From so many unknowns on "auto" iterates; see ``ContactProblem``.
 MANY = 100_000
@@ -121,6 +101,8 @@ class LinearSystem(ABC):
         remark: That it has done so, in words; "" if it has not.
         matrix: The matrix last assembled.
     """
+
+    has_multipliers: bool  # whether the matrix has rows of theirs
 
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
@@ -166,11 +148,21 @@ class LinearSystem(ABC):
         self.ksp.setOptionsPrefix(self._prefix)
         with options_added(self._prefix, self._options):
             self.ksp.setFromOptions()
+        self._multigrid: TouchingBodies | None = None
+        if self.ksp.getPC().getType() == "python":
+            rows = 2 * self.num_multipliers if self.has_multipliers else None
+            self._multigrid = TouchingBodies(self.bulk, self.contacts, self._prefix, rows)
+            self.ksp.getPC().setPythonContext(self._multigrid)
         self._finest, *_ = self.ksp.getTolerances()
 
     def _reset(self) -> None:
         """Forget what was made for matrices so far."""
         self.ksp.reset()
+
+    def _forget_pattern(self) -> None:
+        """Let no factors of another pattern be kept: PETSc does not see it; multigrid does."""
+        if self._multigrid is None:
+            self._reset()
 
     def _update_pattern(self) -> bool:
         """Whether contact goes beyond its reaches; make them anew then (collective)."""
@@ -317,6 +309,8 @@ class CondensedSystem(LinearSystem):
     Assembling adds to the bulk's ``K``, which has to be assembled anew before the next time.
     """
 
+    has_multipliers = False
+
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
     ) -> None:
@@ -325,10 +319,6 @@ class CondensedSystem(LinearSystem):
         if obstacle:
             raise ValueError(f"algorithm='condensed': {obstacle}; use algorithm='saddle'")
         size, mine = bulk.num_owned, 2 * self.num_multipliers
-        self._multigrid: TouchingBodies | None = None
-        if self.ksp.getPC().getType() == "python":
-            self._multigrid = TouchingBodies(bulk, contacts, prefix)
-            self.ksp.getPC().setPythonContext(self._multigrid)
         touched = [side.dofs.ravel() for c in contacts for side in (c.slave, c.master)]
         self._rows = SomeRows(np.concatenate([np.empty(0, np.int64), *touched]), bulk.first, size)
         self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
@@ -358,20 +348,23 @@ class CondensedSystem(LinearSystem):
 
     def _make_room(self, laws: Sequence[Rows]) -> None:
         """Put zeros into K wherever contact may add within its reach."""
+        different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         size = self.bulk.num_owned
-        zeros = BlockMatrix(self.comm, size, size, self.bulk.space.block_size)
-        self.bulk.grow_tangent(zeros.assemble(r.derivative_pattern() for r in self._reaches))
-        zeros.mat.destroy()
+        room = BlockMatrix(self.comm, size, size, self.bulk.space.block_size).assemble(
+            reach.derivative_pattern() for reach in self._reaches
+        )
         R = self._R.assemble(self._rows.renumbered(chain(self._R_blocks(laws), self._R_room())))
-        slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
+        slave_K, of_room = (A.createSubMatrix(self._slave_rows) for A in (self.bulk.K, room))
+        slave_K.axpy(1.0, of_room, different)
         product = R.matMult(slave_K)
-        room = self._rows.room(product, size)
+        gathered = self._rows.room(product, size)
+        room.axpy(1.0, gathered, different)
         self.bulk.grow_tangent(room)
-        for matrix in (slave_K, product, room, self._slave_K):
+        for matrix in (room, slave_K, of_room, product, gathered, self._slave_K):
             if matrix is not None:
                 matrix.destroy()
         self._slave_K = None
-        self._reset()  # PETSc does not see that K has another pattern: it would keep factors
+        self._forget_pattern()
 
     def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
         """C in the rows of the slave's displacement."""
@@ -478,6 +471,8 @@ Part = tuple[int, int, Iterable[Block]]
 class SaddleSystem(LinearSystem):
     """Displacements and multipliers (the paper's Alg. 1), with rows [dd, zeta] on each rank."""
 
+    has_multipliers = True
+
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
     ) -> None:
@@ -488,20 +483,6 @@ class SaddleSystem(LinearSystem):
         self._shifts = np.stack([(self._ends - sizes)[:, MULTIPLIER], self._ends[:, DOF]], axis=1)
         self._no_K = BlockMatrix(self.comm, *[self._sizes[MULTIPLIER]] * 2).assemble([])
         self._assembled: Any = None
-
-    def _reset(self) -> None:
-        """The same, but for which rows are those of dofs and of multipliers."""
-        super()._reset()
-        if self.ksp.getPC().getType() != "fieldsplit":
-            return
-        first = int(self._ends[self.comm.rank].sum()) - sum(self._sizes)
-        starts = first, first + self._sizes[DOF]
-        parts = [
-            PETSc.IS().createStride(size, start, 1, comm=self.comm)
-            for size, start in zip(self._sizes, starts, strict=True)
-        ]
-        parts[DOF].setBlockSize(self.bulk.space.block_size)
-        self.ksp.getPC().setFieldSplitIS(*zip(("dofs", "multipliers"), parts, strict=True))
 
     def _number(self, kind: int, numbers: Indices) -> Indices:
         """Numbers in the whole matrix of dofs or of components of multipliers; -1 stays -1."""
@@ -570,7 +551,7 @@ class SaddleSystem(LinearSystem):
         self.matrix = self._assembled = room.mat
         self.matrix.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         self._rhs = self.matrix.createVecLeft()
-        self._reset()
+        self._forget_pattern()
 
     def _assemble_rhs(self) -> None:
         size = self.bulk.num_owned

@@ -35,7 +35,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact import Contact
-from fenics_mortar.errors import SurfaceError, place
+from fenics_mortar.errors import SurfaceError, check_choice, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
@@ -111,8 +111,7 @@ class TiedPair:
             ("basis", basis, get_args(Basis)),
             ("gap", gap, get_args(Gap)),
         ):
-            if value not in allowed:
-                raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
+            check_choice(what, value, allowed)
         if not isinstance(points, (int, np.integer)) or points < 2:
             raise ValueError(f"points={points}: a whole number, at least 2 per segment")
         if search_radius is not None and not search_radius > 0.0:
@@ -160,7 +159,7 @@ class Tie(Interface):
         self.offset: Array = np.zeros(count)
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
         self.options = MortarOptions(
-            pair.basis, "opposite", "basis", pair.integration, pair.points,
+            pair.basis, "opposite", "basis", pair.integration, self._points(),
             pair.search_radius or NEAR * longest, float(np.cos(np.radians(pair.max_angle))),
         )  # fmt: skip
         self.carries = self.free.sum(axis=1) == 2.0

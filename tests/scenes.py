@@ -18,6 +18,14 @@ from dolfinx import fem
 import fenics_mortar as fm
 
 TIGHT = fm.NewtonOptions(residual_tolerance=1e-13)
+# Blocks that cover each other in part, turned.
+PARTLY_COVERED = {
+    "n_upper": 6,
+    "n_lower": 5,
+    "width_upper": 1.33,
+    "width_lower": 1.2,
+    "rotation": 0.4,
+}
 
 
 def read(build, comm=MPI.COMM_WORLD, **options):
@@ -146,6 +154,17 @@ def homogeneous_blocks(
     contact = fm.ContactPair(data, *sides, **(pair or {}))
     problem_ = fm.ContactProblem(internal(u, material(u, E, nu)), u, [contact], bcs=bcs, **options)
     return Scene(data, u, problem_, {"exact": exact})
+
+
+def disturbed(scene: Scene) -> Scene:
+    """All nodes moved at random, alike on any number of ranks; the covered ones are active."""
+    bulk = scene.problem.bulk
+    noise = np.random.default_rng(0).uniform(-0.01, 0.01, bulk.r.getSize())
+    scene.u.x.array[: bulk.num_owned] = noise[bulk.first :][: bulk.num_owned]
+    scene.u.x.scatter_forward()
+    scene.contact.evaluate(scene.u.x.array, scene.problem.linearization)
+    scene.contact.active[:] = scene.contact.covered
+    return scene
 
 
 def nodal(problem) -> np.ndarray:

@@ -139,7 +139,7 @@ def test_shortened_step_is_not_convergence():
 
 def test_table_is_markdown_with_a_row_per_iteration():
     report = solve(Root(), fm.NewtonOptions())
-    lines = report.table().splitlines()
+    lines = str(report).splitlines()
     assert lines[0].count("|") == lines[2].count("|") == 8
     assert sum(line.startswith("|") for line in lines) == 3 + len(report.iterations)
     assert "converged in" in lines[-1]

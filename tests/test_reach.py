@@ -44,7 +44,7 @@ def test_zeros_that_contact_left_behind_go():
     scene.loads["push"].value[:] = (-1.2, -0.01)
     scene.problem.solve()
     matrices, sizes = scene.problem.bulk.num_patterns, []
-    for _ in range(MOST_GROWTHS):
+    for _ in range(2 * MOST_GROWTHS):
         slide(scene, 0.6 * MARGIN)
         sizes.append(entries(scene))
     assert scene.problem.bulk.num_patterns == matrices + 1

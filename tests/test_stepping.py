@@ -71,7 +71,7 @@ def test_failed_step_leaves_no_trace():
     assert np.array_equal(after.active[0], before.active[0])
     path = failure.value.report
     assert not path.finished and len(path.failures) == 1 and not path.steps
-    assert path.failures[0].reason in path.table()
+    assert path.failures[0].reason in str(path)
 
 
 def test_steps_grow_when_they_are_easy_and_end_exactly():

@@ -6,7 +6,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from curves import Curves
-from scenes import homogeneous_blocks, pressed_blocks
+from scenes import PARTLY_COVERED, disturbed, homogeneous_blocks, pressed_blocks
 from test_operators import dense, moved_scene
 from test_patch import EXACT, STRETCH, assert_uniform, neo_hookean, uniaxial
 
@@ -129,22 +129,7 @@ def test_forces_of_both_sides_cancel_and_newton_is_quadratic(pair, slave, degree
 @pytest.mark.parametrize("pair", [*FIXED, {"integration": "elements", "basis": "standard"}])
 def test_assembled_tangent_has_second_order_remainder(pair, degree, slave):
     """The steps are so small that no point changes its partner; the blocks are not aligned."""
-    scene = pressed_blocks(
-        slave=slave,
-        pair=pair,
-        n_upper=6,
-        n_lower=5,
-        width_upper=1.33,
-        width_lower=1.2,
-        rotation=0.4,
-        degree=degree,
-    )
-    size = scene.problem.bulk.num_owned
-    noise = np.random.default_rng(0).uniform(-0.01, 0.01, scene.problem.bulk.r.getSize())
-    scene.u.x.array[:size] = noise[scene.problem.bulk.first :][:size]
-    scene.u.x.scatter_forward()
-    scene.contact.evaluate(scene.u.x.array, scene.problem.linearization)
-    scene.contact.active[:] = scene.contact.covered
+    scene = disturbed(pressed_blocks(slave=slave, pair=pair, degree=degree, **PARTLY_COVERED))
     check = scene.problem.check_tangent(print_table=False)
     for name, slope in check.slopes.items():
         assert slope == pytest.approx(2.0, abs=0.05), (name, check.table())

@@ -5,7 +5,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from scenes import internal, neo_hookean, pressed_blocks, rotation
+from scenes import PARTLY_COVERED, disturbed, internal, neo_hookean, pressed_blocks, rotation
 from scipy.spatial import cKDTree
 
 from dolfinx import fem
@@ -157,22 +157,7 @@ def test_newton_is_quadratic_to_rounding(algorithm, degree):
 def test_assembled_tangent_has_second_order_remainder(slave, basis, normals, degree):
     """Partly covered facets, all nodes moved at random, and the whole scene turned."""
     pair = {"basis": basis, "normals": normals}
-    scene = pressed_blocks(
-        slave=slave,
-        pair=pair,
-        n_upper=6,
-        n_lower=5,
-        width_upper=1.33,
-        width_lower=1.2,
-        rotation=0.4,
-        degree=degree,
-    )
-    size = scene.problem.bulk.num_owned
-    noise = np.random.default_rng(0).uniform(-0.01, 0.01, scene.problem.bulk.r.getSize())
-    scene.u.x.array[:size] = noise[scene.problem.bulk.first :][:size]
-    scene.u.x.scatter_forward()
-    scene.contact.evaluate(scene.u.x.array, scene.problem.linearization)
-    scene.contact.active[:] = scene.contact.covered
+    scene = disturbed(pressed_blocks(slave=slave, pair=pair, degree=degree, **PARTLY_COVERED))
     check = scene.problem.check_tangent(print_table=False)
     for name, slope in check.slopes.items():
         assert slope == pytest.approx(2.0, abs=0.05), (name, check.table())
@@ -181,13 +166,7 @@ def test_assembled_tangent_has_second_order_remainder(slave, basis, normals, deg
 @pytest.mark.parametrize("switch, blind", [("no_normals", "n"), ("no_segments", "M")])
 def test_tangent_check_sees_a_missing_term(switch, blind):
     """On partly covered facets: on others the motion of segment ends cancels."""
-    scene = pressed_blocks(slave="lower", problem={"linearization": switch}, **MESH)
-    noise = np.random.default_rng(0).uniform(-0.01, 0.01, scene.problem.bulk.r.getSize())
-    size = scene.problem.bulk.num_owned
-    scene.u.x.array[:size] = noise[scene.problem.bulk.first :][:size]
-    scene.u.x.scatter_forward()
-    scene.contact.evaluate(scene.u.x.array, scene.problem.linearization)
-    scene.contact.active[:] = scene.contact.covered
+    scene = disturbed(pressed_blocks(slave="lower", problem={"linearization": switch}, **MESH))
     # small steps: a small missing term must rise above the second-order part
     steps = 1e-5 * 0.5 ** np.arange(5)
     slopes = scene.problem.check_tangent(steps=steps, print_table=False).slopes
