@@ -7,6 +7,7 @@
 #     python3 demos/bench_newton.py                     10k, 40k, 160k
 #     python3 demos/bench_newton.py iterative           the same by multigrid
 #     python3 demos/bench_newton.py direct iterative    both, and results/growth.png
+#     python3 demos/bench_newton.py iterative saddle    with multipliers as unknowns of the system
 #     mpirun -n 2 python3 demos/bench_newton.py 640_000 1_000_000
 #
 # Numbers are medians over the load steps, of the slowest rank in each phase. CPU time is all that
@@ -28,14 +29,15 @@ from matplotlib.figure import Figure
 STEPS = 5
 CONTACT = ("search", "integrals", "assembly")
 SOLVERS = [solver for solver in ("direct", "iterative") if solver in sys.argv] or ["direct"]
-SIZES = [int(arg) for arg in sys.argv[1:] if arg not in SOLVERS] or [10_000, 40_000, 160_000]
+ALGORITHM = "saddle" if "saddle" in sys.argv else "condensed"
+SIZES = [int(arg) for arg in sys.argv[1:] if arg[0].isdecimal()] or [10_000, 40_000, 160_000]
 # -
 
 
 # +
 def measure(dofs, solver):
     """Dofs, iterations of a load step, and seconds per Newton iteration by phase."""
-    problem, facet, top = two_pressed_blocks(dofs, solver)
+    problem, facet, top = two_pressed_blocks(dofs, solver=solver, algorithm=ALGORITHM)
     problem.solve()
     iterations, costs = [], []
     for _ in range(STEPS):
@@ -85,7 +87,7 @@ def report(solver):
         if comm.rank == 0:
             if len(sizes) == 1:
                 ranks = f"{comm.size} rank{'s' * (comm.size > 1)}"
-                print(f"\nms per Newton iteration, {solver}, {ranks}\n")
+                print(f"\nms per Newton iteration, {ALGORITHM}, {solver}, {ranks}\n")
                 titles = ["dofs", "iterations", *cost, "contact [%]", "peak [GiB]"]
                 print("| " + " | ".join(titles) + " |")
                 print("|" + "---:|" * (len(cost) + 4))

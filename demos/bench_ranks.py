@@ -69,7 +69,7 @@ def say(line):
 # +
 def measure(kind, dofs):
     """Print a row; return the problem."""
-    problem, _, top = two_pressed_blocks(dofs, "iterative")
+    problem, _, top = two_pressed_blocks(dofs, solver="iterative")
     problem.solve()
     contact, counting = problem.contacts[0], Counting(problem.contacts[0].slave.comm)
     for surface in (contact.slave, contact.master):

@@ -67,12 +67,12 @@ def pressed(data, lower, upper, *, degree, stiff=(1.0, 1.0), **options):
     return fm.ContactProblem(residual, u, [pair], bcs=bcs, **options), moved
 
 
-def two_pressed_blocks(dofs, solver):
+def two_pressed_blocks(dofs, **options):
     """The problem with about so many unknowns, the length of a slave facet, what moves the top."""
     k = round(np.sqrt(dofs / 6))  # facets of the upper block: its side is 1, the lower 2.2 x 1
     data = read(two_blocks.build, n_upper=k, n_lower=2 * k, layers_upper=k, layers_lower=k)
     sides = ("lower", "lower/bottom", "lower/top"), ("upper", "upper/top", "upper/bottom")
-    problem, top = pressed(data, *sides, degree=3, solver=solver)
+    problem, top = pressed(data, *sides, degree=3, **options)
     top.value[1] = -0.01
     return problem, 1.0 / k, top
 

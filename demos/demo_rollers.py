@@ -72,7 +72,7 @@ problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="r
 rows = []
 
 
-def note(_time: float, _report: fm.NewtonReport) -> None:
+def note(_time: float, _report: object) -> None:
     rows.append((-punch.place[1], punch.reaction[1]))
 
 

@@ -3,10 +3,11 @@
 
 from fenics_mortar.adequacy import AdequacyCheck
 from fenics_mortar.compat import mixed_space, vector_space
+from fenics_mortar.elastic_tool import ElasticTool
 from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
-from fenics_mortar.newton import NewtonOptions, NewtonReport
+from fenics_mortar.newton import NewtonOptions
 from fenics_mortar.obstacles import Circle, Obstacle, Plane, Polygon, SignedDistance, Spline
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.problem import ContactProblem
@@ -20,13 +21,13 @@ __all__ = [
     "ContactPair",
     "ContactProblem",
     "Coulomb",
+    "ElasticTool",
     "Frictionless",
     "Law",
     "MeshData",
     "MeshError",
     "MortarError",
     "NewtonOptions",
-    "NewtonReport",
     "NotConvergedError",
     "Obstacle",
     "Plane",

@@ -234,12 +234,15 @@ class Bulk:
         return _areas(self.positions(), self._cells, self._gradients) / self._undeformed_areas
 
     def deformation_gradients(self) -> Array:
-        """F at the nodes of the owned cells, shape (cells, nodes, 2, 2) (local)."""
-        now, before = (
-            np.einsum("eka,nkb->enab", x[self._cells], self._gradients)
-            for x in (self.positions(), self._X)
-        )
-        return now @ np.linalg.inv(before)
+        """F of the owned cells, means over their nodes, shape (cells, 2, 2) (local)."""
+        return np.einsum("eka,ekb->eab", self.positions()[self._cells], self._slopes)
+
+    @cached_property
+    def _slopes(self) -> Array:
+        """Derivatives of shape functions by X, means over a cell's nodes, (cells, nodes, 2)."""
+        jacobian = np.einsum("eka,nkb->enab", self._X[self._cells], self._gradients)
+        slopes = np.einsum("nkb,enba->ekna", self._gradients, np.linalg.inv(jacobian))
+        return np.asarray(slopes.mean(axis=2))
 
     def check_input(self) -> None:
         """Refuse nan and inf in displacement, prescribed values and the form's data (collective).

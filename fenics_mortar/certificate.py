@@ -76,6 +76,7 @@ class PairCertificate:
         slant_at: Where most of it acts.
         lean: Pressure beside a slave node that is held over that of the next nodes, the largest.
         lean_at: Where that is.
+        undecided_at: Where a node is covered by about as much as makes it carry a multiplier.
         unpaired: Nodes of the two surfaces inside another body without any partner.
         uncovered: Slave nodes without a partner.
     """
@@ -94,6 +95,7 @@ class PairCertificate:
     slant_at: str = ""
     lean: float = 0.0
     lean_at: str = ""
+    undecided_at: str = ""
     unpaired: int = 0
     uncovered: int = 0
 
@@ -146,6 +148,12 @@ class PairCertificate:
             yield (
                 f"{self.pair}: a body leans on a held slave node, at {self.lean_at}, which carries "
                 "no multiplier: the force may be far too small; take the other body as slave"
+            )
+        if self.undecided_at:
+            yield (
+                f"{self.pair}: the master ends just beside the node at {self.undecided_at}, where "
+                "its multiplier goes to its neighbour or comes back: there may be two solutions, "
+                "with and without; other steps may find the other one"
             )
 
 
@@ -282,6 +290,7 @@ def _certify_pair(
         **_between_nodes(contact),
         **_slant(contact, pressure),
         **_lean(contact, pressure),
+        undecided_at=" and ".join(map(place, contact.operators.x[contact.undecided])),
         unpaired=_count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.carries & ~contact.covered).sum()),
     )

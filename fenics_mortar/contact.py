@@ -30,7 +30,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.carriers import Carriers
+from fenics_mortar.carriers import Carriers, normals_on_planes
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.laws import STICK, Frictionless, Nodal, Pieces, Row
@@ -120,6 +120,7 @@ class Contact(Interface):
         super().__init__(pair, space, prescribed, welds)
         normals, _ = evaluate_normals(self.slave, self.slave.X, pair.normals)
         self._carriers = Carriers(self.slave, normals, self.free, at_vertices=self._at_vertices)
+        self._master_planes = self._find_master_planes(prescribed)
         self.carries = self._may_carry = self._carriers.possible
         self.oblique = self._carriers.oblique
         self.overheld = np.zeros(self.slave.num_nodes, bool)
@@ -138,6 +139,7 @@ class Contact(Interface):
         self.offset: Array = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self._reference: _Reference | None = None
+        self._borne: tuple[npt.NDArray[np.bool_], Array] | None = None
         self.partners: Partners
         self.accepted: Partners
         none = np.zeros(self.slave.num_nodes)
@@ -149,6 +151,13 @@ class Contact(Interface):
         if self.obstacle is not None:
             return surface_without_nodes(self.slave, self.pair.master_name)
         return super()._master_surface(space)
+
+    def _find_master_planes(self, prescribed: npt.NDArray[np.bool_]) -> Array:
+        """Normals of master nodes on symmetry planes, nan elsewhere (collective)."""
+        if self.obstacle is not None:
+            return self.master.X
+        normals, _ = evaluate_normals(self.master, self.master.X, "opposite")
+        return normals_on_planes(normals, 1.0 - self.master.gather(prescribed.astype(float)))
 
     def has_master_of(self, other: Interface) -> bool:
         """Whether the two have the same obstacle, or masters that share a node."""
@@ -244,8 +253,27 @@ class Contact(Interface):
         self._reference = other._reference or self._reference
 
     def begin(self) -> None:
-        """Forget how often nodes changed in the last solve."""
+        """Forget how often nodes changed in the last solve, and what they bore."""
         self._carriers.begin()
+        self._borne = None
+
+    def move(self, z: Array, part: float, step: Array) -> None:
+        """See ``Interface``; notes the nodes that press though their multipliers pull (collective).
+
+        A linear system knows the force w z of a node to first order, w_old z + dw z_old. As the
+        weight of a node more than doubles, at an edge that slides, the second term alone may be
+        more than the force, and z pulls to make up for it. Such a node would be released, to come
+        back an iteration or two later; it is its force that says if it presses.
+        """
+        old, o = self.z, self.operators
+        super().move(z, part, step)
+        pulls, self._borne = self.active & (np.einsum("ja,ja->j", o.n, self.z) < 0.0), None
+        if pulls.any():
+            sides = self.slave.gather(step), self.master.gather(step)
+            change = part * self._change(o.weight_derivative(), *sides)
+            pulls &= change > o.weight
+            force = o.weight[:, None] * self.z + change[:, None] * old
+            self._borne = pulls & (np.einsum("ja,ja->j", o.n, force) > 0.0), force
 
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
@@ -255,6 +283,7 @@ class Contact(Interface):
             self.covered,
             touches,
             self._slip_measure,
+            master_planes=self._master_planes,
             between=not isinstance(self.pair.law, Frictionless),
         )
 
@@ -331,6 +360,13 @@ class Contact(Interface):
         self.carries = self._carriers.update(before, cover)
         return int((self.carries != before).sum())
 
+    @property
+    def undecided(self) -> Indices:
+        """Nodes that may as well carry a multiplier as not; see ``Carriers.undecided``."""
+        if self.options.integration == "nodes":
+            return np.empty(0, np.int64)
+        return self._carriers.undecided(self.operators.cover / self.nodal_lengths, self.active)
+
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
         if self.pair.initial_gap is not None:
@@ -362,19 +398,24 @@ class Contact(Interface):
             on_slave: Displacements of the slave nodes, shape (n, 2).
             on_master: Displacements of the master nodes, shape (n, 2).
         """
+        change = self._change(self.operators.gap_derivative(), on_slave, on_master)
+        on = self.covered
+        change[on] /= self.operators.weight[on]
+        return np.where(on, change, 0.0)
+
+    def _change(self, blocks: list[Block], on_slave: Array, on_master: Array) -> Array:
+        """What blocks of slave nodes change in a direction, (slave nodes,) (collective)."""
         sides = (self.slave, self.master)
         dofs = np.concatenate([side.dofs_of(np.arange(side.num_nodes)) for side in sides])
         values = np.concatenate([on_slave.ravel(), on_master.ravel()])
         order = np.argsort(dofs)
         change = np.zeros(self.slave.num_nodes)
-        for block in self.operators.gap_derivative():
+        for block in blocks:
             place = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
             direction = np.where(block.columns >= 0, values[place], 0.0)
             np.add.at(change, block.rows, np.einsum("bjq,bq->bj", block.values, direction))
         self.slave.comm.Allreduce(MPI.IN_PLACE, change)
-        on = self.covered
-        change[on] /= self.operators.weight[on]
-        return np.where(on, change, 0.0)
+        return change
 
     def update_active(self, *, start: bool = False) -> int:
         """Set the active set from the complementarity function; return how many nodes changed.
@@ -385,6 +426,10 @@ class Contact(Interface):
         if start:
             self.z[~np.isfinite(self.z)] = 0.0
         gap, on = self.gap, self.covered
+        if self._borne is not None:
+            (presses, force), self._borne = self._borne, None
+            presses = presses & on
+            self.z[presses] = force[presses] / self.operators.weight[presses, None]
         weight = self.c_n * self.stiffness / self.nodal_lengths
         trial = np.where(on, self.pressure - weight * np.where(on, gap, 0.0), 0.0)
         # Where both pressure and gap are rounding, a node stays as it is.

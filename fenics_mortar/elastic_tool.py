@@ -8,6 +8,9 @@ the rigid tool to first order, by the shapes and the supports of both bodies. En
 elastic energy W of the soft body, as a function of how the tool is moved, is less by the
 complementary energy of the tool at the same forces, whatever happens to the area of contact.
 
+The mesh of a curved tool has facets, that are off the curve as elasticity moves it. That is no
+error of the rigid tool, but one of its mesh, and stands beside it.
+
 All is in the frame of the obstacle, so that the tool may have moved and turned by any amount.
 """
 
@@ -25,13 +28,17 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.facing import nearest_facets, points_of
 from fenics_mortar.mesh import MeshData
-from fenics_mortar.mortar import MortarOperators
 from fenics_mortar.obstacles import Obstacle
 from fenics_mortar.reduced import factored_bulk
+from fenics_mortar.segments import gauss_rule
 from fenics_mortar.space import DisplacementSpace
-from fenics_mortar.surfaces import Array, Indices, extract_surface
+from fenics_mortar.surfaces import Array, Surface, extract_surface
 
 PREFIX = "fenics_mortar_elastic_tool_"
+# Gauss points on a facet of the slave: it may meet several facets of the tool, with kinks between.
+NUM_POINTS = 12
+# Points for which the nearest facets are looked for at a time.
+MOST_POINTS = 2000
 
 
 class ElasticTool:
@@ -53,7 +60,8 @@ class ElasticTool:
         Collective.
 
     Example:
-        ``fm.AdequacyCheck(tools=[ElasticTool(circle, residual, u, data, "tool/rim", bcs=grips)])``.
+        ``tool = fm.ElasticTool(circle, residual, u, data, "tool/rim", bcs=grips)``, and of the
+        problem with the circle, ``adequacy=fm.AdequacyCheck(tools=[tool])``.
     """
 
     def __init__(
@@ -85,36 +93,76 @@ class ElasticTool:
 
         Returns:
             Of each pair, the motion of the tool along the normals of the slave nodes, shape (slave
-            nodes,) [length].
+            nodes,) [length]: means by the multipliers' functions, as gaps are.
         """
+        touching = [self._touching(contact) for contact in contacts]
         load = np.zeros_like(self._surface.X)
-        for contact in contacts:
-            self._add_tractions(contact, load)
+        for points in touching:
+            points.add_tractions(load)
         self._surface.comm.Allreduce(MPI.IN_PLACE, load)
         force, answer = self._bulk.K.createVecs()
         self._surface.scatter_add(load, force.array)
         force.array[self._bulk.held] = 0.0
         self._factors.apply(force, answer)
         moved = self._surface.gather(answer.array_r)
-        return [self._along_normals(contact.operators, moved) for contact in contacts]
+        return [points.means(points.along_normals(moved)) for points in touching]
 
-    def _add_tractions(self, contact: Contact, load: Array) -> None:
-        """Add what the tractions on this rank's facets put on the nodes of the tool, own frame."""
-        o, points = contact.operators, points_of(contact.operators.segments)
-        ends, shares = self._places(points.of(o.x).reshape(-1, 2))
-        forces = points.of(contact.z) * points.measure(o.x)[:, :, None]
-        forces = forces.reshape(-1, 2) @ self.obstacle.turn
-        np.add.at(load, ends, shares[:, :, None] * forces[:, None])
+    def flatness(self, contacts: Sequence[Contact]) -> list[Array]:
+        """How far the facets of its mesh are inside the obstacle, as ``give`` (collective)."""
+        touching = [self._touching(contact) for contact in contacts]
+        return [points.means(-points.distances(self._surface.X)) for points in touching]
 
-    def _along_normals(self, o: MortarOperators, moved: Array) -> Array:
-        """Motion of the tool along the normals of slave nodes, by that of its own nodes."""
-        ends, shares = self._places(o.x)
-        motion = np.einsum("jk,jkc->jc", shares, moved[ends]) @ self.obstacle.turn.T
-        return np.asarray(np.einsum("jc,jc->j", o.n, motion))
+    def _touching(self, contact: Contact) -> _Touching:
+        return _Touching(contact, self.obstacle, self._surface)
 
-    def _places(self, x: Array) -> tuple[Indices, Array]:
-        """Ends of the nearest facets of the tool and their shares, both (points, 2)."""
-        own = self.obstacle.to_own_frame(x)
-        ends, part = nearest_facets(own, self._surface.X, self._surface)
-        part = np.clip(part, 0.0, 1.0)
-        return ends, np.stack([1.0 - part, part], axis=1)
+
+class _Touching:
+    """Points of the slave facets of a pair, and where they touch the mesh of the tool.
+
+    Args:
+        contact: The pair, at a solved state.
+        obstacle: Its obstacle.
+        surface: What touches of the tool's mesh.
+    """
+
+    def __init__(self, contact: Contact, obstacle: Obstacle, surface: Surface) -> None:
+        self._contact, self._obstacle, o = contact, obstacle, contact.operators
+        self._points = points_of(o.segments, gauss_rule(NUM_POINTS))
+        self._measure = self._points.measure(o.x)
+        own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
+        portions = np.array_split(own, len(own) // MOST_POINTS + 1)
+        places = [nearest_facets(part, surface.X, surface) for part in portions]
+        self._ends, parts = (np.concatenate(found) for found in zip(*places, strict=True))
+        on_facet = np.clip(parts, 0.0, 1.0)
+        self._shares = np.stack([1.0 - on_facet, on_facet], axis=1)
+
+    def add_tractions(self, load: Array) -> None:
+        """Add what the tractions put on the nodes of the tool, in its own frame (local)."""
+        forces = self._points.of(self._contact.z) * self._measure[:, :, None]
+        forces = forces.reshape(-1, 2) @ self._obstacle.turn
+        np.add.at(load, self._ends, self._shares[:, :, None] * forces[:, None])
+
+    def along_normals(self, moved: Array) -> Array:
+        """Component of a motion of the tool's nodes along the slave's normals, at the points."""
+        motion = self._on_tool(moved) @ self._obstacle.turn.T
+        normals = self._points.direction(self._contact.operators.n).reshape(-1, 2)
+        return np.asarray((motion * normals).sum(axis=1))
+
+    def distances(self, X: Array) -> Array:
+        """Signed distances from the obstacle of what of the tool the points touch."""
+        return self._obstacle.local(self._on_tool(X))[0]
+
+    def means(self, values: Array) -> Array:
+        """Means of values at the points for each slave node, 0 where none is near (collective)."""
+        parts = self._points.dual_moments(
+            self._contact.operators.x, values.reshape(self._measure.shape)
+        )
+        sums = np.zeros((2, self._contact.slave.num_nodes))
+        for target, part in zip(sums, parts, strict=True):
+            np.add.at(target, self._points.slave, part)
+        self._contact.slave.comm.Allreduce(MPI.IN_PLACE, sums)
+        return np.asarray(sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0))
+
+    def _on_tool(self, nodal: Array) -> Array:
+        """What the tool's nodes have, (nodes, 2), where the points touch it, (points, 2)."""
+        return np.einsum("pk,pkc->pc", self._shares, nodal[self._ends])

@@ -256,7 +256,7 @@ class ContactEquations:
         self.system.remark = ""
         part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
-            contact.z = contact.z + part * (z - contact.z) if part < 1.0 else z
+            contact.move(z, part, step.array_r)
         self.tools.move(part * motion)
         increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
         step.destroy()

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,13 +44,6 @@ def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
     """
     if comm.allreduce(error is not None):
         raise next(e for e in comm.allgather(error) if e is not None)
-
-
-def check_choice(what: str, value: object, allowed: Iterable[str]) -> None:
-    """Refuse what is not one of the allowed words, with ``ValueError``."""
-    allowed = list(allowed)
-    if value not in allowed:
-        raise ValueError(f"{what}={value!r}: allowed are {', '.join(allowed)}")
 
 
 def place(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:

@@ -57,6 +57,7 @@ IN_CELL = {1: 1 / 12, 2: 1 / 60}
 ON_SIDE = {1: 1 / 6, 2: 1 / 10}
 # A facet of which less than this is covered, of its length 2, counts as bare
 LEAST_COVER = 0.02
+TINY = float(np.finfo(float).tiny)
 Mask = npt.NDArray[np.bool_]
 # Dyads of the slave facets [length^3], and what counts by itself [stress length^2]
 Defects = tuple[Array, Array]
@@ -134,7 +135,7 @@ class Estimator:
         parts["constraint"] = work
 
         N, measure = _outlines(along.jacobian, cell)
-        Q = np.einsum("tiJkL,tsqJ,tsqL->tsqik", A, N, N)
+        Q = np.einsum("tsqikL,tsqL->tsqik", np.einsum("tiJkL,tsqJ->tsqikL", A, N), N)
         tractions = np.einsum("tsqiJ,tsqJ->tsqi", along.stress, N)
         defects, touching = self._defects(tractions, interfaces)
         height = square[:, None] / measure.sum(axis=2)
@@ -242,10 +243,17 @@ class Sides:
 
 
 def _work(Q: Array, t: Array) -> Array:
-    """T . Q^-1 t for Q (..., 2, 2) and t (..., 2); the sizes of the eigenvalues count."""
-    values, vectors = np.linalg.eigh(0.5 * (Q + np.swapaxes(Q, -1, -2)))
-    along = np.einsum("...ik,...i->...k", vectors, t)
-    return (along**2 / np.maximum(np.abs(values), np.finfo(float).tiny)).sum(axis=-1)
+    """T . Q^-1 t for Q (..., 2, 2) and t (..., 2); the sizes of the eigenvalues m +- r count."""
+    a, b, d = Q[..., 0, 0], 0.5 * (Q[..., 0, 1] + Q[..., 1, 0]), Q[..., 1, 1]
+    m, half = 0.5 * (a + d), 0.5 * (a - d)
+    r, square = np.hypot(half, b), (t**2).sum(axis=-1)
+    split = half * (t[..., 0] ** 2 - t[..., 1] ** 2) + 2.0 * b * t[..., 0] * t[..., 1]
+    split = split / np.maximum(r, TINY)
+    sizes = (np.maximum(np.abs(eigenvalue), TINY) for eigenvalue in (m + r, m - r))
+    parts = (
+        0.5 * (square + sign * split) / size for sign, size in zip((1, -1), sizes, strict=True)
+    )
+    return np.asarray(sum(parts))
 
 
 def _work_of_constraints(A: Array, C: Array, c: Array) -> Array:

@@ -46,6 +46,16 @@ class Points:
         v = self.of(nodal)
         return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
 
+    def dual_moments(self, x: Array, values: Array) -> tuple[Array, Array]:
+        """Integrals of ``values`` (n, q) with the dual functions of each facet, and of these alone.
+
+        With the slave nodes at ``x``, where each segment is a whole facet: both (n, K).
+        """
+        N, w = self.shape, self.measure(x)
+        mass = np.einsum("nq,nqj,nqk->njk", w, N, N)
+        sizes, moments = np.einsum("nq,nqj->nj", w, N), np.einsum("nq,nqj,nq->nj", w, N, values)
+        return sizes * np.linalg.solve(mass, moments[..., None])[..., 0], sizes
+
     def measure(self, x: Array) -> Array:
         """Lengths that the points stand for with the slave nodes at ``x``, shape (n, q)."""
         _, slope = lagrange(self.s, self.shape.shape[2] - 1)

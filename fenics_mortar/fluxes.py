@@ -2,9 +2,9 @@
 """Stress, loads and moduli read from the residual that a user gives, whatever energy is behind it.
 
 A residual of first order is linear in v and grad v: P : grad v - f . v in a cell, -t . v on the
-boundary. So its integrand I tells them by what it makes of v = e_i and v = e_i x_J:
+boundary. So its integrand I(v, grad v) tells them by what it makes of single entries,
 
-    f_i = -I(e_i),    P_iJ = I(e_i x_J) - x_J I(e_i),    t_i = -I(e_i) on the boundary,
+    f_i = -I(e_i, 0),    P_iJ = I(0, e_i x e_J),    t_i = -I(e_i, 0) on the boundary,
 
 and the same of its derivative gives the moduli dP_iJ / dF_kL. With the test function q = 1 of
 another unknown, as a pressure, it is a constraint on the displacement: zero in all places.
@@ -12,7 +12,7 @@ another unknown, as a pressure, it is a constraint on the displacement: zero in 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from mpi4py import MPI
@@ -24,6 +24,9 @@ import basix
 import ufl
 from dolfinx import fem
 from ufl.algorithms import expand_derivatives, replace
+from ufl.algorithms.analysis import extract_type
+from ufl.algorithms.map_integrands import map_integrand_dags
+from ufl.corealg.multifunction import MultiFunction
 
 from fenics_mortar import compat
 from fenics_mortar.errors import MortarError
@@ -110,9 +113,13 @@ class Fluxes:
         self._mesh = mesh = space.V.mesh
         self.cell = ReferenceCell(compat.cell_name(mesh))
         self._num_cells = mesh.topology.index_map(2).size_local
-        test, trial = ufl.TestFunction(space.whole), ufl.TrialFunction(space.whole)
+        # The form's own test function: with dolfinx 0.5 one made now may hash differently, since
+        # the first compilation changes the mesh's element.
+        (test,), trial = residual.arguments(), ufl.TrialFunction(space.whole)
         displacement = u if not space.is_mixed else ufl.split(u)[space.part]
-        motion, others = _arguments(space)
+        size, first = _unknowns(space)
+        motion = first, first + 1
+        others = [k for k in range(size) if k not in motion]
         x = ufl.SpatialCoordinate(mesh)  # heads each list: an expression has to know its mesh
         bulk, boundary = _integrands(expand_derivatives(residual))
         self._in_cells, self._on_boundary = list(bulk), list(boundary)
@@ -120,23 +127,28 @@ class Fluxes:
         J, H = ufl.Jacobian(mesh), ufl.grad(displacement)
         at_points, moduli, loads = [*_entries(J), *_entries(H)], [x[0]], [x[0]]
         for integrand in bulk.values():
-            P, minus_f = _flux(integrand, test, motion, x)
-            both = [_constraint(integrand, test, other, x) for other in others]
-            constraints, fluxes = [c for c, _ in both], [f[k] for _, f in both for k in (0, 1)]
-            at_points += [*_entries(P), *_entries(ufl.div(P) - minus_f)]
+            I = _Entries(integrand, test, size)
+            P, minus_f = I.of_gradient(motion), I.of_value(motion)
+            constraints, fluxes = I.of_value(others), _flat(I.of_gradient(others))
+            at_points += [*_flat(P), *_entries(ufl.div(ufl.as_tensor(P)) - ufl.as_vector(minus_f))]
             at_points += [*constraints, *fluxes]
-            for part in [*_entries(P), *constraints]:
-                derivative = expand_derivatives(ufl.derivative(part, u, trial))
-                moduli += _entries(_flux(derivative, trial, motion, x)[0])
+            derivative = _Entries(
+                expand_derivatives(ufl.derivative(integrand, u, trial)), test, size
+            )
+            parts = _flat(derivative.of_gradient(motion)) + derivative.of_value(others)
+            for part in parts:
+                moduli += _flat(_Entries(part, trial, size).of_gradient(motion))
         everywhere = np.concatenate([self.cell.points, self.cell.side_points])
         self._values = self._compile(at_points, everywhere)
         self._moduli = self._compile(moduli, self.cell.midpoint)
         self._normal = fem.Constant(mesh, np.zeros(2))
         K = ufl.JacobianInverse(mesh)
         normal = ufl.dot(self._normal, K)
-        normal = {ufl.FacetNormal(mesh): normal / ufl.sqrt(ufl.dot(normal, normal))}
+        normal = normal / ufl.sqrt(ufl.dot(normal, normal))
         for integrand in boundary.values():
-            loads += _entries(-_flux(replace(integrand, normal), test, motion, x)[1])
+            normals = extract_type(integrand, ufl.FacetNormal)
+            there = replace(integrand, dict.fromkeys(normals, normal))
+            loads += [-t for t in _Entries(there, test, size).of_value(motion)]
         self._loads = self._compile(loads, self.cell.side_points)
 
     def in_cells(self) -> tuple[Values, Values]:
@@ -258,48 +270,70 @@ def _within(subdomain: Subdomain, entities: Indices) -> npt.NDArray[np.bool_]:
     return np.isin(entities, np.concatenate([tags.find(int(k)) for k in numbers]))
 
 
-def _arguments(space: DisplacementSpace) -> tuple[Callable[[Any, Any], Any], list[Any]]:
-    """Functions of the whole space: of displacement (a, b), else zero, and of other unknowns."""
-    size, first = 2, 0
-    if space.is_mixed:
-        parts = ufl.split(ufl.TestFunction(space.whole))
-        sizes = [int(np.prod(part.ufl_shape)) for part in parts]
-        size, first = sum(sizes), sum(sizes[: space.part])
-
-    def make(values: dict[int, Any]) -> Any:
-        return ufl.as_vector([values.get(k, ufl.as_ufl(0.0)) for k in range(size)])
-
-    others = [k for k in range(size) if k not in (first, first + 1)]
-    return (
-        lambda a, b: make({first: a, first + 1: b}),
-        [lambda a, k=k: make({k: a}) for k in others],
-    )
+def _unknowns(space: DisplacementSpace) -> tuple[int, int]:
+    """Number of components of the whole space, and the first one of the displacement."""
+    if not space.is_mixed:
+        return 2, 0
+    sizes = [int(np.prod(part.ufl_shape)) for part in ufl.split(ufl.TestFunction(space.whole))]
+    return sum(sizes), sum(sizes[: space.part])
 
 
-def _constraint(integrand: Any, test: Any, other: Callable[[Any], Any], x: Any) -> tuple[Any, Any]:
-    """What stands with q, a number, and with grad q, a vector, in an integrand linear in q."""
+class _Entries:
+    """What stands with the components of an argument and of its gradient in an integrand.
 
-    def at(a: Any) -> Any:
-        return expand_derivatives(replace(integrand, {test: other(a)}))
+    Args:
+        integrand: Linear in the argument, derivatives expanded.
+        argument: The argument.
+        size: Its components.
+    """
 
-    constant = at(ufl.as_ufl(1.0))
-    return constant, ufl.as_vector([at(x[J]) - x[J] * constant for J in range(2)])
+    def __init__(self, integrand: Any, argument: Any, size: int) -> None:
+        self._integrand, self._argument, self._size = integrand, argument, size
+
+    def of_value(self, components: Sequence[int]) -> list[Any]:
+        """What stands with some components."""
+        return [self._at((k,), None) for k in components]
+
+    def of_gradient(self, components: Sequence[int]) -> list[list[Any]]:
+        """What stands with the gradient of some components, a row each."""
+        return [[self._at(None, (k, J)) for J in range(2)] for k in components]
+
+    def _at(self, value: tuple[int, ...] | None, gradient: tuple[int, ...] | None) -> Any:
+        shape, size = (self._size,), (self._size, 2)
+        given = _Given(self._argument, _unit(shape, value), _unit(size, gradient))
+        return map_integrand_dags(given, self._integrand)
 
 
-def _flux(
-    integrand: Any, argument: Any, trials: Callable[[Any, Any], Any], x: Any
-) -> tuple[Any, Any]:
-    """What stands with grad v, a tensor, and with v, a vector, in an integrand linear in v."""
+class _Given(MultiFunction):
+    """Puts a value and a gradient in the place of an argument's."""
 
-    def at(a: Any, b: Any) -> Any:
-        return expand_derivatives(replace(integrand, {argument: trials(a, b)}))
+    expr = MultiFunction.reuse_if_untouched
 
-    zero = ufl.as_ufl(0.0)
-    one = ufl.as_ufl(1.0)
-    constant = [at(one, zero), at(zero, one)]
-    linear = [[at(x[J], zero) for J in range(2)], [at(zero, x[J]) for J in range(2)]]
-    tensor = [[linear[i][J] - x[J] * constant[i] for J in range(2)] for i in range(2)]
-    return ufl.as_tensor(tensor), ufl.as_vector(constant)
+    def __init__(self, argument: Any, value: Any, gradient: Any) -> None:
+        super().__init__()
+        self._argument, self._value, self._gradient = argument, value, gradient
+
+    def argument(self, o: Any) -> Any:
+        """Its value."""
+        return self._value if o == self._argument else o
+
+    def grad(self, o: Any) -> Any:
+        """Its gradient; derivatives are of terminals only."""
+        return self._gradient if o.ufl_operands[0] == self._argument else o
+
+
+def _unit(shape: tuple[int, ...], place: tuple[int, ...] | None) -> Any:
+    """A tensor of zeros, but for 1 at a place."""
+    if place is None:
+        return ufl.zero(*shape)
+    entries = np.zeros(shape)
+    entries[place] = 1.0
+    return ufl.as_tensor(entries.tolist())
+
+
+def _flat(rows: list[list[Any]]) -> list[Any]:
+    """Entries of rows, one after the other."""
+    return [entry for row in rows for entry in row]
 
 
 def _entries(value: Any) -> list[Any]:

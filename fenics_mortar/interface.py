@@ -120,6 +120,16 @@ class Interface(ABC):
             )
         return int(points)
 
+    def move(self, z: Array, part: float, step: Array) -> None:
+        """Go a part of the way to the multipliers of a linear system (collective).
+
+        Args:
+            z: These, shape (slave nodes, 2) [stress].
+            part: How much of it.
+            step: All of the displacements that go with them, owned dofs [length].
+        """
+        self.z = self.z + part * (z - self.z) if part < 1.0 else z
+
     @property
     @abstractmethod
     def as_faced(self) -> MortarOperators:

@@ -42,6 +42,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.options import check_choice, check_number
+
 Array = npt.NDArray[np.float64]
 Pieces = npt.NDArray[np.int64]
 # A node this close to a kink, as a part of the bound, stays on its piece: it is on both.
@@ -146,8 +148,7 @@ class Friction(Law):
     """
 
     def __init__(self, c_t: float) -> None:
-        if not 0.0 < c_t < np.inf:
-            raise ValueError(f"c_t={c_t}: a positive number")
+        check_number("c_t", c_t, "a positive number", lambda c: 0.0 < c < np.inf)
         self.c_t = c_t
 
     @abstractmethod
@@ -198,12 +199,9 @@ class Coulomb(Friction):
         limit_by: Literal["trial", "pressure"] = "trial",
     ) -> None:
         super().__init__(c_t)
-        if not 0.0 <= mu < np.inf:
-            raise ValueError(f"mu={mu}: zero or a positive number")
-        if not most > 0.0:
-            raise ValueError(f"most={most}: a positive stress, or infinity")
-        if limit_by not in ("trial", "pressure"):
-            raise ValueError(f"limit_by={limit_by!r}: allowed are trial, pressure")
+        check_number("mu", mu, "zero or a positive number", lambda mu: 0.0 <= mu < np.inf)
+        check_number("most", most, "a positive stress, or infinity", lambda most: most > 0.0)
+        check_choice("limit_by", limit_by, ("trial", "pressure"))
         self.mu, self.most, self.limit_by = mu, most, limit_by
 
     def __repr__(self) -> str:
@@ -238,8 +236,7 @@ class Tresca(Friction):
 
     def __init__(self, stress: float, *, c_t: float = 0.1) -> None:
         super().__init__(c_t)
-        if not 0.0 <= stress < np.inf:
-            raise ValueError(f"stress={stress}: zero or a positive number")
+        check_number("stress", stress, "zero or a positive number", lambda s: 0.0 <= s < np.inf)
         self.stress = stress
 
     def __repr__(self) -> str:

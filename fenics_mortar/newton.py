@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from fenics_mortar.errors import MortarError, NotConvergedError
+from fenics_mortar.options import check_flag, check_number
 
 # Sets that change in so many iterations in a row will not settle by themselves, unless the residual
 # fell tenfold meanwhile: on fine meshes a contact shrinks by a node at a time.
@@ -100,13 +101,15 @@ class NewtonOptions:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        if not self.max_iterations >= 1:
-            raise ValueError(f"max_iterations={self.max_iterations}: at least 1")
+        right = "a whole number, at least 1"
+        check_number("max_iterations", self.max_iterations, right, lambda n: n >= 1, whole=True)
         for what in ("residual_tolerance", "increment_tolerance"):
-            if not 0.0 < getattr(self, what) < np.inf:
-                raise ValueError(f"{what}={getattr(self, what)}: a positive number")
-        if not self.most_motion > 0.0:
-            raise ValueError(f"most_motion={self.most_motion}: a positive number of facets")
+            value = getattr(self, what)
+            check_number(what, value, "a positive number", lambda number: 0.0 < number < np.inf)
+        right = "a positive number of facets"
+        check_number("most_motion", self.most_motion, right, lambda number: number > 0.0)
+        for what in ("line_search", "tentative"):
+            check_flag(what, getattr(self, what))
 
     @property
     def damped(self) -> bool:

@@ -3,19 +3,28 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from fenics_mortar.errors import check_choice
 from fenics_mortar.laws import Frictionless, Law
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import Basis, GapWeights, Weighting
 from fenics_mortar.obstacles import Obstacle
+from fenics_mortar.options import check_choice, check_kind, check_number
 from fenics_mortar.segments import Integration
 from fenics_mortar.slip import Measure
 
 Sliding = Literal["finite", "small"]
+
+
+def check_reach(search_radius: Any, max_angle: Any) -> None:
+    """Refuse a radius or an angle that finds nothing (local)."""
+    if search_radius is not None:
+        right = "a positive length, or None"
+        check_number("search_radius", search_radius, right, lambda r: r > 0.0)
+    right = "between 0 and 90 degrees"
+    check_number("max_angle", max_angle, right, lambda angle: 0.0 < angle < 90.0)
 
 
 class ContactPair:
@@ -109,19 +118,17 @@ class ContactPair:
             check_choice(what, value, allowed)
         if integration == "nodes" and points is not None:
             raise ValueError(f"points={points}: with integration='nodes' the points are the nodes")
-        if points is not None and not (isinstance(points, (int, np.integer)) and points >= 2):
-            what = {"segments": "segment", "elements": "facet", "nodes": "facet"}[integration]
-            raise ValueError(f"points={points}: a whole number, at least 2 per {what}")
-        if search_radius is not None and not search_radius > 0.0:
-            raise ValueError(f"search_radius={search_radius}: a positive length, or None")
-        if not 0.0 < max_angle < 90.0:
-            raise ValueError(f"max_angle={max_angle}: between 0 and 90 degrees")
-        if initial_gap is not None and not np.isfinite(initial_gap):
-            raise ValueError(f"initial_gap={initial_gap}: a length, or None")
-        if not 0.0 < c_n < np.inf:
-            raise ValueError(f"c_n={c_n}: a positive number")
-        if law is not None and not isinstance(law, Law):
-            raise ValueError(f"law={law!r}: an instance of Frictionless, Coulomb, Tresca or Law")
+        what = {"segments": "segment", "elements": "facet", "nodes": "facet"}[integration]
+        right = f"a whole number, at least 2 per {what}"
+        if points is not None:
+            check_number("points", points, right, lambda n: n >= 2, whole=True)
+        check_reach(search_radius, max_angle)
+        if initial_gap is not None:
+            check_number("initial_gap", initial_gap, "a length, or None", np.isfinite)
+        check_number("c_n", c_n, "a positive number", lambda c: 0.0 < c < np.inf)
+        if law is not None:
+            check_kind("law", law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")
+        check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data = data
         self.slave_name, self.master_name = str(slave), str(master)
         self.master = master

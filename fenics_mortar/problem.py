@@ -11,6 +11,9 @@ from typing import Any, get_args
 
 from petsc4py import PETSc
 
+import ufl
+from dolfinx import fem
+
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
@@ -19,11 +22,12 @@ from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact
 from fenics_mortar.damping import Damped
 from fenics_mortar.equations import ContactEquations
-from fenics_mortar.errors import MortarError, NotConvergedError, check_choice
+from fenics_mortar.errors import MortarError, NotConvergedError
 from fenics_mortar.estimate import ErrorEstimate, Estimator
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, solve
 from fenics_mortar.operators import OperatorMatrices
+from fenics_mortar.options import check_choice, check_kind
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
@@ -107,7 +111,8 @@ class ContactProblem(ContactEquations):
         linear_bulk: bool | None = None,
         adequacy: Any | None = None,
     ) -> None:
-        _check_arguments(residual, pairs, bcs)
+        _check_arguments(residual, u, pairs, bcs)
+        _check_options(petsc_options_prefix, petsc_options, newton, jacobian, linear_bulk, adequacy)
         compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)
@@ -183,7 +188,7 @@ class ContactProblem(ContactEquations):
                 or if the mesh was moved after set-up.
         """
         self.bulk.check_input()
-        report = None if self._adequacy is None else self._adequacy.climb(self)
+        report = None if self._adequacy is None else self._adequacy.climb()
         report = report or self._solve_by_this_model()
         if self._adequacy is not None:
             report.adequacy = self._adequacy.assess(self)
@@ -346,16 +351,37 @@ class ContactProblem(ContactEquations):
         return check_tangent(self, **options)
 
 
-def _check_arguments(residual: Any, pairs: Any, bcs: Any) -> None:
-    """Refuse a residual, pairs or conditions of a wrong kind (local)."""
+def _check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any) -> None:
+    """Refuse a residual, function, pairs or conditions of a wrong kind (local)."""
+    check_kind("residual", residual, ufl.Form, "a UFL form")
+    check_kind("u", u, fem.Function, "a function of dolfinx")
     if not isinstance(pairs, Sequence) or not all(
         isinstance(p, (ContactPair, TiedPair)) for p in pairs
     ):
         raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
     if not isinstance(bcs, Sequence):
         raise ValueError(f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions")
+    if not all(hasattr(bc, "function_space") for bc in bcs):
+        raise ValueError(f"bcs={bcs!r}: right is a list of Dirichlet conditions")
     if len(residual.arguments()) != 1:
         raise ValueError(
             "the residual has to hold one test function and no trial function; of an energy, "
             "it is ufl.derivative(energy, u, v)"
         )
+
+
+def _check_options(
+    prefix: Any, petsc_options: Any, newton: Any, jacobian: Any, linear_bulk: Any, adequacy: Any
+) -> None:
+    """Refuse options of a wrong kind (local)."""
+    check_kind("petsc_options_prefix", prefix, str, "a text, as 'blocks_'")
+    for name, value, kind, right in (
+        ("petsc_options", petsc_options, dict, "a dictionary, or None"),
+        ("newton", newton, NewtonOptions, "an instance of NewtonOptions, or None"),
+        ("jacobian", jacobian, ufl.Form, "a UFL form, or None"),
+        ("linear_bulk", linear_bulk, bool, "True, False or None"),
+    ):
+        if value is not None:
+            check_kind(name, value, kind, right)
+    if adequacy is not None and not hasattr(adequacy, "prepare"):
+        raise ValueError(f"adequacy={adequacy!r}: an instance of AdequacyCheck, or None")

@@ -25,7 +25,7 @@ from ufl.algorithms import extract_arguments
 from fenics_mortar import compat
 from fenics_mortar.bulk import AROUND, Bulk
 from fenics_mortar.contact import Contact
-from fenics_mortar.errors import MortarError, raise_together
+from fenics_mortar.files import make_folder, try_together, without_suffix
 from fenics_mortar.obstacles import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array, Indices
@@ -203,11 +203,11 @@ class _Series:
         mine = self._file(len(self._times), self._comm.rank)
         has_piece = self._comm.rank in self._ranks
         write_piece = partial(_write_piece, piece, mine)
-        _try_together(self._comm, has_piece, write_piece, f"cannot write '{mine}'")
+        try_together(self._comm, has_piece, write_piece, f"cannot write '{mine}'")
         self._times.append(float(time))
         index = self._path.with_name(f"{self._path.name}.pvd")
         work = partial(index.write_text, self._index())
-        _try_together(self._comm, self._comm.rank == 0, work, f"cannot write '{index}'")
+        try_together(self._comm, self._comm.rank == 0, work, f"cannot write '{index}'")
 
     def _file(self, step: int, rank: int) -> Path:
         return self._path.with_name(f"{self._path.name}_{step:06d}_p{rank}.vtu")
@@ -246,7 +246,7 @@ class _CellField:
             midpoint = MIDPOINT[compat.cell_name(V.mesh)]
             self._compiled = compat.create_expression(expression, midpoint)
 
-        _try_together(problem.comm, True, compile_it, f"field {name!r} cannot be evaluated")
+        try_together(problem.comm, True, compile_it, f"field {name!r} cannot be evaluated")
 
     def evaluate(self) -> Array:
         """Values, shape (owned cells, *shape of the expression) (local)."""
@@ -271,24 +271,9 @@ def _pad(values: Array) -> Array:
 
 def _prepare(comm: MPI.Comm, path: str | Path, suffix: str) -> Path:
     """Make the folder; return the path of the first rank without its suffix (collective)."""
-    path = Path(str(comm.bcast(path)).removesuffix(suffix))
-    if not path.name:
-        raise MortarError(f"'{path}' is no name of a file; right is e.g. 'results/series{suffix}'")
-    make = partial(path.parent.mkdir, parents=True, exist_ok=True)
-    _try_together(comm, comm.rank == 0, make, f"cannot make the folder '{path.parent}'")
+    path = without_suffix(comm, path, suffix)
+    make_folder(comm, path.parent)
     return path
-
-
-def _try_together(comm: MPI.Comm, here: bool, work: Callable[[], object], message: str) -> None:
-    """Do ``work`` if it is due ``here``; raise on all ranks if it fails on one (collective)."""
-    error = None
-    try:
-        if here:
-            work()
-    except Exception as exception:  # no rank may leave alone, whatever it is
-        error = MortarError(f"{message}: {exception}")
-        error.__cause__ = exception
-    raise_together(comm, error)
 
 
 # Table
@@ -384,7 +369,7 @@ def plot(
         axes.tick_params(color=GREY, labelsize=8)
         figure.savefig(f"{path}.png", dpi=200, bbox_inches="tight")
 
-    _try_together(comm, comm.rank == 0, draw, f"cannot draw '{path}.png'")
+    try_together(comm, comm.rank == 0, draw, f"cannot draw '{path}.png'")
 
 
 def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | None) -> Any:

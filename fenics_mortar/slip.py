@@ -126,6 +126,7 @@ def find_partners(
     touches: npt.NDArray[np.bool_],
     measure: Measure = "partners",
     *,
+    master_planes: Array,
     between: bool = False,
 ) -> Partners:
     """Partners at the state of ``o`` (collective).
@@ -135,6 +136,7 @@ def find_partners(
         faces: Which slave nodes have a row in D and M, shape (slave nodes,), bool.
         touches: Which are in contact, or have a tangent that never turns.
         measure: Whether the present D and M count, too.
+        master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
         between: Whether to note what faces each other between the nodes, too.
     """
     none, facing = np.zeros(len(o.x)), None
@@ -152,15 +154,16 @@ def find_partners(
         D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
         present = per_weight if measure == "operators" else none
     partners = Partners(D, M, feet, present, none, facing)
-    tangent = np.where(touches[:, None], o.tau, _midway(o, M))
+    tangent = np.where(touches[:, None], o.tau, _midway(o, M, master_planes))
     return replace(partners, start=np.einsum("ja,ja->j", tangent, partners.apart(o)))
 
 
-def _midway(o: MortarOperators, M: csr_array) -> Array:
+def _midway(o: MortarOperators, M: csr_array, planes: Array) -> Array:
     """Tangents midway between those of the slave nodes and of what they face, (slave nodes, 2)."""
     n = o.n
     if o.master.num_nodes:
-        n = n - M @ evaluate_normals(o.master, o.m, "opposite")[0]
+        found, _ = evaluate_normals(o.master, o.m, "opposite")
+        n = n - M @ np.where(np.isfinite(planes), planes, found)
     n = n / np.linalg.norm(n, axis=1)[:, None]
     return np.stack([-n[:, 1], n[:, 0]], axis=1)
 

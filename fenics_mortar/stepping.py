@@ -6,14 +6,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.equations import State
-from fenics_mortar.errors import NotConvergedError
+from fenics_mortar.errors import MortarError, NotConvergedError
+from fenics_mortar.files import make_folder, try_together, without_suffix
 from fenics_mortar.newton import NewtonReport
+from fenics_mortar.options import check_flag, check_number
 from fenics_mortar.predictor import Predictor
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
@@ -56,18 +59,20 @@ class SteppingOptions:
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
-        for name, right in (
-            ("step", self.step > 0.0),
-            ("smallest", 0.0 < self.smallest <= self.step),
-            ("largest", self.largest is None or self.largest >= self.step),
-            ("growth", self.growth >= 1.0),
-            ("cut", 0.0 < self.cut < 1.0),
+        right = (
+            "0 < smallest <= step <= largest, growth at least 1, cut between 0 and 1 are allowed"
+        )
+        largest = self.step if self.largest is None else self.largest
+        for name, value, allows in (
+            ("step", self.step, lambda step: 0.0 < step < np.inf),
+            ("smallest", self.smallest, lambda smallest: 0.0 < smallest <= self.step),
+            ("largest", largest, lambda largest: largest >= self.step),
+            ("growth", self.growth, lambda growth: growth >= 1.0),
+            ("cut", self.cut, lambda cut: 0.0 < cut < 1.0),
         ):
-            if not right:
-                raise ValueError(
-                    f"{name}={getattr(self, name)}: 0 < smallest <= step <= largest, growth at "
-                    "least 1 and cut between 0 and 1 are allowed"
-                )
+            check_number(name, value, right, allows)
+        check_number("easy", self.easy, "a number of iterations", lambda easy: easy >= 0)
+        check_flag("predict", self.predict)
 
 
 class Work(NamedTuple):
@@ -271,27 +276,57 @@ def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
         print(line, flush=True)
 
 
-def save_state(problem: ContactProblem, path: str) -> None:
+def save_state(problem: ContactProblem, path: str | Path) -> None:
     """Write displacement, multipliers, active sets and obstacles' places as .npz (collective).
 
     It can be read on any number of ranks: nodes are known by their number in the mesh's input.
+
+    Raises:
+        MortarError: On all ranks, if the file cannot be written.
     """
+    file = _state_file(problem, path)
+    make_folder(problem.comm, file.parent)
     nodes, values = problem.bulk.by_input_node()
     data = {"nodes": nodes, "u": values, "places": problem.tools.places}
     for i, contact in enumerate(problem.contacts):
         data |= {f"{name}{i}": getattr(contact, name) for name in KEPT}
-    if problem.comm.rank == 0:
-        np.savez(path, **data)
-    problem.comm.barrier()
+    write, first = partial(np.savez, file, **data), problem.comm.rank == 0
+    try_together(problem.comm, first, write, f"cannot write '{file}'")
 
 
-def load_state(problem: ContactProblem, path: str) -> None:
-    """Read what ``save_state`` wrote into a problem on the same mesh (collective)."""
-    data = dict(np.load(path)) if problem.comm.rank == 0 else None
+def load_state(problem: ContactProblem, path: str | Path) -> None:
+    """Read what ``save_state`` wrote into a problem on the same mesh (collective).
+
+    Raises:
+        MortarError: On all ranks, if there is no such file, or it is that of another problem.
+    """
+    file = _state_file(problem, path)
+    first, message = problem.comm.rank == 0, f"cannot read '{file}'"
+    data = try_together(problem.comm, first, partial(_read_arrays, file), message)
     data = problem.comm.bcast(data)
+    expected = {f"{k}{i}": getattr(c, k) for i, c in enumerate(problem.contacts) for k in KEPT}
+    expected["places"] = problem.tools.places
+    for name, mine in expected.items():
+        if name not in data or data[name].shape != mine.shape:
+            raise MortarError(
+                f"'{file}' is the state of a problem with other pairs, or on another mesh or "
+                f"degree: see '{name}'"
+            )
     problem.bulk.set_by_input_node(data["nodes"], data["u"])
     kept: dict[str, Any] = {
         name: [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
     }
     problem.restore(replace(problem.state(), **kept, places=data["places"], converged=True))
     problem.accept()
+
+
+def _state_file(problem: ContactProblem, path: str | Path) -> Path:
+    """Numpy writes to names that end in .npz only (collective)."""
+    stem = without_suffix(problem.comm, path, ".npz")
+    return stem.with_name(f"{stem.name}.npz")
+
+
+def _read_arrays(file: Path) -> dict[str, Array]:
+    """All arrays of an .npz file, without pickled objects."""
+    with np.load(file) as arrays:
+        return dict(arrays)

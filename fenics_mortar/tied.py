@@ -35,7 +35,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact import Contact
-from fenics_mortar.errors import SurfaceError, check_choice, place
+from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
@@ -47,7 +47,8 @@ from fenics_mortar.mortar import (
     evaluate_mortar,
     evaluate_normals,
 )
-from fenics_mortar.pair import ContactPair
+from fenics_mortar.options import check_choice, check_kind, check_number
+from fenics_mortar.pair import ContactPair, check_reach
 from fenics_mortar.segments import Integration, Segments
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface
@@ -112,13 +113,12 @@ class TiedPair:
             ("gap", gap, get_args(Gap)),
         ):
             check_choice(what, value, allowed)
-        if not isinstance(points, (int, np.integer)) or points < 2:
-            raise ValueError(f"points={points}: a whole number, at least 2 per segment")
-        if search_radius is not None and not search_radius > 0.0:
-            raise ValueError(f"search_radius={search_radius}: a positive length, or None")
-        if not 0.0 < max_angle < 90.0:
-            raise ValueError(f"max_angle={max_angle}: between 0 and 90 degrees")
+        right = "a whole number, at least 2 per segment"
+        check_number("points", points, right, lambda n: n >= 2, whole=True)
+        check_reach(search_radius, max_angle)
+        check_kind("data", data, MeshData, "the MeshData of the mesh")
         for name in (slave, master):
+            data.boundary_tag(name)
             data.boundary_facets(name)
         self.data = data
         self.slave_name, self.master_name = str(slave), str(master)

@@ -4,7 +4,7 @@
 import mapped_grids
 import numpy as np
 import pytest
-from mapped_grids import Grid, block
+from mapped_grids import Grid, block, sector
 from scenes import (
     TIGHT,
     internal,
@@ -20,15 +20,16 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.adequacy import (
+from fenics_mortar.model_error import (
     ENERGY,
+    PEAK,
     QUANTITIES,
     Snapshot,
     differences,
+    estimate_wider,
     largest_strain,
     strained,
 )
-from fenics_mortar.elastic_tool import ElasticTool
 
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
 
@@ -148,7 +149,7 @@ def soft_on(tool, *, angle=0.0):
     problem.solve()
     elastic = internal(w, linear_elastic(w, 100.0 * STIFFER, 0.3))
     grip = [fm.dirichlet(w.function_space, alone, "tool/bottom", (0.0, 0.0))]
-    return problem, lambda bcs=grip: ElasticTool(plane, elastic, w, alone, "tool/top", bcs=bcs)
+    return problem, lambda bcs=grip: fm.ElasticTool(plane, elastic, w, alone, "tool/top", bcs=bcs)
 
 
 def test_a_meshed_tool_says_what_it_is_worth_that_an_obstacle_is_rigid():
@@ -170,6 +171,56 @@ def test_a_meshed_tool_says_what_it_is_worth_that_an_obstacle_is_rigid():
     true = differences(problem, here, other)
     for name in QUANTITIES:
         assert 0.85 < found[0][name] / true[name] < 1.15, (name, true, found[0])
+
+
+def ring_on(tool, data):
+    """A quarter of a ring around a stiffer one that is too large for it, or around a circle."""
+    V = fm.vector_space(data.mesh, 1)
+    u, circle = fem.Function(V), fm.Circle((0.0, 0.0), 1.01)
+    bodies = {"meshed": ("soft", "tool"), "circle": ("soft",), "alone": ("tool",)}[tool]
+    dx, v = ufl.dx(subdomain_data=data.cell_tags), ufl.TestFunction(V)
+    forms = [
+        ufl.inner(linear_elastic(u, {"soft": 100.0, "tool": 1000.0}[name], 0.3), ufl.grad(v))
+        * dx(data.bodies[name])
+        for name in bodies
+    ]
+    sides = (("left", 1), ("right", 0))
+    bcs = [fm.dirichlet(V, data, f"{b}/{side}", 0.0, i) for b in bodies for side, i in sides]
+    if tool == "alone":
+        return lambda of: fm.ElasticTool(of, forms[0], u, data, "tool/bottom", bcs=bcs)
+    pair = fm.ContactPair(data, "soft/top", "tool/bottom" if tool == "meshed" else circle)
+    problem = fm.ContactProblem(sum(forms), u, [pair], bcs=bcs, petsc_options_prefix="test_")
+    problem.solve()
+    return problem
+
+
+def test_facets_of_a_meshed_tool_stand_beside_its_elasticity():
+    """Of 9 facets on a quarter circle: they are off by (pi / 18)^2 / 8 = 3.8e-3 at the most.
+
+    Both together are the difference from the meshed tool but for second order, about the square of
+    their sum: that of the overlap is 10 to 30 %.
+    """
+    quarter = (0.0, np.pi / 2)
+    soft = Grid("soft", sector(6, 4, radii=(1.0, 1.5), angles=quarter))
+    tool = Grid("tool", sector(9, 4, radii=(0.5, 1.01), angles=quarter))
+    meshes = {"circle": [soft], "meshed": [soft, tool], "alone": [tool]}
+    rigid, full, alone = (
+        ring_on(name, read(lambda g=grids: mapped_grids.build(g))) for name, grids in meshes.items()
+    )
+    (contact,) = rigid.contacts
+    elastic = alone(contact.obstacle)
+    give, flatness = elastic.give([contact])[0], elastic.flatness([contact])[0]
+    on = contact.active
+    assert 0.5 * 3.8e-3 < flatness[on].mean() < 0.8 * 3.8e-3  # two thirds of the largest
+    found = estimate_wider(rigid, [contact], [give + flatness])
+    forces = [problem.contacts[0].total_force for problem in (rigid, full)]
+    true = np.linalg.norm(forces[0] - forces[1]) / np.linalg.norm(forces[1])
+    assert 0.85 < found["total force"] / true < 1.15
+    peaks = [problem.contacts[0].pressure.max() for problem in (rigid, full)]
+    assert 0.7 < found[PEAK] / (abs(peaks[0] / peaks[1] - 1)) < 1.3
+    check = fm.AdequacyCheck(1e-3, tools=[elastic]).assess(rigid)
+    assert check.verdict(check.assumptions[0]) == "refine before you model more"
+    assert "facets are off" in str(check)
 
 
 def test_a_tool_has_to_be_held():
@@ -321,9 +372,12 @@ def test_climb_reaches_the_full_model_where_it_is_needed(law):
 
 
 def test_climb_stays_where_it_is_enough():
-    """A step of the full model for each load instead of all; the answer is the cheap model's."""
+    """A step of the full model for a load instead of all; the answer is the cheap model's.
+
+    For the second load there is none: it is by a tenth more than what was checked before.
+    """
     (full, push, steps), (problem, same_push, few) = climbing(), climbing(tolerance=0.05)
-    for depth in (0.005, 0.01, 0.02):
+    for depth in (0.005, 0.0055, 0.02):
         push[1] = same_push[1] = -depth
         full.solve()
         report = problem.solve()
@@ -333,7 +387,7 @@ def test_climb_stays_where_it_is_enough():
         true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
         for name in QUANTITIES:  # of the rung's own forces, not of its pressures on moved segments
             assert 0.9 < assumption.errors[name] / true[name] < 1.1, (name, true)
-    assert len(few) == 3 and len(steps) >= 9
+    assert len(few) == 2 and len(steps) >= 8
 
 
 def test_climb_ends_on_a_rung_between():
@@ -348,7 +402,7 @@ def test_climb_ends_on_a_rung_between():
     assert 1e-5 < true[ENERGY] < 0.02
     del steps[:]
     problem.solve()
-    assert len(steps) == 1  # the rung below is not tried again
+    assert not steps  # the rung below is not tried again, nor this one checked where it was
 
 
 def test_climb_stops_at_the_error_of_the_mesh():
@@ -377,13 +431,17 @@ def test_the_error_of_the_mesh_is_not_that_of_the_model():
 def test_climb_goes_on_where_a_rung_fails(monkeypatch):
     """A cheap model that has no solution leaves no trace."""
     (full, push, _), (problem, same_push, _) = climbing(), climbing(tolerance=0.5)
-    for _, rung in problem._adequacy._rungs:
+    climb = problem._adequacy._climb
+    models = [climb._model, *climb._models]
+    climb._models = iter(models[1:])
+    assert len(models) == 2
+    for model in models:
 
-        def fail(rung=rung):
+        def fail(rung=model.problem):
             rung.bulk.u.x.array[:] = 0.01
             raise fm.MortarError("no")
 
-        monkeypatch.setattr(rung, "solve", fail)
+        monkeypatch.setattr(model.problem, "solve", fail)
     push[:] = same_push[:] = PATH[1]
     full.solve()
     problem.solve()

@@ -196,3 +196,16 @@ def test_body_that_leans_on_a_held_slave_node_is_told(shift, leans):
 def test_edges_of_a_punch_are_no_corners():
     scene = solved(n_upper=7, n_lower=11)
     assert scene.problem.certificate().remarks() == []
+
+
+@pytest.mark.parametrize("part, told", [(0.2, False), (0.04, False), (0.0495, True)])
+def test_two_solutions_by_the_end_of_the_master_are_told_of(part, told):
+    """The master ends where a node is covered by a part s^2 / 2 of its length, s of its facet."""
+    lower = {"slave": "lower", "n_lower": 8, "width_lower": 2.0}
+    width = 2.0 * (0.5 + 0.25 * np.sqrt(2.0 * part))
+    scene = pressed_blocks(n_upper=5, layers_upper=2, layers_lower=2, width_upper=width, **lower)
+    scene.problem.evaluate(start=True)
+    assert np.allclose(scene.contact.operators.cover[[1, 7]], 0.25 * part, rtol=1e-9)
+    said = [remark for remark in scene.problem.certificate().remarks() if "two solutions" in remark]
+    assert len(said) == told
+    assert all(where in remark for remark in said for where in ("(0.25, 1)", "(1.75, 1)"))

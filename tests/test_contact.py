@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
+import fenics_mortar as fm
+
 MESH = {"n_upper": 7, "n_lower": 9, "layers_upper": 3, "layers_lower": 3}
 
 
@@ -76,3 +78,30 @@ def test_total_force_is_what_the_nodes_carry():
     on_slave, _ = scene.contact.operators.force(scene.contact.z)
     assert np.abs(scene.contact.total_force + on_slave.sum(axis=0)).max() < 1e-13
     assert scene.contact.total_force[1] > 0.0  # the upper block is pushed up
+
+
+def test_node_whose_cover_grows_presses_on(monkeypatch):
+    """An edge slides a facet on: of the node under it much more is covered then.
+
+    The linear system knows its force; its multiplier alone pulls, which would release the node, to
+    come back two iterations later.
+    """
+    scene = pressed_blocks(slave="lower", pair={"law": fm.Coulomb(0.3)}, **MESH)
+    contact, facet = scene.contact, scene.contact.nodal_lengths.max()
+    for push in ((0.04, -0.05), (0.04, -0.1)):
+        scene.loads["push"].value[:] = push
+        scene.problem.solve()
+    edge = contact.active_nodes[0]
+    before = contact.operators.cover[edge]
+    look, active = scene.problem.look, []
+
+    def note(*, start):
+        status = look(start=start)
+        active.append(contact.active[edge])
+        return status
+
+    monkeypatch.setattr(scene.problem, "look", note)
+    scene.loads["push"].value[:] = (0.04 + 0.9 * facet, -0.1)
+    scene.problem.solve()
+    assert contact.operators.cover[edge] > 3.0 * before
+    assert all(active)

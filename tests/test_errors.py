@@ -679,6 +679,12 @@ def test_inverted_cells_at_the_start_are_named():
         ({"max_angle": 90.0}, "max_angle=90.0: between 0 and 90"),
         ({"c_n": -1.0}, "c_n=-1.0: a positive number"),
         ({"c_n": np.inf}, "c_n=inf: a positive number"),
+        ({"c_n": "1"}, "c_n='1': a positive number"),
+        ({"search_radius": [1.0]}, r"search_radius=\[1.0\]: a positive length"),
+        ({"max_angle": None}, "max_angle=None: between 0 and 90"),
+        ({"initial_gap": 1j}, "initial_gap=1j: a length"),
+        ({"points": True}, "points=True: a whole number"),
+        ({"law": fm.Coulomb}, "law=.*: an instance of Frictionless"),
     ],
 )
 def test_option_of_a_pair_that_is_refused_says_what_is_allowed(option, allowed):
@@ -712,6 +718,13 @@ def test_fewer_points_than_nodes_of_a_facet_are_refused(kind, options):
         ),
         ({"pairs": "slave"}, "pairs='slave': .*list of ContactPair"),
         ({"pairs": None}, "pairs=None: .*list of ContactPair"),
+        ({"bcs": [0.0]}, r"bcs=\[0.0\]: .*list of Dirichlet"),
+        ({"newton": {"max_iterations": 5}}, "newton=.*: an instance of NewtonOptions"),
+        ({"adequacy": True}, "adequacy=True: an instance of AdequacyCheck"),
+        ({"petsc_options": "ksp_view"}, "petsc_options='ksp_view': a dictionary"),
+        ({"jacobian": "exact"}, "jacobian='exact': a UFL form"),
+        ({"linear_bulk": "yes"}, "linear_bulk='yes': True, False or None"),
+        ({"algorithm": ["saddle"]}, r"algorithm=\['saddle'\]: allowed are condensed, saddle"),
     ],
 )
 def test_option_of_a_problem_that_is_refused_says_what_is_allowed(option, allowed):
@@ -768,9 +781,12 @@ def test_standard_basis_cannot_be_condensed():
 @pytest.mark.parametrize(
     ("option", "allowed"),
     [
-        ({"max_iterations": 0}, "max_iterations=0: at least 1"),
+        ({"max_iterations": 0}, "max_iterations=0: a whole number, at least 1"),
         ({"residual_tolerance": -1.0}, "residual_tolerance=-1.0: a positive number"),
         ({"increment_tolerance": np.nan}, "increment_tolerance=nan: a positive number"),
+        ({"max_iterations": 2.5}, "max_iterations=2.5: a whole number, at least 1"),
+        ({"most_motion": "half"}, "most_motion='half': a positive number of facets"),
+        ({"line_search": "no"}, "line_search='no': True or False"),
     ],
 )
 def test_newton_option_that_is_refused_says_what_is_allowed(option, allowed):

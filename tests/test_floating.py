@@ -53,6 +53,43 @@ def test_block_between_two_plates_is_pressed_evenly():
     assert all(not c.violations() for c in scene["problem"].certificate().pairs)
 
 
+def disk_in_ring():
+    """A disk of radius 0.65 with clearance in a ring, which has names outside and inside."""
+    model, occ = gmsh.model, gmsh.model.occ
+    model.add("disk in a ring")
+    whole, hole = (occ.addDisk(0.0, 0.0, 0.0, r, r) for r in (1.0, 0.7))
+    ring, _ = occ.cut([(2, whole)], [(2, hole)])
+    disk = occ.addDisk(0.0, 0.0, 0.0, 0.65, 0.65)
+    occ.synchronize()
+    for name, surface in (("ring", ring[0][1]), ("disk", disk)):
+        model.setPhysicalName(2, model.addPhysicalGroup(2, [surface]), name)
+    for _, curve in model.getEntities(1):
+        radius = model.getBoundingBox(1, curve)[3]
+        name = "outer" if radius > 0.9 else "inner" if radius > 0.68 else "rim"
+        model.setPhysicalName(1, model.addPhysicalGroup(1, [curve]), name)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.12)
+    model.mesh.generate(2)
+    return model
+
+
+def test_disk_falls_in_a_ring_to_where_newton_finds_its_rest():
+    """Moved rigidly it creeps there, each time by as little as its facets may overlap."""
+    data = read(disk_in_ring)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.dx(metadata={"quadrature_degree": 2})
+    weight = ufl.inner(fem.Constant(data.mesh, (0.0, -1.0)), v) * dx
+    residual = internal(u, neo_hookean(u, 100.0, 0.3)) - weight
+    pair = fm.ContactPair(data, "rim", "inner", law=fm.Coulomb(0.4))
+    bcs = [fm.dirichlet(V, data, "outer", (0.0, 0.0))]
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="disk_")
+    problem.solve()
+    force = problem.contacts[0].total_force
+    assert abs(force[0]) < 1e-8
+    assert force[1] == pytest.approx(np.pi * 0.65**2, rel=0.02)  # a polygon is smaller
+    assert problem.certificate().violations() == []
+
+
 def stack(*, gap):
     """Plates held and pushed, a free block between them, slave in both pairs."""
 

@@ -6,8 +6,10 @@ from typing import get_args
 from mpi4py import MPI
 
 import indenter_on_block
+import mapped_grids
 import numpy as np
 import pytest
+from mapped_grids import Grid, mapped
 from scenes import (
     TIGHT,
     homogeneous_blocks,
@@ -453,3 +455,53 @@ def test_both_algorithms_and_contact_dofs_agree(pair):
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ValueError, match=r"mu=|c_t=|limit_by=|most=|stress=|law=|slip="):
         wrong()
+
+
+def bowed_block_under_a_tool(half, degree):
+    """Shears and pressures on the right of x = 0 of a flat tool on a bowed block, or on its half.
+
+    The master is the bowed one: its normals on the plane are not those of its last facet.
+    """
+    left, k = (0.0, 1) if half else (-1.0, 2)
+
+    def block(columns, rows, width, low, high, bow):
+        return mapped(
+            columns * k,
+            rows,
+            lambda s, t: (
+                width * (left + (1.0 - left) * s),
+                low + (high - low) * t - bow * t * (width * (left + (1.0 - left) * s)) ** 2,
+            ),
+        )
+
+    grids = [
+        Grid("soft", block(4, 3, 1.0, 0.0, 0.6, 0.1)),
+        Grid("tool", block(3, 2, 1.2, 0.62, 1.2, 0.0)),
+    ]
+    data = read(lambda: mapped_grids.build(grids))
+    V = fm.vector_space(data.mesh, degree)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, "soft/bottom", (0.0, 0.0))]
+    bcs += [fm.dirichlet(V, data, "tool/top", (0.0, -0.05))]
+    bcs += [fm.dirichlet(V, data, f"{body}/left", 0.0, 0) for body in ("soft", "tool") if half]
+    pair = fm.ContactPair(data, "tool/bottom", "soft/top", law=fm.Tresca(0.5))
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)), u, [pair], bcs=bcs, petsc_options_prefix="test_",
+        newton=TIGHT,
+    )  # fmt: skip
+    problem.solve()
+    contact = problem.contacts[0]
+    order = np.argsort(contact.slave.X[:, 0])
+    order = order[contact.slave.X[order, 0] > -1e-9]
+    return contact.z_tau[order], contact.pressure[order]
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_half_of_a_symmetric_scene_has_the_shears_of_the_whole(degree):
+    """What is left is the solver's tolerance."""
+    (shear, pressure), (half_shear, half_pressure) = (
+        bowed_block_under_a_tool(half, degree) for half in (False, True)
+    )
+    assert np.abs(shear).max() > 0.04 * pressure.max()
+    assert np.abs(half_pressure - pressure).max() < 1e-9 * pressure.max()
+    assert np.abs(half_shear - shear).max() < 1e-9 * pressure.max()

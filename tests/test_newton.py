@@ -8,7 +8,16 @@ import pytest
 
 import fenics_mortar as fm
 from fenics_mortar import release
-from fenics_mortar.newton import LOOSEST, Iteration, Status, Step, forcing, period_of, solve
+from fenics_mortar.newton import (
+    LOOSEST,
+    Iteration,
+    NewtonReport,
+    Status,
+    Step,
+    forcing,
+    period_of,
+    solve,
+)
 
 
 class Root:
@@ -177,13 +186,13 @@ def test_record_of_a_slow_release_that_fails_has_all_iterations(monkeypatch):
 
     def solve(equations, options):
         count, converged = next(outcomes)
-        report = fm.NewtonReport([iteration] * (1 + count))
+        report = NewtonReport([iteration] * (1 + count))
         if converged:
             return report
         raise fm.NotConvergedError("", report)
 
     monkeypatch.setattr(release, "solve", solve)
-    first = fm.NotConvergedError("", fm.NewtonReport([iteration] * 31))
+    first = fm.NotConvergedError("", NewtonReport([iteration] * 31))
     with pytest.raises(fm.NotConvergedError) as error:
         release.release_slowly(Springs(), fm.NewtonOptions(), first)
     assert error.value.report.num_iterations == 30 + 5 + 30 + 7

@@ -134,7 +134,11 @@ PAIRS = {
     ],
 )
 def test_tangent(kind, degree, pair):
-    problem = block_under(KINDS[kind](), degree=degree, pair=PAIRS[pair])
+    """With friction where the choice is of obstacles, moved and turned."""
+    obstacle = KINDS[kind]()
+    rough = {"law": fm.Coulomb(0.3)} if pair == "dual" else {}
+    problem = block_under(obstacle, degree=degree, pair=PAIRS[pair] | rough)
+    obstacle.move(x=0.03, y=-0.02, angle=0.05)
     contact = problem.contacts[0]
     contact.offset = np.random.default_rng(1).uniform(-0.01, 0.01, contact.slave.num_nodes)
     contact.active[:] = contact.covered

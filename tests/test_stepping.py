@@ -136,8 +136,45 @@ def test_state_of_another_mesh_is_refused(shared_path):
         fm.load_state(other, file)
 
 
+def test_file_of_a_state_that_cannot_be_read_is_refused_by_all_ranks(shared_path):
+    """A rank that raised alone would leave the others waiting."""
+    problem = pressed_blocks(**MESH).problem
+    with pytest.raises(fm.MortarError, match=r"cannot read '.*missing.npz': .*No such file"):
+        fm.load_state(problem, shared_path / "missing")
+    if comm.rank == 0:
+        (shared_path / "text.npz").write_text("no arrays")
+    comm.barrier()
+    with pytest.raises(fm.MortarError, match=r"cannot read '.*text.npz'"):
+        fm.load_state(problem, shared_path / "text.npz")
+    with pytest.raises(fm.MortarError, match="cannot make the folder"):
+        fm.save_state(problem, shared_path / "text.npz" / "state")
+
+
+def test_state_is_read_by_the_name_that_it_was_written_by(shared_path):
+    problem = pressed_blocks(**MESH).problem
+    problem.contacts[0].z[:] = 1.0
+    fm.save_state(problem, shared_path / "new" / "state")
+    again = pressed_blocks(**MESH).problem
+    fm.load_state(again, shared_path / "new" / "state")
+    assert (again.contacts[0].z == 1.0).all()
+
+
+def test_state_with_slave_and_master_exchanged_is_refused(shared_path):
+    fm.save_state(pressed_blocks(**MESH).problem, shared_path / "state")
+    other = pressed_blocks(slave="lower", **MESH).problem
+    with pytest.raises(fm.MortarError, match="a problem with other pairs"):
+        fm.load_state(other, shared_path / "state")
+
+
 @pytest.mark.parametrize(
-    "options", [{"step": 0.0}, {"step": 0.1, "smallest": 0.2}, {"step": 0.1, "cut": 1.0}]
+    "options",
+    [
+        {"step": 0.0},
+        {"step": "0.1"},
+        {"step": 0.1, "smallest": 0.2},
+        {"step": 0.1, "cut": 1.0},
+        {"step": 0.1, "largest": None, "growth": [2.0]},
+    ],
 )
 def test_stepping_options_that_cannot_work_are_refused(options):
     with pytest.raises(ValueError, match="allowed"):

@@ -28,7 +28,6 @@ import mapped_grids
 from mapped_grids import Grid, mapped, sector
 
 import fenics_mortar as fm
-from fenics_mortar.elastic_tool import ElasticTool
 
 NU = 0.3
 MU, LMBDA = 1 / (2 * (1 + NU)), NU / ((1 + NU) * (1 - 2 * NU))
@@ -277,11 +276,11 @@ def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0
     return Posed(problem, internal_forces(scene, u, data, "finite"), set_time)
 
 
-def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> ElasticTool:
+def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> fm.ElasticTool:
     """What the rigid circle stands for, on a mesh of the tool alone."""
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
     gripped = ((scene.grip, None),) if scene.grip else ()
     bcs = hold(V, data, (*scene.symmetry, *gripped))
     residual = internal_forces(scene, u, data, "linear")
-    return ElasticTool(circle, residual, u, data, "tool/bottom", bcs=bcs)
+    return fm.ElasticTool(circle, residual, u, data, "tool/bottom", bcs=bcs)

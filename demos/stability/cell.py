@@ -23,6 +23,8 @@ from families import scene_of
 from methods import ALL_METHODS, Method
 from model import Posed, Scene, fm, pose_problem
 
+from fenics_mortar.newton import NewtonReport
+
 # Linear systems after which a contrast method is given up: so many, and more for each of the
 # scene's steps. Those that get through need less.
 MOST_SYSTEMS = 500, 20
@@ -81,7 +83,7 @@ def _run(scene: Scene, method: Method, comm: MPI.Comm, record: Record) -> None:
         return
     violations: list[str] = []
 
-    def look(moment: float, report: fm.NewtonReport) -> None:
+    def look(moment: float, report: NewtonReport) -> None:
         record.iterations.append(report.num_iterations)
         if not violations:
             found = posed.problem.certificate().violations()
@@ -130,7 +132,7 @@ def _count(posed: Posed) -> Callable[[float], None]:
     solved, most = 0, MOST_SYSTEMS[0] + MOST_SYSTEMS[1] * posed.scene.steps
     solve = posed.problem.solve
 
-    def counting_solve() -> fm.NewtonReport:
+    def counting_solve() -> NewtonReport:
         nonlocal solved
         try:
             report = solve()
