@@ -67,8 +67,6 @@ NEAR = 0.5
 # A sticking node that other pairs hold, too, gives way to its shear: by this part of what the bulk
 # does.
 GIVE = 1e-3
-# Gauss points per segment by default, or for each part of a facet between two nodes
-POINTS = 5
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
 
@@ -171,23 +169,6 @@ class Contact(Interface):
         if self.obstacle is not None:
             return np.inf
         return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
-
-    def _points(self) -> int:
-        """Gauss points per segment, with "elements" per facet: those of the pair, or the default.
-
-        How well points on a facet pass a uniform pressure does not depend on the mesh: through 5 it
-        passes to 0.1 % on facets with two nodes, to 5 % on those with three, through 10 to 0.4 %.
-        """
-        points, degree = self.pair.points, self.slave.degree
-        on_facets = self.pair.integration == "elements" and self.obstacle is None
-        if points is None:
-            return POINTS * (degree if on_facets else 1)
-        if on_facets and points <= degree:
-            raise ValueError(
-                f"points={points}: with integration='elements' at least as many as a facet has "
-                f"nodes, {degree + 1}"
-            )
-        return points
 
     @property
     def covered(self) -> npt.NDArray[np.bool_]:

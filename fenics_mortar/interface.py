@@ -17,6 +17,8 @@ from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
+# Gauss points per segment by default, or for each part of a facet between two nodes
+POINTS = 5
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,23 @@ class Interface(ABC):
     @abstractmethod
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate everything at the displacement ``u``, a local array (collective)."""
+
+    def _points(self) -> int:
+        """Gauss points per segment, with "elements" per facet: those of the pair, or the default.
+
+        How well points on a facet pass a uniform pressure does not depend on the mesh: through 5 it
+        passes to 0.1 % on facets with two nodes, to 5 % on those with three, through 10 to 0.4 %.
+        With fewer points than nodes a facet may have no multiplier functions.
+        """
+        points, degree = self.pair.points, self.slave.degree
+        if points is None:
+            on_facets = self.pair.integration == "elements" and self.master.num_nodes > 0
+            return POINTS * (degree if on_facets else 1)
+        if points <= degree:
+            raise ValueError(
+                f"points={points}: at least as many as a facet has nodes, {degree + 1}"
+            )
+        return int(points)
 
     def move(self, z: Array, part: float, step: Array) -> None:
         """Go a part of the way to the multipliers of a linear system (collective).

@@ -159,7 +159,7 @@ class Tie(Interface):
         self.offset: Array = np.zeros(count)
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
         self.options = MortarOptions(
-            pair.basis, "opposite", "basis", pair.integration, pair.points,
+            pair.basis, "opposite", "basis", pair.integration, self._points(),
             pair.search_radius or NEAR * longest, float(np.cos(np.radians(pair.max_angle))),
         )  # fmt: skip
         self.carries = self.free.sum(axis=1) == 2.0

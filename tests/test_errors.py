@@ -693,11 +693,16 @@ def test_option_of_a_pair_that_is_refused_says_what_is_allowed(option, allowed):
         fm.ContactPair(data, "slave", "master", **option)
 
 
-def test_fewer_points_than_nodes_of_a_facet_are_refused():
+@pytest.mark.parametrize(
+    "kind, options",
+    [(fm.ContactPair, {"integration": "elements"}), (fm.ContactPair, {}), (fm.TiedPair, {})],
+)
+def test_fewer_points_than_nodes_of_a_facet_are_refused(kind, options):
+    """Two points do not tell the three functions of a facet apart that has one segment."""
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 2))
-    pair = fm.ContactPair(data, "slave", "master", integration="elements", points=2)
-    with refused(ValueError, "points=2: .*elements.*, 3$"):
+    pair = kind(data, "slave", "master", points=2, **options)
+    with refused(ValueError, "points=2: .*, 3$"):
         fm.ContactProblem(
             internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], petsc_options_prefix="test_errors_"
         )

@@ -54,7 +54,7 @@ def column(
         stress = law(u, E, 0.0)
         residual += ufl.inner(stress, ufl.grad(v)) * dx(data.body_tag(body))
     if extra is not None:
-        residual += extra(u, v)
+        residual += extra(u, v, ds)
     bcs = [fm.dirichlet(V, data, "lower/bottom", 0.0, component=1)]
     bcs.append(fm.dirichlet(V, data, ["lower/left", "upper/left"], 0.0, component=0))
     sides = ["upper/bottom", "lower/top"]
@@ -99,10 +99,10 @@ def test_no_error_is_seen_in_what_the_cells_can_follow(law, degree, weight, cell
 def test_no_error_is_seen_where_a_pressure_ends_in_the_middle_of_a_surface(degree, slave):
     """Beside the narrow upper block the lower one bears the same traction, so stress is uniform."""
 
-    def beside(u, v):
+    def beside(u, v, ds):
         x = ufl.SpatialCoordinate(u.function_space.mesh)
         at = ufl.And(ufl.gt(x[1], 0.999), ufl.gt(abs(x[0] - 1.0), 0.5))
-        return 3.0 * ufl.conditional(at, v[1], 0.0) * ufl.ds(metadata={"quadrature_degree": 4})
+        return 3.0 * ufl.conditional(at, v[1], 0.0) * ds
 
     wide = {"width_lower": 2.0, "n_lower": 8, "layers_lower": 4}
     problem = column(scenes.linear_elastic, degree, 0.0, extra=beside, slave=slave, **wide)
@@ -260,7 +260,7 @@ def test_unknowns_with_a_flux_of_their_own_are_refused():
 
 @pytest.mark.serial  # on several ranks dolfinx refuses them before, for a mesh without ghosts
 def test_integrals_over_inner_facets_are_refused():
-    def penalty(u, v):
+    def penalty(u, v, _):
         return ufl.inner(ufl.jump(u), ufl.jump(v)) * ufl.dS(metadata={"quadrature_degree": 2})
 
     problem = column(scenes.linear_elastic, 1, 0.0, extra=penalty)
