@@ -59,5 +59,3 @@ def test_rates_that_are_off_say_why():
         "1.00 (0.5), too coarse: from 2.7 facets in contact on"
     )
     assert rate_beside(rows[1:], "pressure", 0.5) == "1.00 (0.5), not as predicted"
-    by_points = [row | {"integration": "elements"} for row in rows[1:]]
-    assert rate_beside(by_points, "pressure", 0.5) == "1.00 (0.5), by too few points on a facet"
