@@ -87,10 +87,13 @@ def pressed(k, upper, lower, inclination, basis="dual"):
     [(1, 1, 0.0), (1, 1000, 0.0), (1000, 1, 0.0), (1, 1, 20.0), (1000, 1, 20.0)],
 )
 def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination, basis):
-    """By a fifth at the most each time that the mesh is refined, whichever body is the stiffer."""
+    """By a fifth at the most each time that the mesh is refined, whichever body is the stiffer.
+
+    These are sums of three whole numbers, two of which may be up by one by chance.
+    """
     counts = [sum(pressed(k, upper, lower, inclination, basis)) for k in (8, 16, 32, 64)]
-    assert max(counts) <= 36
-    assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
+    assert max(counts) <= 30
+    assert all(fine <= 1.2 * coarse + 2 for coarse, fine in pairwise(counts))
 
 
 @pytest.mark.skipif(comm.size == 1, reason="on one rank PETSc has no such algorithm")
