@@ -12,7 +12,7 @@ nodes to recover the multipliers, 16 S; multigrid weighs what these follow, 8 S.
 88 S + 32 M bytes, however many ranks there are. `demos/bench_ranks.py` counts it: 12,592 bytes in 7
 calls, the formula says 12,584, with 41,000 unknowns on one and on two ranks, of which each has 49.7
 to 50.3 % of the segments. An iteration at 161,000 unknowns takes 0.55 s on one rank and 0.35 s on
-two, one at 322,000 on two ranks 0.81 s: sweeps of multigrid wait for the memory that they share.
+two, one at 322,000 on two ranks 0.81 s, on a machine of two cores.
 
 What limits many ranks is simulated there, not run: an interface like that of two blocks, bodies cut
 into squares. With 1e9 unknowns on 1e3 ranks S = 12,911 and M = 25,821; each rank holds 5.8 MB and
