@@ -54,7 +54,7 @@ def test_results_are_those_of_the_direct_solver(slave, degree, pair):
 
 
 def pressed(k, upper, lower, inclination, basis="dual"):
-    """Linear iterations of each Newton iteration, k facets to the length of the slave."""
+    """Linear iterations for eight digits, mean of three; k facets to the length of the slave."""
     mesh = {"n_upper": k, "n_lower": 2 * k, "layers_upper": k, "layers_lower": k}
     data = read(two_blocks.build, inclination=np.radians(inclination), **mesh)
     V = fm.vector_space(data.mesh, 1)
@@ -72,13 +72,15 @@ def pressed(k, upper, lower, inclination, basis="dual"):
         ],
         petsc_options_prefix="test_", solver="iterative", linear_bulk=False,
     )  # fmt: skip
-    counts = []
+    left, count, digits = [], 0, 0.0
+    problem.system.ksp.setMonitor(lambda ksp, iteration, residual: left.append(residual))
     problem.evaluate(start=True)
     for _ in range(3):
+        left.clear()
         problem.advance()
         problem.evaluate(start=False)
-        counts.append(problem.system.ksp.getIterationNumber())
-    return counts
+        count, digits = count + len(left) - 1, digits + np.log10(left[0] / left[-1])
+    return 8.0 * count / digits
 
 
 @pytest.mark.parametrize("basis", ["dual", "standard"])
@@ -87,13 +89,10 @@ def pressed(k, upper, lower, inclination, basis="dual"):
     [(1, 1, 0.0), (1, 1000, 0.0), (1000, 1, 0.0), (1, 1, 20.0), (1000, 1, 20.0)],
 )
 def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination, basis):
-    """By a fifth at the most each time that the mesh is refined, whichever body is the stiffer.
-
-    These are sums of three whole numbers, two of which may be up by one by chance.
-    """
-    counts = [sum(pressed(k, upper, lower, inclination, basis)) for k in (8, 16, 32, 64)]
-    assert max(counts) <= 32
-    assert all(fine <= 1.2 * coarse + 2 for coarse, fine in pairwise(counts))
+    """By a fifth at the most each time that the mesh is refined, whichever body is the stiffer."""
+    counts = [pressed(k, upper, lower, inclination, basis) for k in (8, 16, 32, 64)]
+    assert max(counts) <= 12.5
+    assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
 
 
 @pytest.mark.skipif(comm.size == 1, reason="on one rank PETSc has no such algorithm")
@@ -104,7 +103,7 @@ def test_components_are_coarsened_apart_also_after_products_of_large_matrices():
         PETSc.Options().setValue(name, algorithm)
         counts.append(pressed(16, 1, 1, 0.0))
         PETSc.Options().delValue(name)
-    assert counts[0] == counts[1]
+    assert counts[0] == pytest.approx(counts[1], rel=0.02)  # rounding may cost a little
 
 
 def refined_cylinder(refinements):
