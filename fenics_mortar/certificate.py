@@ -61,12 +61,13 @@ class PairCertificate:
         force: Sum of all contact forces over the sum of their sizes. Rounding.
         moment: Sum of their moments over forces times lever arms. Of third order in the facets; of
             a tied pair without gap rounding.
-        tension: Largest tension, -z_n, over the largest pressure.
+        tension: By how much the pull -z_n exceeds the adhesion of the contact law, if there is any,
+            over the largest pressure or pull.
         shear: By how much the tangential multiplier exceeds what the contact law allows at most,
             over the largest pressure (or what the law allows, where that is more).
         overlap: Largest negative mean gap of a slave node over its length; of a tied pair how far
             the sides have moved apart.
-        complementarity: Largest |z_n g| over largest pressure and length.
+        complementarity: Largest |(z_n + a) g|, a: the adhesion, over largest pressure and length.
         penetration: Deepest point of a segment in the master over its facet's length: what the
             discretisation allows between the nodes, of second order in the facets.
         distance: Least distance of slave and master over the facet's length if a force acts.
@@ -278,15 +279,15 @@ def _certify_pair(
     """Measure one pair; ``paired``: global numbers of the nodes that have a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
     bound = np.where(contact.active, contact.pair.law.bound(pressure), 0.0)
-    excess = np.abs(contact.z_tau) - bound
-    largest = max(float(pressure.max()), ROUNDING * float(contact.stiffness.max()))
+    excess, tension = np.abs(contact.z_tau) - bound, contact.tension
+    largest = max(float(np.abs(pressure).max()), ROUNDING * float(contact.stiffness.max()))
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
     return PairCertificate(
         **_action_and_reaction(contact),
-        tension=max(-float(pressure.min()), 0.0) / largest,
+        tension=max(float(tension.max()), 0.0) / largest,
         shear=max(float(excess.max()), 0.0) / max(largest, float(bound.max())),
         overlap=max(-float(gap.min()), 0.0),
-        complementarity=float(np.abs(pressure * gap).max()) / largest,
+        complementarity=float(np.abs(tension * gap).max()) / largest,
         **_between_nodes(contact),
         **_slant(contact, pressure),
         **_lean(contact, pressure),

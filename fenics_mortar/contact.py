@@ -14,7 +14,8 @@ dd of the displacement and the new multiplier z, read
 
 The second row of an active node is that of frictionless contact; in general it is rho_j = 0 with
 rho of the contact law, see ``laws``, the slip in it from ``slip``, and the derivatives of all that
-rho depends on.
+rho depends on. With adhesion a(g) the complementarity function has z_n + a in place of z_n, and the
+normal row of an inactive node that its partner attracts is z_n + a(g_j / w_j) = 0.
 
 c_j = c k_j / l_j with k_j the mean diagonal entry of the bulk tangent at the node (about Young's
 modulus), l_j its length and c a plain number: nothing depends on units.
@@ -177,6 +178,38 @@ class Contact(Interface):
         return self.carries & enough
 
     @property
+    def _mean_gap(self) -> Array:
+        """Mean gap of every covered node, zero elsewhere, shape (slave nodes,) [length]."""
+        o, on = self.operators, self.covered
+        return np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0)
+
+    @property
+    def _adhesion(self) -> tuple[Array, Array]:
+        """A at the mean gaps of covered nodes [stress], and its derivative; zero elsewhere.
+
+        Overlaps have the straight continuation of a from zero.
+        """
+        gap, on = self._mean_gap, self.covered
+        pull, by_gap = self.pair.law.adhesion(np.maximum(gap, 0.0))
+        pull = pull + by_gap * np.minimum(gap, 0.0)
+        return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
+
+    @property
+    def attracted(self) -> npt.NDArray[np.bool_]:
+        """Whether an open node bears the adhesion of the contact law, (slave nodes,), bool."""
+        return ~self.active & (self._adhesion[0] > 0.0)
+
+    @property
+    def acts(self) -> npt.NDArray[np.bool_]:
+        """See ``Interface``."""
+        return self.active | self.attracted
+
+    @property
+    def tension(self) -> Array:
+        """Pull -z_n of each node beyond what the law allows, negative if less, (slave nodes,)."""
+        return -(np.einsum("ja,ja->j", self.operators.n, self.z) + self._adhesion[0])
+
+    @property
     def gap(self) -> Array:
         """Mean gap g_j / w_j of every covered slave node, nan elsewhere, (slave nodes,)."""
         gap = np.full(self.slave.num_nodes, np.nan)
@@ -267,13 +300,14 @@ class Contact(Interface):
         """
         old, o = self.z, self.operators
         super().move(z, part, step)
-        pulls, self._borne = self.active & (np.einsum("ja,ja->j", o.n, self.z) < 0.0), None
+        pulls, self._borne = self.active & (self.tension > 0.0), None
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
             change = part * self._change(o.weight_derivative(), *sides)
             pulls &= change > o.weight
             force = o.weight[:, None] * self.z + change[:, None] * old
-            self._borne = pulls & (np.einsum("ja,ja->j", o.n, force) > 0.0), force
+            least = -o.weight * self._adhesion[0]
+            self._borne = pulls & (np.einsum("ja,ja->j", o.n, force) > least), force
 
     def take(self, z: Array) -> None:
         """See ``Interface``; what nodes bore on the way elsewhere says nothing here."""
@@ -303,9 +337,9 @@ class Contact(Interface):
     @property
     def nodal(self) -> Nodal:
         """What the law sees, at the last evaluated state."""
-        o, on, stiffness = self.operators, self.covered, self.stiffness / self.nodal_lengths
+        o, stiffness = self.operators, self.stiffness / self.nodal_lengths
         return Nodal(
-            gap=np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0),
+            gap=self._mean_gap,
             slip=self.slip,
             z_n=np.einsum("ja,ja->j", o.n, self.z),
             z_tau=self.z_tau,
@@ -340,7 +374,7 @@ class Contact(Interface):
         return self.free.all(axis=1)
 
     def tangential_row(self) -> Row:
-        """Tangential row of all nodes as if they were active, each of shape (slave nodes,).
+        """Tangential row of all nodes, open ones as if they were active, each (slave nodes,).
 
         The derivative of overheld nodes is that of a spring that gives way to the change of their
         shear; what the row makes zero stays the slip.
@@ -349,9 +383,16 @@ class Contact(Interface):
         ours, without = (
             law.tangential(node, self.piece) for law in (self.pair.law, Frictionless())
         )
-        row = Row(*(np.where(self._rubs, a, b) for a, b in zip(ours, without, strict=True)))
+        rubs = self._rubs & ~self.attracted
+        row = Row(*(np.where(rubs, a, b) for a, b in zip(ours, without, strict=True)))
         give = np.where(self.overheld, GIVE * np.sign(row.by_slip), 0.0)
         return row._replace(by_z_tau=row.by_z_tau - give)
+
+    def _law_rows(self) -> tuple[Row, Row]:
+        """What the contact law says along tau, and along n of open nodes; each (slave nodes,)."""
+        (pull, by_gap), none = self._adhesion, np.zeros(len(self.z))
+        z_n = np.einsum("ja,ja->j", self.operators.n, self.z)
+        return self.tangential_row(), Row(z_n + pull, by_gap, none, none + 1.0, none)
 
     def update_carriers(self) -> int:
         """Hand over and take back multipliers, see ``carriers``; return how many changed.
@@ -426,7 +467,8 @@ class Contact(Interface):
         """Set the active set from the complementarity function; return how many nodes changed.
 
         With ``start`` nodes that touch join it, since before the first solve there is no pressure
-        that could tell; multipliers that a failed solve left as nan are forgotten.
+        that could tell; multipliers that a failed solve left as nan are forgotten. Those of open
+        nodes become what the contact law says.
         """
         if start:
             self.z[~np.isfinite(self.z)] = 0.0
@@ -436,9 +478,10 @@ class Contact(Interface):
             presses = presses & on
             self.z[presses] = force[presses] / self.operators.weight[presses, None]
         weight = self.c_n * self.stiffness / self.nodal_lengths
-        trial = np.where(on, self.pressure - weight * np.where(on, gap, 0.0), 0.0)
+        push = np.where(self.active, -self.tension, 0.0)  # an open node bears what it has to
+        trial = np.where(on, push - weight * np.where(on, gap, 0.0), 0.0)
         # Where both pressure and gap are rounding, a node stays as it is.
-        rounding = (np.abs(self.pressure) <= ROUNDING * self.stiffness) & (
+        rounding = (np.abs(push) <= ROUNDING * self.stiffness) & (
             np.abs(np.nan_to_num(gap)) <= ROUNDING * np.abs(self.operators.x).max()
         )
         active = np.where(rounding, self.active & on, trial > 0.0)
@@ -446,7 +489,7 @@ class Contact(Interface):
             active |= on & (np.where(on, gap, np.inf) <= TOUCHING * self.nodal_lengths)
         changed = active != self.active
         self.active = active
-        self.z[~active] = 0.0
+        self.z[~active] = -self._adhesion[0][~active, None] * self.operators.n[~active]
         piece = self.pair.law.piece(self.nodal, self.piece)
         changed |= active & self._rubs & (piece != self.piece)
         self.piece = piece
@@ -455,53 +498,57 @@ class Contact(Interface):
     def rows(self) -> Rows:
         """Rows of the multipliers: the gap, and what the contact law says.
 
-        The normal row is weighted by k_j / D_jj, the tangential one by D_jj, so that both read
-        like rows of the bulk; the two are then turned back to Cartesian components:
-        n (normal row) - tau (tangential row).
+        That of the gap is weighted by k_j / D_jj, those of the law by D_jj, so that all read like
+        rows of the bulk; the two are then turned back to Cartesian components: n (row of the gap)
+        - tau (tangential row), or of an open node - n (normal row) - tau (tangential row).
         """
-        o, active = self.operators, self.active
-        n, tau = o.n, o.tau
-        diagonal = np.where(active, o.diagonal, self.nodal_lengths)
-        weight = np.where(active, self.stiffness / diagonal, 0.0)
-        row, scaled_tau = self.tangential_row(), tau * (diagonal * active)[:, None]
-        by_z = row.by_z_tau[:, None] * tau + row.by_z_n[:, None] * n
-        project = np.where(active[:, None, None], np.einsum("ja,jb->jab", tau, by_z), np.eye(2))
-        rest = row.residual - np.einsum("ja,ja->j", by_z, self.z)
-        return Rows(
-            [
-                *self._gap_rows(n * weight[:, None], scaled_tau * row.by_gap[:, None]),
-                self._nodal_rows(scaled_tau, row),
-                *self._slip_rows(scaled_tau * row.by_slip[:, None]),
-            ],
-            -diagonal[:, None, None] * project,
-            scaled_tau * rest[:, None] - n * (weight * o.gap)[:, None],
-        )
+        o = self.operators
+        normal, idle, *laws = self.frame()
+        blocks: list[Block] = []
+        rhs, by_gap = -normal * o.gap[:, None], np.zeros_like(normal)
+        A_z = -idle[:, None, None] * np.eye(2)
+        for scaled, row in zip(laws, self._law_rows(), strict=True):
+            by_z = row.by_z_tau[:, None] * o.tau + row.by_z_n[:, None] * o.n
+            A_z = A_z - scaled[:, :, None] * by_z[:, None, :]
+            rhs = rhs + scaled * (row.residual - np.einsum("ja,ja->j", by_z, self.z))[:, None]
+            if scaled.any():
+                blocks += self._nodal_rows(scaled, row)
+            by_gap = by_gap + scaled * row.by_gap[:, None]
+        return Rows([*self._gap_rows(normal, by_gap), *blocks], A_z, rhs)
 
     def residual(self) -> Array:
         """What the rows make zero, as forces: gap and contact law, (slave nodes, 2)."""
-        gap = np.where(self.active, np.nan_to_num(self.gap), 0.0)
-        rho = np.where(self.active, self.tangential_row().residual, 0.0)
-        return np.stack([self.stiffness * gap, self.operators.diagonal * rho], axis=1)
+        tangential, opening = (row.residual for row in self._law_rows())
+        gap = np.where(self.active, self.stiffness * np.nan_to_num(self.gap), 0.0)
+        normal = np.where(self.attracted, self.operators.diagonal * opening, gap)
+        return np.stack([normal, np.where(self.acts, self.operators.diagonal * tangential, 0.0)], 1)
 
     def followed(self) -> Array:
-        """See ``Interface``: the normal row holds -k n_j . dd_j."""
-        return -np.einsum("ja,jb->jab", self.operators.n, self.operators.n)
+        """See ``Interface``: the normal row of an active node holds -k n_j . dd_j."""
+        n = self.operators.n * self.active[:, None]
+        return -np.einsum("ja,jb->jab", n, n)
 
-    def frame(self) -> tuple[Array, Array, Array]:
-        """What weighs the rows, for a check at fixed weights: n k / D, tau D, D of inactive nodes.
+    def frame(self) -> tuple[Array, Array, Array, Array]:
+        """What weighs gaps, multipliers that do not act, and the two rows of the law.
 
-        Shapes (slave nodes, 2), (slave nodes, 2), (slave nodes,).
+        n k / D, the nodes' lengths, tau D, and n D of open nodes; zero for nodes that have no such
+        row. Shapes (slave nodes, 2), (slave nodes,), (slave nodes, 2), (slave nodes, 2).
         """
-        o, on = self.operators, self.active
-        diagonal = np.where(on, o.diagonal, self.nodal_lengths)
-        normal = np.where(on[:, None], o.n * (self.stiffness / diagonal)[:, None], 0)
-        return normal, o.tau * (diagonal * on)[:, None], np.where(on, 0.0, diagonal)
+        o, attracted = self.operators, self.attracted
+        acts = self.active | attracted
+        diagonal = np.where(acts, o.diagonal, self.nodal_lengths)
+        closing = np.where(self.active, self.stiffness / diagonal, 0.0)
+        idle = np.where(acts, 0.0, diagonal)
+        along, opening = diagonal * acts, diagonal * attracted
+        return o.n * closing[:, None], idle, o.tau * along[:, None], o.n * opening[:, None]
 
-    def law(self, frame: tuple[Array, Array, Array]) -> Array:
+    def law(self, frame: tuple[Array, Array, Array, Array]) -> Array:
         """The two rows of each node that solutions make zero, weighted by ``frame``."""
-        normal, tangent, inactive = frame
-        gap, rho = self.operators.gap, self.tangential_row().residual
-        return normal * gap[:, None] - tangent * rho[:, None] - inactive[:, None] * self.z
+        normal, idle, *laws = frame
+        rows = normal * self.operators.gap[:, None] - idle[:, None] * self.z
+        for scaled, row in zip(laws, self._law_rows(), strict=True):
+            rows = rows - scaled * row.residual[:, None]
+        return rows
 
     def _gap_rows(self, normal: Array, scaled_tau: Array) -> list[Block]:
         """Rows ``normal`` (slave nodes, 2) dg - ``scaled_tau`` d(g / w)."""
@@ -514,29 +561,41 @@ class Contact(Interface):
             blocks += [_normal_rows(block, mean) for block in o.weight_derivative()]
         return blocks
 
-    def _slip_rows(self, scaled_tau: Array) -> Iterator[Block]:
-        """Rows -``scaled_tau`` (slave nodes, 2) du, but for the change of tau in u."""
-        if scaled_tau.any():
-            for block in self.partners.derivative(self.operators):
-                yield _normal_rows(block, -scaled_tau)
+    def _nodal_rows(self, scaled: Array, row: Row) -> Iterator[Block]:
+        """Rows -``scaled`` (slave nodes, 2) d(rho), but for the gaps in rho.
+
+        The change of n and tau is that of the nodes that this rank owns.
+        """
+        o, j = self.operators, self.slave.owned[self.acts[self.slave.owned]]
+        by_slip = scaled * row.by_slip[:, None]
+        change = (
+            row.by_z_tau[:, None] * o.tangential_derivative(self.z)
+            + row.by_z_n[:, None] * o.normal_derivative(self.z)
+            + row.by_slip[:, None] * o.tangential_derivative(self.partners.apart(o))
+        )
+        rows = 2 * j[:, None] + np.arange(2)
+        yield Block(rows, o.normal_columns()[j], -scaled[j][:, :, None] * change[j][:, None, :])
+        if by_slip.any():
+            for block in self.partners.derivative(o):
+                yield _normal_rows(block, -by_slip)
 
     def motion_rows(self) -> Array:
         """Derivative of the same rows by the motions of the obstacle, (slave nodes, 2, 3)."""
-        o, diagonal = self.on_obstacle, self.operators.diagonal
-        weight = np.where(self.active, self.stiffness / np.where(self.active, diagonal, 1.0), 0.0)
-        row = self.tangential_row()
+        o = self.on_obstacle
+        normal, _, *laws = self.frame()
         shear = self.z[:, 1:] * o.dn_dq[:, 0] - self.z[:, :1] * o.dn_dq[:, 1]
         pressure = np.einsum("ja,jam->jm", self.z, o.dn_dq)
         slip = self.partners.derivative_by_motions(o)
-        change = (
-            row.by_z_tau[:, None] * shear
-            + row.by_z_n[:, None] * pressure
-            + row.by_slip[:, None] * slip
-            + row.by_gap[:, None] * self.gap_by_motions()
-        )
-        normal = np.einsum("ja,jm->jam", o.n * weight[:, None], o.dgap_dq)
-        tangential = np.einsum("ja,jm->jam", o.tau * (diagonal * self.active)[:, None], change)
-        return normal - tangential
+        rows = np.einsum("ja,jm->jam", normal, o.dgap_dq)
+        for scaled, row in zip(laws, self._law_rows(), strict=True):
+            change = (
+                row.by_z_tau[:, None] * shear
+                + row.by_z_n[:, None] * pressure
+                + row.by_slip[:, None] * slip
+                + row.by_gap[:, None] * self.gap_by_motions()
+            )
+            rows = rows - np.einsum("ja,jm->jam", scaled, change)
+        return rows
 
     def gap_by_motions(self) -> Array:
         """Derivative of the mean gaps by the motions, (slave nodes, 3); zero where not covered."""
@@ -548,18 +607,6 @@ class Contact(Interface):
         """The operators of a pair with an obstacle."""
         assert isinstance(self.operators, ObstacleOperators)
         return self.operators
-
-    def _nodal_rows(self, scaled_tau: Array, row: Row) -> Block:
-        """-tau_j D_jj d(rho_j) by the change of n_j and tau_j, of the nodes that this rank owns."""
-        o, j = self.operators, self.slave.owned[self.active[self.slave.owned]]
-        change = (
-            row.by_z_tau[:, None] * o.tangential_derivative(self.z)
-            + row.by_z_n[:, None] * o.normal_derivative(self.z)
-            + row.by_slip[:, None] * o.tangential_derivative(self.partners.apart(o))
-        )
-        rows = 2 * j[:, None] + np.arange(2)
-        values = -scaled_tau[j][:, :, None] * change[j][:, None, :]
-        return Block(rows, self.operators.normal_columns()[j], values)
 
 
 def _normal_rows(block: Block, direction: Array) -> Block:

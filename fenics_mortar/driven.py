@@ -195,7 +195,7 @@ class DrivenObstacles:
         Args:
             parts: E_d, M_q and E_q of each pair.
             du: Displacement, the part of this rank.
-            dz: Multipliers of every contact, shape (slave nodes, 2); inactive ones do not count.
+            dz: Multipliers of every contact, shape (slave nodes, 2), of those that act.
             dq: Motions, shape (obstacles, 3).
         """
         total = np.zeros(self._scales.shape)
@@ -204,7 +204,7 @@ class DrivenObstacles:
             self._pairs(), multipliers, parts, strict=True
         ):
             total[number] += np.einsum("mkc,kc->m", E_d, contact.slave.gather(du))
-            total[number] += np.einsum("mjc,jc->m", M_q[:, contact.active], z[contact.active])
+            total[number] += np.einsum("mjc,jc->m", M_q[:, contact.acts], z[contact.acts])
             total[number] += E_q @ dq[number]
         return total
 

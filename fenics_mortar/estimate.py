@@ -383,13 +383,17 @@ def interface_defects(pair: Interface) -> dict[str, Defects]:
 
 
 def gap_defects(contact: Contact) -> Defects:
-    """The gap where it is a penetration, or where all nodes are active; else z_n g (collective)."""
+    """The gap where it is a penetration, or where all nodes are active; else z_n g (collective).
+
+    With adhesion a(g) it is (z_n + a) g, of which an open contact has none.
+    """
     o, segments = contact.operators, contact.intersections()
     here, gap = points_of(segments), _gaps(contact, segments)
     closed = contact.active[here.slave[:, [0, -1]]].all(axis=1)[:, None]
-    pressure = np.maximum(here.of(contact.pressure), 0.0)
-    wrong = np.where(closed, gap, np.minimum(gap, 0.0))
-    work = np.where(closed, 0.0, pressure * np.maximum(gap, 0.0))
+    wrong, opening = np.where(closed, gap, np.minimum(gap, 0.0)), np.maximum(gap, 0.0)
+    pull, _ = contact.pair.law.adhesion(opening)
+    pressure = np.maximum(here.of(contact.pressure) + pull, 0.0)
+    work = np.where(closed, 0.0, pressure * opening)
     return _on_facets(contact, here, wrong[..., None] * here.direction(o.n), work)
 
 

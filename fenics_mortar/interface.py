@@ -43,7 +43,7 @@ class Interface(ABC):
         slave, master: The surfaces.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
-        active: Whether a multiplier acts, shape (slave nodes,), bool.
+        active: Whether the sides of a slave node stay together, shape (slave nodes,), bool.
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it still carries a multiplier, shape (slave nodes,), bool.
@@ -233,6 +233,11 @@ class Interface(ABC):
         return values
 
     @property
+    def acts(self) -> npt.NDArray[np.bool_]:
+        """Whether a node has a multiplier that may not be zero, shape (slave nodes,), bool."""
+        return self.active
+
+    @property
     def active_nodes(self) -> Indices:
         """Numbers of the active slave nodes along the surface."""
         return np.flatnonzero(self.active)
@@ -243,7 +248,7 @@ class Interface(ABC):
         return -self.operators.weight @ self.z
 
     def force_blocks(self) -> list[Block]:
-        """B^T: force by the multipliers; columns 2 j + component, active nodes only.
+        """B^T: force by the multipliers that act; columns 2 j + component.
 
         Entry by entry, without the zeros of D and between components: they would fill the system.
         """
@@ -254,8 +259,8 @@ class Interface(ABC):
         ]
 
     def _force_entries(self, surface: Surface, j: Indices, k: Indices, values: Array) -> Block:
-        """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and active multiplier j."""
-        used = (values != 0.0) & self.active[j][:, :, None]
+        """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and multiplier j."""
+        used = (values != 0.0) & self.acts[j][:, :, None]
         j = np.broadcast_to(j[:, :, None], values.shape)[used]
         k = np.broadcast_to(k[:, None, :], values.shape)[used]
         columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)

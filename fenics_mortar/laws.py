@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Laws of contact: what the tangential row of an active slave node says.
+"""Laws of contact: what the tangential row of an active slave node says, and what open ones bear.
 
-The gap of an active node closes, and the multiplier of an open one is zero, whatever the law. What
-is left is one equation a node, rho(g, u, z_n, z_tau) = 0, with the mean gap g, the slip u since the
-last accepted step, and the multiplier z = z_n n + z_tau tau, minus the traction on the slave. A law
-says rho and its four derivatives; those of g, u, n and tau by the displacement are ``Contact``'s.
+The gap of an active node closes, whatever the law. What is left is one equation a node,
+rho(g, u, z_n, z_tau) = 0, with the mean gap g, the slip u since the last accepted step, and the
+multiplier z = z_n n + z_tau tau, minus the traction on the slave. A law says rho and its four
+derivatives; those of g, u, n and tau by the displacement are ``Contact``'s.
+
+The multiplier of an open node is zero, unless a law says that its sides attract each other, by the
+adhesion a(g) of ``Law.adhesion``. Complementary are then g and z_n + a:
+
+    g >= 0,    z_n + a(g) >= 0,    (z_n + a(g)) g = 0,
+
+so that a closed node opens where it pulls by more than a(0), and an open one bears z_n = -a(g).
 
 rho may consist of smooth pieces. Newton's method needs to know on which one a node is, to see when
 the pieces change and when they do so in circles: a law says that, too, as one whole number a node.
@@ -29,6 +36,13 @@ A regularised Coulomb's law, for example, is smooth, a single piece:
 ...
 ...     def bound(self, pressure: Array) -> Array:
 ...         return self.mu * pressure
+
+and one with adhesion that fades away as surfaces part, and Coulomb's friction, says besides
+
+>>> class Sticky(Coulomb):
+...     def adhesion(self, gap: Array) -> tuple[Array, Array]:
+...         pull = 2.0 * np.exp(-gap / 0.01)
+...         return pull, -pull / 0.01
 
 ``ContactProblem.check_tangent`` proves the derivatives.
 """
@@ -96,6 +110,17 @@ class Law(ABC):
     def bound(self, pressure: Array) -> Array:
         """Largest |z_tau| that the law allows at a pressure."""
 
+    def adhesion(self, gap: Array) -> tuple[Array, Array]:
+        """Pull across gaps that are zero or open, and its derivative; none if not overridden.
+
+        Args:
+            gap: Shape (slave nodes,), or any other [length].
+
+        Returns:
+            a(g), zero or positive [stress], and a'(g) [stress / length], of the same shape.
+        """
+        return np.zeros_like(gap), np.zeros_like(gap)
+
 
 class Frictionless(Law):
     """No friction: z_tau = 0."""
@@ -156,11 +181,12 @@ class Friction(Law):
         """B and its derivatives by the mean gap and z_n."""
 
     def piece(self, node: Nodal, before: Pieces) -> Pieces:
-        """Stick, or the direction of sliding."""
+        """Stick, or the direction of sliding; without a bound either direction is right."""
         w, limit = node.z_tau + self.c_t * node.stiffness * node.slip, self.limit(node)[0]
         now = np.where(np.abs(w) > limit, np.sign(w), STICK).astype(np.int64)
         kink = np.abs(np.abs(w) - limit) <= KINK * limit
-        return np.where(kink, before, now)
+        free = np.where(before == STICK, 1, before)
+        return np.where(limit == 0.0, free, np.where(kink, before, now))
 
     def tangential(self, node: Nodal, piece: Pieces) -> Row:
         """The slip of nodes that stick; how far the shear of those that slide is off the bound."""

@@ -240,8 +240,8 @@ class TouchingBodies:
         return mean / np.abs(mean)
 
     def _active(self, contact: Interface) -> tuple[Indices, Array, Array]:
-        """Local dofs (a, 2), what is followed (a, 2, 2) and stiffness (a,) of own active nodes."""
-        on = contact.active[contact.slave.owned]
+        """Local dofs (a, 2), what is followed (a, 2, 2) and stiffness (a,) of own nodes."""
+        on = contact.acts[contact.slave.owned]
         j = contact.slave.owned[on]
         return contact.slave.local_dofs[on], contact.followed()[j], contact.stiffness[j]
 
@@ -279,7 +279,7 @@ class TouchingBodies:
             slave, followed = contact.slave, contact.followed() @ contact.followed()
             entries = [_entries(block) for block in contact.force_blocks()]
             dofs, j, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
-            own = np.isin(dofs[:, 0], slave.dofs[contact.active, 0])
+            own = np.isin(dofs[:, 0], slave.dofs[contact.acts, 0])
             weight = np.zeros(slave.num_nodes)
             np.add.at(weight, j[own], values[own])
             slave.comm.Allreduce(MPI.IN_PLACE, weight)

@@ -11,7 +11,7 @@ with K_c = d(B^T z^k)/dd. The multipliers are scaled to forces, z_j = k_j zeta_j
 the system well conditioned where a node is only partly covered (nodal scaling, Popp, Seitz, Gee &
 Wall 2013) and does not change the iterates.
 
-Condensed: with a diagonal D the slave rows of an active node give z_j = -Z_j (r + K~ dd)_j,
+Condensed: with a diagonal D the slave rows of a multiplier that acts give z_j = -Z_j (r + K~ dd)_j,
 Z_j = P_j / D_jj, where P_j leaves out prescribed components (eq. 14). Put in, the system is
 
     (Q K~ + C) dd = -Q r + rhs,       Q = 1 - B^T Z - A_z Z,
@@ -192,7 +192,7 @@ class LinearSystem(ABC):
 
     def scale(self, contact: Interface) -> Array:
         """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
-        diagonal = np.where(contact.active, contact.operators.diagonal, contact.nodal_lengths)
+        diagonal = np.where(contact.acts, contact.operators.diagonal, contact.nodal_lengths)
         return contact.stiffness / diagonal
 
     def force_blocks(self) -> Iterable[Block]:
@@ -393,8 +393,8 @@ class CondensedSystem(LinearSystem):
             yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 
     def _inverse(self, contact: Interface) -> Array:
-        """Diagonal of Z_j, zero for inactive nodes, shape (slave nodes, 2) [1 / length]."""
-        diagonal = np.where(contact.active, contact.operators.diagonal, np.inf)
+        """Diagonal of Z_j, zero where none acts, shape (slave nodes, 2) [1 / length]."""
+        diagonal = np.where(contact.acts, contact.operators.diagonal, np.inf)
         return contact.free / diagonal[:, None]
 
     def _assemble_rhs(self, laws: Sequence[Rows], R: PETSc.Mat) -> None:

@@ -154,13 +154,13 @@ class _Probe:
             on_slave, on_master = o.force(z0)
             for name, value in (("n", o.n), ("g", o.gap), ("D", on_slave), ("M", on_master)):
                 found[name].append(value.ravel())
-            on_slave, on_master = o.force(np.where(contact.active[:, None], contact.z, 0.0))
+            on_slave, on_master = o.force(np.where(contact.acts[:, None], contact.z, 0.0))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
             laws.append(contact.law(frame)[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
-        for contact in self.contacts:  # only active multipliers act, as in the system
-            contact.z = np.where(contact.active[:, None], contact.z, 0.0)
+        for contact in self.contacts:  # as in the system
+            contact.z = np.where(contact.acts[:, None], contact.z, 0.0)
         pushed = self._mine(self.tools.forces().ravel())
         force = self.bulk.to_force * force
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
@@ -195,8 +195,8 @@ class _Probe:
 
     def _whole(self) -> Array:
         """The four blocks of the saddle-point system on (du, dz), and the motions of obstacles."""
-        for contact in self.contacts:  # only active multipliers act, as in the system
-            contact.z = np.where(contact.active[:, None], contact.z, 0.0)
+        for contact in self.contacts:  # as in the system
+            contact.z = np.where(contact.acts[:, None], contact.z, 0.0)
         system = SaddleSystem(self.bulk, self.contacts, "fenics_mortar_check_tangent_", {})
         K, B_T, C, A_z = system.blocks()
         zeta = A_z.createVecRight()
