@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.errors import SurfaceError, place
-from fenics_mortar.mortar import Block, Linearization, MortarOperators
+from fenics_mortar.mortar import AT_VERTICES, Block, Linearization, MortarOperators
 from fenics_mortar.segments import Segments
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
@@ -223,7 +223,7 @@ class Interface(ABC):
     @property
     def _at_vertices(self) -> bool:
         """Whether nodes inside facets have no multipliers."""
-        return self.pair.basis == "vertices" and self.pair.integration != "nodes"
+        return self.pair.basis in AT_VERTICES and self.pair.integration != "nodes"
 
     def _fill_inside(self, values: Array) -> Array:
         """Set nodes inside facets to the mean of the ends, if only these have multipliers."""

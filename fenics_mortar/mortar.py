@@ -36,10 +36,17 @@ from fenics_mortar.kernels import basis, curved, normals, segment
 from fenics_mortar.segments import Integration, Segments, find_segments
 from fenics_mortar.surfaces import Array, Indices, Surface
 
-Basis = Literal["dual", "standard", "vertices"]
+Basis = Literal["dual", "standard", "vertices", "linear"]
 Weighting = Literal["opposite", "unit", "own"]
 GapWeights = Literal["cover", "basis", "standard"]
-BASES = {"dual": basis.DUAL, "standard": basis.STANDARD, "vertices": basis.DUAL}
+BASES = {
+    "dual": basis.DUAL,
+    "standard": basis.STANDARD,
+    "vertices": basis.DUAL,
+    "linear": basis.STANDARD,
+}
+# Those without multipliers at the nodes inside quadratic facets.
+AT_VERTICES = ("vertices", "linear")
 GAP_WEIGHTS = {
     "basis": basis.BY_BASIS,
     "cover": basis.BY_COVER,
@@ -84,7 +91,7 @@ class MortarOptions:
     """How one pair is integrated.
 
     Attributes:
-        basis: "dual" (D is diagonal), "standard" or, dual too, "vertices".
+        basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear".
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
         gap_weights: What weighs the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
         integration: "segments", "elements" or "nodes"; see ``segments``.

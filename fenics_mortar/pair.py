@@ -42,7 +42,9 @@ class ContactPair:
             Nodes that are held in a component, as on symmetry planes, have no friction.
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes, or, of
             quadratic facets, at their "vertices" only: linear functions, which can be condensed,
-            too. They are half as many, but the pressure overshoots at the edge of contact.
+            too. They are half as many, but the pressure overshoots at the edge of contact. "linear"
+            has the standard linear functions there, as in other codes: the same on straight facets
+            that are covered whole, but not condensed.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length.
         gap_weights: What the gap of a node is weighted by. "cover": by the multiplier's function if

@@ -438,7 +438,7 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
     """Why D cannot be inverted node by node, or ``None`` if it can."""
     for contact in contacts:
         names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
-        if contact.pair.basis == "standard" and contact.pair.integration != "nodes":
+        if contact.pair.basis not in ("dual", "vertices") and contact.pair.integration != "nodes":
             return f"{names} has basis '{contact.pair.basis}', so D is not diagonal"
         if contact.oblique.any():
             where = errors.place(contact.slave.X[contact.oblique][0])

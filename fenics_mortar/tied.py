@@ -73,7 +73,7 @@ class TiedPair:
             or softer one gives smoother tractions.
         master: Name or tag of the other side.
         basis: "dual" (diagonal D, can be condensed), "standard", or of quadratic facets multipliers
-            at their "vertices" only; see ``ContactPair``.
+            at their vertices only, "vertices" or "linear"; see ``ContactPair``.
         gap: What becomes of the gap that the facets of a curved interface leave. "removed": when
             the problem is set up, slave nodes move onto the master in the mesh itself, which
             is then free of stress; so make the problem before you interpolate anything. A

@@ -121,6 +121,7 @@ PAIRS = {
     "dual": {},
     "standard": {"basis": "standard"},
     "vertices": {"basis": "vertices"},
+    "linear": {"basis": "linear"},
     "petrov": {"gap_weights": "standard"},
     "nodes": {"integration": "nodes"},
 }

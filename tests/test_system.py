@@ -245,9 +245,10 @@ def test_surface_that_is_slave_and_master_is_not_condensed():
         )
 
 
-def test_standard_multipliers_are_not_condensed():
+@pytest.mark.parametrize("basis", ["standard", "linear"])
+def test_standard_multipliers_are_not_condensed(basis):
     with pytest.raises(ValueError, match="not diagonal"):
-        pressed_blocks(pair={"basis": "standard"}, problem={"algorithm": "condensed"}, **MESH)
+        pressed_blocks(pair={"basis": basis}, problem={"algorithm": "condensed"}, **MESH)
 
 
 def test_petsc_options_of_the_prefix_reach_the_solver():

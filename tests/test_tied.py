@@ -92,7 +92,7 @@ def test_a_homogeneous_finite_strain_passes_any_interface(degree, angle, counts)
         assert off(problem, exact) < EXACT
 
 
-@pytest.mark.parametrize("basis", ["dual", "standard", "vertices"])
+@pytest.mark.parametrize("basis", ["dual", "standard", "vertices", "linear"])
 @pytest.mark.parametrize("counts", [(4, 4), (3, 10), (1, 17)])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_uniaxial_tension_passes_with_its_traction(degree, counts, basis):
