@@ -323,7 +323,7 @@ class Contact(Interface):
             touches,
             self._slip_measure,
             master_planes=self._master_planes,
-            between=not isinstance(self.pair.law, Frictionless),
+            between=not self._is_frictionless,
         )
 
     def start_step(self) -> None:
@@ -332,7 +332,7 @@ class Contact(Interface):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes, and the master nodes that slip couples them to."""
-        return self.partners.pairs()
+        return super().faced() if self._is_frictionless else self.partners.pairs()
 
     @property
     def nodal(self) -> Nodal:
@@ -367,6 +367,11 @@ class Contact(Interface):
     def friction_work(self) -> float:
         """What friction takes up in a step, by the shear at its end [stress length^2]."""
         return float(self.shear_force @ np.where(self.active, self.slip, 0.0))
+
+    @property
+    def _is_frictionless(self) -> bool:
+        """Whether the law does not ask for slip."""
+        return isinstance(self.pair.law, Frictionless)
 
     @property
     def _rubs(self) -> npt.NDArray[np.bool_]:

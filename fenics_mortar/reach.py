@@ -3,7 +3,9 @@
 
 A pattern that held the present segments only would change whenever one appears, and with it the
 symbolic factorization. Zeros for the master facets next to those that a slave facet meets cost
-little, since contact is small beside the bulk.
+little, since contact is small beside the bulk. Open facets have room as well, so that contact may
+grow; but only those with a multiplier that acts add to the matrix, and only they have to stay
+within it. Others may be far apart, where surfaces that turn a little soon meet something else.
 """
 
 from __future__ import annotations
@@ -36,19 +38,26 @@ class Reach:
     ) -> None:
         self._slave, self._master = o.slave, o.master
         self.carries, self.idle = carries.copy(), _idle(o, carries)
-        self._met = np.union1d(_met(o, MARGIN), _faced(o, *faced))
+        everywhere = np.ones(o.slave.num_nodes, bool)
+        self._met = np.union1d(_met(o, MARGIN, everywhere), _faced(o, *faced))
         facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
     def holds(
-        self, o: MortarOperators, carries: npt.NDArray[np.bool_], faced: tuple[Indices, Indices]
+        self,
+        o: MortarOperators,
+        carries: npt.NDArray[np.bool_],
+        faced: tuple[Indices, Indices],
+        acting: npt.NDArray[np.bool_],
     ) -> bool:
-        """Whether a state couples nothing else."""
-        pairs = np.concatenate([_met(o, 0), _faced(o, *faced)])
+        """Whether a state couples nothing else; only ``acting`` slave nodes (slave nodes,) do."""
+        slips = acting[faced[0]]
+        pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
         inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
-        same = (self.carries == carries).all() and (self.idle == _idle(o, carries)).all()
-        return bool(inside.all() and same)
+        near = o.facet_nodes[acting[o.facet_nodes].any(axis=1)]
+        same = (self.carries == carries) & (self.idle == _idle(o, carries))
+        return bool(inside.all() and same[near].all())
 
     def derivative_pattern(self) -> Block:
         """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
@@ -105,17 +114,19 @@ def _idle(o: MortarOperators, carries: npt.NDArray[np.bool_]) -> npt.NDArray[np.
     return idle
 
 
-def _met(o: MortarOperators, margin: int) -> Indices:
-    """Pairs of a slave facet, by its first node, and a master node, as numbers.
+def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
+    """Pairs of a facet with any of the ``slaves``, by its first node, and a master node: numbers.
 
     Each facet has a pair with no node too, the number after the last: an obstacle has none.
     """
     s, degree, none = o.segments, o.master.degree, o.master.num_nodes
-    masters = np.full((len(s.slave), 1), none)
+    counts = slaves[s.slave].any(axis=1)
+    slave, master = s.slave[counts, 0], s.master[counts]
+    masters = np.full((len(slave), 1), none)
     if none:
-        near = o.master.along(s.master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
+        near = o.master.along(master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
         masters = np.hstack([masters, near])
-    pairs = s.slave[:, :1] * (none + 1) + masters
+    pairs = slave[:, None] * (none + 1) + masters
     return pairs[masters >= 0]
 
 

@@ -124,10 +124,11 @@ class SomeRows:
 def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block]) -> None:
     """Add blocks to entries that a matrix has, in place (collective).
 
-    Any rank may add to any row; negative indices are left out. However large the matrix is, this is
-    work for the blocks only.
+    Any rank may add to any row; negative indices are left out, and so are blocks of zeros: they
+    need no entries. However large the matrix is, this is work for the blocks only.
     """
-    for rows, columns, values in blocks:
+    for block in blocks:
+        rows, columns, values = (a[block.values.any(axis=(1, 2))] for a in block)
         each = np.repeat(columns, rows.shape[1], axis=0)
         starts = np.arange(rows.size + 1, dtype=PETSc.IntType) * PETSc.IntType(each.shape[1])
         places = rows.ravel().astype(PETSc.IntType)

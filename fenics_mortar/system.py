@@ -167,8 +167,10 @@ class LinearSystem(ABC):
     def _update_pattern(self) -> bool:
         """Whether contact goes beyond its reaches; make them anew then (collective)."""
         now = [(c.operators, c.carries, c.faced()) for c in self.contacts]
+        acts = [c.acts | c.z.any(axis=1) for c in self.contacts]
         holds = self._pattern == self.bulk.num_patterns and all(
-            reach.holds(*state) for reach, state in zip(self._reaches, now, strict=True)
+            reach.holds(*state, acting)
+            for reach, state, acting in zip(self._reaches, now, acts, strict=True)
         )
         if self.comm.allreduce(holds, MPI.LAND):
             return False
@@ -349,18 +351,20 @@ class CondensedSystem(LinearSystem):
     def _make_room(self, laws: Sequence[Rows]) -> None:
         """Put zeros into K wherever contact may add within its reach."""
         different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
-        size = self.bulk.num_owned
-        room = BlockMatrix(self.comm, size, size, self.bulk.space.block_size).assemble(
-            reach.derivative_pattern() for reach in self._reaches
+        rows, size = self._rows, self.bulk.num_owned
+        of_slave = rows.number(self._slave_rows.indices).astype(PETSc.IntType)
+        small = BlockMatrix(self.comm, rows.local.size, size).assemble(
+            rows.renumbered(reach.derivative_pattern() for reach in self._reaches)
         )
-        R = self._R.assemble(self._rows.renumbered(chain(self._R_blocks(laws), self._R_room())))
-        slave_K, of_room = (A.createSubMatrix(self._slave_rows) for A in (self.bulk.K, room))
-        slave_K.axpy(1.0, of_room, different)
+        slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
+        of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
+        slave_K.axpy(1.0, of_small, different)
+        R = self._R.assemble(rows.renumbered(chain(self._R_blocks(laws), self._R_room())))
         product = R.matMult(slave_K)
-        gathered = self._rows.room(product, size)
-        room.axpy(1.0, gathered, different)
+        small.axpy(1.0, product, different)
+        room = rows.room(small, size)
         self.bulk.grow_tangent(room)
-        for matrix in (room, slave_K, of_room, product, gathered, self._slave_K):
+        for matrix in (small, slave_K, of_small, product, room, self._slave_K):
             if matrix is not None:
                 matrix.destroy()
         self._slave_K = None
@@ -381,7 +385,7 @@ class CondensedSystem(LinearSystem):
                 j, component = block.columns // 2, block.columns % 2
                 values = -block.values * Z[j, component][:, None, :]
                 yield Block(block.rows, 2 * place[j] + component, values)
-            mine = contact.slave.owned
+            mine = contact.slave.owned[contact.acts[contact.slave.owned]]
             values = -law.A_z[mine] * Z[mine][:, None, :]
             yield Block(contact.slave.dofs[mine], _components(place[mine, None]), values)
 

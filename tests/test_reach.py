@@ -4,10 +4,14 @@
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import half_cylinder_on_block
 import numpy as np
 import pytest
-from scenes import pressed_blocks
+from scenes import internal, neo_hookean, pressed_blocks, read
 
+from dolfinx import fem
+
+import fenics_mortar as fm
 from fenics_mortar.bulk import MOST_GROWTHS
 from fenics_mortar.reach import MARGIN, Reach
 
@@ -59,6 +63,45 @@ def test_pattern_is_made_again_where_a_node_comes_to_bear_the_multiplier_of_anot
     (contact,) = scene.problem.contacts
     state = contact.operators, contact.carries, contact.faced()
     reach = Reach(*state)
-    assert reach.holds(*state)
+    assert reach.holds(*state, contact.active)
     contact.operators.D[:1, 1, 0] = 0.1  # of the rank's first facet, if it has any
-    assert reach.holds(*state) == (len(contact.operators.D) == 0)
+    assert reach.holds(*state, contact.active) == (len(contact.operators.D) == 0)
+    assert reach.holds(*state, np.zeros_like(contact.active))
+
+
+def pressed_cylinder(degree, algorithm):
+    """A half cylinder on a block that it touches, and what moves its flat side."""
+    h = 0.2 * degree
+    data = read(
+        half_cylinder_on_block.build, radius=8.0, width=12.0, height=12.0, h=h, fine=1.0, growth=0.2
+    )
+    V = fm.vector_space(data.mesh, degree)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [
+        fm.dirichlet(V, data, "block/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "cylinder/top", push),
+    ]
+    pair = fm.ContactPair(data, "cylinder/arc", "block/top")
+    residual, options = internal(u, neo_hookean(u, 100.0, 0.3)), {"algorithm": algorithm}
+    problem = fm.ContactProblem(
+        residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", **options
+    )
+    return problem, push
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_pattern_is_made_once_while_contact_grows(degree, algorithm, monkeypatch):
+    """Where it is open the arc turns: it meets other facets, and comes to the block's ends."""
+    problem, push = pressed_cylinder(degree, algorithm)
+    made, make_room = [], type(problem.system)._make_room
+    monkeypatch.setattr(
+        type(problem.system), "_make_room", lambda *args: made.append(make_room(*args))
+    )
+    num_active = []
+    for depth in (0.1, 0.4, 0.9):
+        push.value[1] = -depth
+        assert problem.solve().converged
+        num_active.append(problem.contacts[0].active.sum())
+    assert num_active[-1] > 2 * num_active[0]
+    assert len(made) == 1

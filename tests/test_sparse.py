@@ -60,12 +60,13 @@ def test_rows_are_added_where_they_belong():
 
 
 def test_blocks_are_added_where_they_belong():
-    """Duplicates are summed, negative numbers left out, and any rank adds to any row."""
+    """Duplicates are summed, negative numbers and blocks of zeros left out; any rank, any row."""
     large = tridiagonal()
     last = large.getSize()[0] - 1
     before = dense(large)
     square = Block(np.array([[0, -1, 1]]), np.array([[1, 0]]), np.arange(6.0).reshape(1, 3, 2))
-    add_blocks(large, [everywhere(last, last - 1, 3.0), *[square] * 2, everywhere(last, -1, 7.0)])
+    left_out = everywhere(last, -1, 7.0), everywhere(0, last, 0.0)
+    add_blocks(large, [everywhere(last, last - 1, 3.0), *[square] * 2, *left_out])
     before[last, last - 1] += 3.0
     before[:2, [1, 0]] += 2.0 * comm.size * np.array([[0.0, 1.0], [4.0, 5.0]])
     assert np.abs(dense(large) - before).max() < 1e-13
