@@ -2,9 +2,9 @@
 #
 # A round indenter is pressed into a block of the same linear elastic material and drawn along it,
 # 0.8 facets per load step. Both paths take the same steps in turn; the time of 100 steps is
-# extrapolated from those of the slide. Times are CPU times of the busiest rank, which say less about
-# what else runs on the machine. The argument is the number of unknowns, 160 000 by default; with
-# "direct" the general path has factors where it would take multigrid:
+# extrapolated from those of the slide. Times are CPU times of the busiest rank, which say less
+# about what else runs on the machine. The argument is the number of unknowns, 160 000 by default;
+# with "direct" the general path has factors where it would take multigrid:
 #
 #     python3 demos/bench_linear_bulk.py 40_000
 

@@ -245,6 +245,7 @@ class Compliance(FactoredBulk):
 
     def _learn(self, change: Array) -> None:
         """Add a change to the basis, and the answer to it."""
+        self._bulk.assemble_tangent()  # which a step on all dofs may have added to
         moved, force = self._bulk.K.createVecs()
         moved.array[self._bulk.held] = -change
         self._bulk.K.mult(moved, force)
@@ -399,11 +400,11 @@ class ReducedEquations:
         t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row, C.col]))
         a = np.unique(B_T.col)
         K_t, B_t = _dense(K_c, t, t), _dense(B_T, t, a)
-        A_t = self._compliance.A[:, t]
+        A_t = self._compliance.A[t]
         scale = weight[a, None]
         matrix = np.block(
             [
-                [np.eye(t.size) + A_t[t] @ K_t, A_t[t] @ B_t],
+                [np.eye(t.size) + A_t[:, t] @ K_t, A_t[:, t] @ B_t],
                 [scale * _dense(C, a, t), scale * _dense(A_z, a, a)],
             ]
         )
@@ -418,7 +419,7 @@ class ReducedEquations:
         zeta, force = np.zeros(rhs.size), np.zeros(d.size)
         zeta[a] = x[t.size :]
         force[t] = K_t @ x[: t.size] + B_t @ zeta[a]
-        return d - A_t @ force[t], zeta, force
+        return d - force[t] @ A_t, zeta, force
 
     def finish(self) -> None:
         """Find the displacement inside the bodies."""
