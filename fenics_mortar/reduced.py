@@ -44,7 +44,7 @@ from scipy.sparse import coo_array, csr_array
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, mark_overheld
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import MortarError, raise_together
 from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
@@ -255,15 +255,23 @@ class Compliance(FactoredBulk):
 
 
 def _compliance(bulk: Bulk, dofs: ContactDofs, prefix: str) -> Array:
-    """See ``Compliance``: the inverse of K with all but the free contact dofs eliminated."""
+    """See ``Compliance``: the inverse of K with all but the free contact dofs eliminated.
+
+    Raises:
+        MortarError: On all ranks, if K is singular.
+    """
     rest = dofs.free_globals[dofs.free]
     pc = factored_bulk(bulk, prefix, rest)
-    S = schur_complement(pc.getFactorMatrix(), rest.size)
+    A, error = schur_complement(pc.getFactorMatrix(), rest.size), None
     pc.destroy()
-    if bulk.comm.rank > 0:
-        return np.empty((0, 0))
-    A = np.zeros((dofs.size, dofs.size))
-    A[np.ix_(dofs.free, dofs.free)] = inv(S, overwrite_a=True)
+    try:
+        A = inv(A, overwrite_a=True) if A.size else A
+    except LinAlgError:
+        error = MortarError("the stiffness of the bodies is singular")
+    raise_together(bulk.comm, error)
+    if bulk.comm.rank == 0 and rest.size < dofs.size:
+        A, free = np.zeros((dofs.size, dofs.size)), A
+        A[np.ix_(dofs.free, dofs.free)] = free
     return A
 
 
