@@ -20,7 +20,7 @@ from ufl.algorithms import expand_derivatives
 from fenics_mortar import compat
 from fenics_mortar.clock import clock
 from fenics_mortar.errors import MortarError, count_places, raise_together
-from fenics_mortar.kernels.cells import tabulate_areas
+from fenics_mortar.kernels.cells import find_near, tabulate_areas
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
 
@@ -283,8 +283,8 @@ class Bulk:
     def _check_mesh(self) -> None:
         """Surfaces and tangent are those of the undeformed mesh as it was at set-up."""
         far = self.comm.allreduce(float(np.abs(self._nodes).max(initial=0.0)), MPI.MAX)
-        change = np.abs(self.V.mesh.geometry.x - self._nodes).max(axis=1)
-        moved = ~(change <= UNMOVED * far)
+        same = np.abs(self.V.mesh.geometry.x - self._nodes) <= UNMOVED * far
+        moved = np.unique(np.nonzero(~same)[0])
         count, where = count_places(self.comm, self._nodes[moved, :2])
         if count:
             raise MortarError(
@@ -308,6 +308,8 @@ class Bulk:
 
         Other unknowns than the displacement count as nodes in the middle of a cell.
         """
+        if not self.comm.allreduce(bool(dofs.any()), MPI.LOR):
+            return 0, "nowhere"
         space = self.space
         others = dofs[: self.num_owned].copy()
         others[space.owned_dofs] = False
@@ -367,10 +369,9 @@ class Bulk:
         """
         inside = np.zeros(len(points), bool)
         if len(points) and len(self._cells):
-            corners = self.positions()[self._cells]
-            low, high = points.min(axis=0), points.max(axis=0)
-            near = (corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)
-            corners, own = corners[near.all(axis=1)], labels[self._cells[near.all(axis=1), 0]]
+            x, near = self.positions(), np.empty(len(self._cells), bool)
+            find_near(x, self._cells, points.min(axis=0), points.max(axis=0), near)
+            corners, own = x[self._cells[near]], labels[self._cells[near, 0]]
             centres = corners.mean(axis=1)
             radius = np.linalg.norm(corners - centres[:, None], axis=2).max(initial=0.0)
             close = cKDTree(centres).query_ball_point(points, radius)

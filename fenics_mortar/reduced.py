@@ -8,13 +8,15 @@ a step that was taken whole the residual vanishes but for these, r_S = -q, and t
     dd_S = d_S - A (K_c dd + B^T z)_S,        C dd + A_z z = rhs,
 
 where d_S is the step without contact force and A = (K^-1)_SS the compliance. This is a small system
-with the solutions of the large one; A is dense, and on each rank. What a step without contact force
+with the solutions of the large one; A is dense, and on rank 0. What a step without contact force
 does is known too:
 
     d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
 
-F being the dofs that are not held, I those of F not in S. Only new loads need the last term. Inside
-the bodies the displacement is found where Newton has ended.
+F being the dofs that are not held, I those of F not in S. Only new loads need the last term. A is
+the inverse of a Schur complement, K with all but S eliminated. Of W there are products with the
+changes of prescribed values so far, few of which are independent along a path. Inside the bodies
+the displacement is found where Newton has ended.
 
 Where all pairs slide little and without friction, D, M and n stay too: contact pushes along
 B_n = B^T n, one column per slave node, and the gap is linear. With the displacement without contact
@@ -36,18 +38,18 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import LinAlgError, solve
-from scipy.sparse import coo_array, csr_array, eye
+from scipy.linalg import LinAlgError, inv, solve
+from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, mark_overheld
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import MortarError, raise_together
 from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
 from fenics_mortar.pair import ContactPair
-from fenics_mortar.sparse import SomeRows, flatten, is_symmetric
+from fenics_mortar.sparse import SomeRows, flatten, is_symmetric, leave, schur_complement
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE, options_added
 from fenics_mortar.tied import Tie
@@ -57,11 +59,11 @@ from fenics_mortar.tied import Tie
 FACTORS = (("cholesky", 50), ("cholesky", 300), ("lu", 300))
 # How MUMPS orders what is eliminated: by approximate minimum fill. Its own choice takes longer than
 # the factors, which are made once.
-ORDERING = 2
-# Columns of the compliance solved for at a time.
+ORDERING = 0
+# Columns of answers solved for at a time.
 COLUMNS = 32
-# An iteration of the general path costs as much as about so many of these columns.
-COLUMNS_PER_ITERATION = 100
+# An iteration of the general path costs as much as a compliance of about so many dofs.
+DOFS_PER_ITERATION = 1000
 # More contact dofs are reduced to on demand only: their compliance is a dense matrix.
 MOST_DOFS = 8000
 
@@ -96,8 +98,13 @@ class ContactDofs(SomeRows):
             target[surface.local_dofs] = values[self.number(surface.dofs[surface.owned])]
 
 
-def factored(K: PETSc.Mat, prefix: str) -> PETSc.PC:
-    """A symmetric matrix, factored by MUMPS (collective).
+def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC:
+    """A symmetric matrix, factored by MUMPS, all of it or all but a ``rest`` (collective).
+
+    Args:
+        K: The matrix.
+        prefix: Prefix of PETSc's options.
+        rest: Rows and columns to leave, equal on all ranks: see ``sparse.schur_complement``.
 
     Raises:
         MortarError: On all ranks, if it cannot be.
@@ -110,6 +117,9 @@ def factored(K: PETSc.Mat, prefix: str) -> PETSc.PC:
         pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
         pc.setOperators(K)
         with options_added(prefix, {"mat_mumps_icntl_7": ORDERING, "mat_mumps_icntl_14": room}):
+            if rest is not None:
+                pc.setFactorSetUpSolverType()
+                leave(pc.getFactorMatrix(), rest)
             pc.setUp()
         outcome = pc.getFactorMatrix().getMumpsInfog(1)
         if outcome >= 0:
@@ -118,18 +128,19 @@ def factored(K: PETSc.Mat, prefix: str) -> PETSc.PC:
     raise MortarError(f"the stiffness of the bodies was not factored: MUMPS says {outcome}")
 
 
-def factored_bulk(bulk: Bulk, prefix: str) -> PETSc.PC:
+def factored_bulk(bulk: Bulk, prefix: str, rest: Indices | None = None) -> PETSc.PC:
     """The tangent of bodies, factored with the prescribed dofs held (collective).
 
     Args:
         bulk: The bodies; their tangent is assembled.
         prefix: Prefix of PETSc's options.
+        rest: See ``factored``.
     """
     held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), bulk.comm)
     K = bulk.K.copy()
     K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
     K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    return factored(K, prefix)
+    return factored(K, prefix, rest)
 
 
 class FactoredBulk:
@@ -191,7 +202,7 @@ class FactoredBulk:
 
 
 class Compliance(FactoredBulk):
-    """The answers of the contact dofs to forces on them, and on prescribed dofs (collective).
+    """The answers of the contact dofs to forces on them, and to prescribed values (collective).
 
     Args:
         bulk: The bodies; their tangent is constant, and assembled.
@@ -200,47 +211,68 @@ class Compliance(FactoredBulk):
 
     Attributes:
         A: Displacement of the contact dofs by unit forces on them, zero for prescribed ones, shape
-            (size, size) [1 / stress].
+            (size, size) on rank 0, (0, 0) on the others [1 / stress].
     """
 
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
-        super().__init__(bulk, dofs, prefix)
-        self._edge = self._find_edge()
-        edge = (bulk.held[self._edge] + bulk.first).astype(PETSc.IntType)
-        everything = PETSc.IS().createStride(
-            bulk.num_owned, first=bulk.first, step=1, comm=bulk.comm
-        )
-        K_H = bulk.K.createSubMatrix(PETSc.IS().createGeneral(edge, bulk.comm), everything)
-        self.A, self._W = self._unit_answers(K_H)
+        self.A = _compliance(bulk, dofs, prefix)
+        super().__init__(bulk, dofs, prefix)  # the other factors are gone
+        self._changes = np.empty((0, bulk.held.size))
+        self._answers = np.empty((0, dofs.size))
 
-    def _find_edge(self) -> Indices:
-        """Places among the ``held`` dofs of those that free ones feel."""
-        x, y = self._bulk.K.createVecs()
-        x.array[:] = np.sin(1.0 + np.arange(self._bulk.num_owned, dtype=float) ** 2)
-        x.array[self._bulk.held] = 0.0
-        self._bulk.K.mult(x, y)
-        return np.flatnonzero(y.array_r[self._bulk.held])
+    def by_forces(self, forces: Array) -> Array:
+        """Displacement of the contact dofs, zero on other ranks than 0 (local)."""
+        return self.A @ forces if self._bulk.comm.rank == 0 else np.zeros_like(forces)
 
-    def _unit_answers(self, K_H: PETSc.Mat) -> tuple[Array, Array]:
-        """A and W, the latter for the edge of what is held on this rank."""
-        size = self._dofs.size
-        A, W, unit = np.zeros((size, size)), np.zeros((self._edge.size, size)), csr_array(eye(size))
-        for columns in portions(size):
-            loads = self.loads(unit[columns])
-            answers = self.answers(loads)
-            A[:, columns] = self.at_contact(answers)
-            reactions = K_H.matMult(answers)
-            W[:, columns] = reactions.getDenseArray()
-            for matrix in (loads, answers, reactions):
-                matrix.destroy()
-        self._bulk.comm.Allreduce(MPI.IN_PLACE, A)
-        return A, W
+    def by_prescribed(self, change: Array, rounding: float) -> Array:
+        """Change of the contact dofs that are free, by that of the held ones (local part).
 
-    def by_prescribed(self, change: Array) -> Array:
-        """Change of the contact dofs that are free, by that of the held ones (local part)."""
-        mine = -(change[self._edge] @ self._W)
-        self._bulk.comm.Allreduce(MPI.IN_PLACE, mine)
-        return mine
+        The changes so far have an orthonormal basis; only what is new in this one is solved for.
+
+        Args:
+            change: That of the held dofs.
+            rounding: Size of a change that is rounding [length].
+        """
+        parts = np.zeros(len(self._changes))
+        for _ in range(2):  # once leaves what rounding takes from the basis
+            more = self._bulk.comm.allreduce(self._changes @ change)
+            parts, change = parts + more, change - more @ self._changes
+        new = np.sqrt(self._bulk.comm.allreduce(float(change @ change)))
+        if new > rounding:
+            self._learn(change / new)
+            parts = np.append(parts, new)
+        return parts @ self._answers
+
+    def _learn(self, change: Array) -> None:
+        """Add a change to the basis, and the answer to it."""
+        self._bulk.assemble_tangent()  # which a step on all dofs may have added to
+        moved, force = self._bulk.K.createVecs()
+        moved.array[self._bulk.held] = -change
+        self._bulk.K.mult(moved, force)
+        answer = self._dofs.gather(self.solve(force).array_r)
+        self._changes = np.vstack([self._changes, change])
+        self._answers = np.vstack([self._answers, np.where(self._dofs.free, answer, 0.0)])
+
+
+def _compliance(bulk: Bulk, dofs: ContactDofs, prefix: str) -> Array:
+    """See ``Compliance``: the inverse of K with all but the free contact dofs eliminated.
+
+    Raises:
+        MortarError: On all ranks, if K is singular.
+    """
+    rest = dofs.free_globals[dofs.free]
+    pc = factored_bulk(bulk, prefix, rest)
+    A, error = schur_complement(pc.getFactorMatrix(), rest.size), None
+    pc.destroy()
+    try:
+        A = inv(A, overwrite_a=True) if A.size else A
+    except LinAlgError:
+        error = MortarError("the stiffness of the bodies is singular")
+    raise_together(bulk.comm, error)
+    if bulk.comm.rank == 0 and rest.size < dofs.size:
+        A, free = np.zeros((dofs.size, dofs.size)), A
+        A[np.ix_(dofs.free, dofs.free)] = free
+    return A
 
 
 def portions(count: int) -> list[Indices]:
@@ -305,10 +337,11 @@ class ReducedEquations:
         r[held] = kept
 
     def _step_without_contact(self, change: Array) -> Array:
-        """d_S, for a ``change`` of the prescribed values."""
+        """d_S, for a ``change`` of the prescribed values; complete on rank 0."""
         r = self._bulk.r.array_r[: self._bulk.num_owned]
-        step = -self._compliance.A @ self._dofs.gather(r)
-        step += self._compliance.by_prescribed(change)
+        step = self._compliance.by_forces(-self._dofs.gather(r))
+        rounding = self._problem.noise() / self._problem.stiffest
+        step += self._compliance.by_prescribed(change, rounding)
         rest = self._bulk.r.duplicate()
         rest.array[:] = np.where(self._inside, -r, 0.0)
         forces = self._bulk.to_force * rest.array_r
@@ -318,31 +351,32 @@ class ReducedEquations:
         moved[self._bulk.held] = change
         return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
 
-    def _assemble(self) -> list[csr_array]:
+    def _assemble(self) -> list[coo_array]:
         """K_c, B^T, C and A_z on the contact dofs, complete on rank 0."""
         mark_overheld(self._problem.contacts)
         system, size = self._system, self._dofs.size
         count = 2 * sum(place.size for place in system.places)
+        laws = [contact.rows() for contact in self._problem.contacts]
         return [
             self._collect(system.force_derivative(), (size, size), (True, True)),
             self._collect(system.force_blocks(), (size, count), (True, False)),
-            self._collect(system.law_blocks(), (count, size), (False, True)),
-            self._collect(system.multiplier_blocks(), (count, count), (False, False)),
+            self._collect(system.law_blocks(laws), (count, size), (False, True)),
+            self._collect(system.multiplier_blocks(laws), (count, count), (False, False)),
         ]
 
     def _collect(
         self, blocks: Iterable[Block], shape: tuple[int, int], are_dofs: tuple[bool, bool]
-    ) -> csr_array:
-        """Sum of the blocks of all ranks, on rank 0; whether rows and columns are global dofs."""
+    ) -> coo_array:
+        """The blocks of all ranks, on rank 0; whether rows and columns are global dofs."""
         *places, v = flatten(blocks)
         i, j = (self._dofs.number(p) if are else p for p, are in zip(places, are_dofs, strict=True))
         parts = self._comm.gather((i, j, v)) or [(i, j, v)]
         i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
         inside = (i >= 0) & (j >= 0)
-        return coo_array((v[inside], (i[inside], j[inside])), shape=shape).tocsr()
+        return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 
     def _solve(
-        self, d: Array, K_c: csr_array, B_T: csr_array, C: csr_array, A_z: csr_array
+        self, d: Array, K_c: coo_array, B_T: coo_array, C: coo_array, A_z: coo_array
     ) -> tuple[Array, Array, Array]:
         """Step of the contact dofs, multipliers zeta (n, 2) and contact force of the solution."""
         rhs, weight = np.zeros((A_z.shape[0] // 2, 2)), np.ones((A_z.shape[0] // 2, 1))
@@ -360,10 +394,10 @@ class ReducedEquations:
     def _solve_dense(
         self,
         d: Array,
-        K_c: csr_array,
-        B_T: csr_array,
-        C: csr_array,
-        A_z: csr_array,
+        K_c: coo_array,
+        B_T: coo_array,
+        C: coo_array,
+        A_z: coo_array,
         rhs: Array,
         weight: Array,
     ) -> tuple[Array, Array, Array] | None:
@@ -371,16 +405,15 @@ class ReducedEquations:
 
         Unknown are the dofs that contact touches and the multipliers that act.
         """
-        A = self._compliance.A
-        rows = [np.flatnonzero(np.diff(matrix.indptr)) for matrix in (K_c, B_T)]
-        t = np.unique(np.concatenate([K_c.indices, C.indices, *rows]))
-        a = np.unique(B_T.indices)
-        A_t = A[np.ix_(t, t)]
+        t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row, C.col]))
+        a = np.unique(B_T.col)
+        K_t, B_t = _dense(K_c, t, t), _dense(B_T, t, a)
+        A_t = self._compliance.A[t]
         scale = weight[a, None]
         matrix = np.block(
             [
-                [np.eye(t.size) + A_t @ K_c[t][:, t], A_t @ B_T[t][:, a]],
-                [scale * C[a][:, t].toarray(), scale * A_z[a][:, a].toarray()],
+                [np.eye(t.size) + A_t[:, t] @ K_t, A_t[:, t] @ B_t],
+                [scale * _dense(C, a, t), scale * _dense(A_z, a, a)],
             ]
         )
         right = np.concatenate([d[t], weight[a] * rhs[a]])
@@ -391,10 +424,10 @@ class ReducedEquations:
         defect = np.linalg.norm(matrix @ x - right)
         if not defect <= LINEAR_TOLERANCE * np.linalg.norm(right):
             return None
-        zeta, dd = np.zeros(rhs.size), np.zeros(d.size)
-        dd[t], zeta[a] = x[: t.size], x[t.size :]
-        force = K_c @ dd + B_T @ zeta
-        return d - A @ force, zeta, force
+        zeta, force = np.zeros(rhs.size), np.zeros(d.size)
+        zeta[a] = x[t.size :]
+        force[t] = K_t @ x[: t.size] + B_t @ zeta[a]
+        return d - force[t] @ A_t, zeta, force
 
     def finish(self) -> None:
         """Find the displacement inside the bodies."""
@@ -422,6 +455,18 @@ class ReducedEquations:
         """As the problem's, of the whole bodies."""
         self.finish()
         return self._problem.diagnose()
+
+
+def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:
+    """Some rows and columns of a matrix, ascending; what is in others is left out."""
+    inside = np.isin(matrix.row, rows) & np.isin(matrix.col, columns)
+    i, j = (
+        np.searchsorted(some, place[inside])
+        for some, place in ((rows, matrix.row), (columns, matrix.col))
+    )
+    shape = rows.size, columns.size
+    entries = np.bincount(i * shape[1] + j, matrix.data[inside], shape[0] * shape[1])
+    return entries.reshape(shape).astype(np.float64)
 
 
 class SmallSlidingEquations(ReducedEquations):
@@ -503,7 +548,7 @@ class SmallSlidingEquations(ReducedEquations):
         entries = normals.ravel(), (np.arange(columns.size), columns)
         shape = self._dofs.size, columns.size
         B_T = self._collect(self._system.force_blocks(), shape, (True, False))
-        return B_T @ csr_array(entries, shape=(columns.size, self._count))
+        return B_T.tocsr() @ csr_array(entries, shape=(columns.size, self._count))
 
     def _know_answers(self, pushes: csr_array) -> None:
         """Solve for the displacements by the pressures of nodes that had none so far."""
@@ -591,9 +636,9 @@ class LinearBulk:
     def _pays(self) -> bool:
         if self._slides_little:
             return True
-        columns = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._problem.contacts)
-        paid = self._num_iterations > columns / COLUMNS_PER_ITERATION
-        return bool(self._wanted) or (paid and columns <= MOST_DOFS)
+        dofs = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._problem.contacts)
+        paid = self._num_iterations > dofs / DOFS_PER_ITERATION
+        return bool(self._wanted) or (paid and dofs <= MOST_DOFS)
 
     def _obstacle(self) -> str:
         if any(isinstance(contact, Tie) for contact in self._problem.contacts):

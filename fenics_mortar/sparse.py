@@ -3,8 +3,8 @@
 
 Any rank may add to any row; duplicates are summed and negative indices left out. Nothing has to be
 preallocated by hand, which on PETSc 3.18 is the difference between milliseconds and minutes.
-petsc4py wraps these functions only in its newest releases, so they are called through ctypes, from
-the very library that petsc4py has loaded.
+petsc4py wraps these functions only in its newest releases, and Schur complements of factors not at
+all, so they are called through ctypes, from the very library that petsc4py has loaded.
 """
 
 from __future__ import annotations
@@ -31,6 +31,14 @@ _set_pattern = _petsc.MatSetPreallocationCOO
 _set_pattern.argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_void_p, ctypes.c_void_p]
 _set_values = _petsc.MatSetValuesCOO
 _set_values.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int]
+_set_schur_rows = _petsc.MatFactorSetSchurIS
+_set_schur_rows.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+_create_schur = _petsc.MatFactorCreateSchurComplement
+_create_schur.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
+_get_array, _restore_array = _petsc.MatDenseGetArrayRead, _petsc.MatDenseRestoreArrayRead
+_get_array.argtypes = _restore_array.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+_destroy = _petsc.MatDestroy
+_destroy.argtypes = [ctypes.c_void_p]
 
 
 class BlockMatrix:
@@ -152,6 +160,38 @@ def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDAr
         np.concatenate(j).astype(PETSc.IntType),
         np.concatenate(v).astype(np.float64),
     )
+
+
+def leave(factor: PETSc.Mat, rows: Indices) -> None:
+    """Let factors by MUMPS, before they are made, leave some rows and columns (collective).
+
+    The rows are equal on all ranks, their Schur complement is on rank 0: PETSc knows no other way.
+    """
+    mine = rows if factor.comm.rank == 0 else rows[:0]
+    places = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), factor.comm)
+    _check(_set_schur_rows(factor.handle, places.handle))
+
+
+def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64]:
+    """What remains of a symmetric matrix in the rows that were left, in their order (collective).
+
+    Args:
+        factor: The factored matrix.
+        num_left: How many rows were left.
+
+    Returns:
+        Shape (num_left, num_left) on rank 0, (0, 0) on the others.
+    """
+    handle, status = ctypes.c_void_p(), ctypes.c_int()
+    entries = ctypes.POINTER(ctypes.c_double)()
+    _check(_create_schur(factor.handle, ctypes.byref(handle), ctypes.byref(status)))
+    _check(_get_array(handle, ctypes.byref(entries)))
+    here = num_left > 0 and factor.comm.rank == 0
+    shape = (num_left, num_left)
+    values = np.ctypeslib.as_array(entries, shape).copy() if here else np.empty((0, 0))
+    _check(_restore_array(handle, ctypes.byref(entries)))
+    _check(_destroy(ctypes.byref(handle)))
+    return values
 
 
 def is_symmetric(K: PETSc.Mat) -> bool:

@@ -205,21 +205,19 @@ class LinearSystem(ABC):
                 j = columns // 2
                 yield Block(rows, 2 * place[j] + columns % 2, values * scale[j][:, None, :])
 
-    def law_blocks(self) -> Iterable[Block]:
-        """Blocks of C; rows are numbers of multipliers."""
-        for contact, place in self.numbered():
-            for block in contact.rows().blocks:
+    def law_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+        """Blocks of C, by the rows of each contact; rows are numbers of multipliers."""
+        for place, law in zip(self.places, laws, strict=True):
+            for block in law.blocks:
                 rows = 2 * place[block.rows // 2] + block.rows % 2
                 yield Block(rows, block.columns, block.values)
 
-    def multiplier_blocks(self) -> Iterable[Block]:
+    def multiplier_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
         """Blocks of A_z for zeta, of the multipliers owned here."""
-        for contact, place in self.numbered():
+        for (contact, place), law in zip(self.numbered(), laws, strict=True):
             mine = contact.slave.owned
             dofs = 2 * place[mine][:, None] + np.arange(2)
-            yield Block(
-                dofs, dofs, contact.rows().A_z[mine] * self.scale(contact)[mine, None, None]
-            )
+            yield Block(dofs, dofs, law.A_z[mine] * self.scale(contact)[mine, None, None])
 
     @property
     def _largest_stiffness(self) -> float:
@@ -503,10 +501,11 @@ class SaddleSystem(LinearSystem):
 
     def _parts(self) -> Iterator[Part]:
         """Blocks of K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
+        laws = [contact.rows() for contact in self.contacts]
         yield DOF, DOF, self.force_derivative()
         yield DOF, MULTIPLIER, self.force_blocks()
-        yield MULTIPLIER, DOF, self.law_blocks()
-        yield MULTIPLIER, MULTIPLIER, self.multiplier_blocks()
+        yield MULTIPLIER, DOF, self.law_blocks(laws)
+        yield MULTIPLIER, MULTIPLIER, self.multiplier_blocks(laws)
 
     def _room(self) -> Iterator[Part]:
         """Zeros for the reach of K_c, B^T and C; those of A_z are always there."""

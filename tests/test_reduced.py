@@ -76,6 +76,24 @@ def test_load_steps_take_the_same_iterations(algorithm):
         assert other.certificate.balance < 1e-9
 
 
+def test_a_step_on_all_dofs_in_between_changes_nothing():
+    """It adds contact to K, which the next one, along a new direction, has to have without.
+
+    The upper block is one cell high: contact adds to rows that prescribed values are in.
+    """
+    general, reduced = pair_of(layers_upper=1)
+    for number, step in enumerate(PATH[:3]):
+        for scene in (general, reduced):
+            scene.loads["push"].value[:] = step
+        general.problem.solve()
+        if number == 1:
+            reduced.problem._solve_on_all_dofs()
+        else:
+            assert not reduced.problem.solve().notes
+        u, w = nodal(general.problem), nodal(reduced.problem)
+        assert largest(u - w) < 1e-9 * largest(u)
+
+
 def loaded_blocks(reduced, *, held="both"):
     """Blocks under their own weight; where the upper is held, its top is moved."""
     scene = pressed_blocks(material=linear_elastic, **MESH)

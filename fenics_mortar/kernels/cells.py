@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Areas of cells at their nodes."""
+"""Areas of cells at their nodes, and cells near a box."""
 
 from fenics_mortar.kernels import kernel
 
@@ -27,3 +27,24 @@ def tabulate_areas(x, cells, gradients, areas):
                 xs, xt = xs + s * dx, xt + t * dx
                 ys, yt = ys + s * dy, yt + t * dy
             areas[e, a] = xs * yt - xt * ys
+
+
+@kernel
+def find_near(x, cells, low, high, near):
+    """Fill ``near`` (cells,) with whether the box of a cell's nodes meets a box.
+
+    Args:
+        x: Positions of all nodes, shape (n, 2) [length].
+        cells: Nodes of each cell, shape (cells, k).
+        low: Lower left corner of the box, shape (2,) [length].
+        high: Its upper right corner.
+        near: The answers.
+    """
+    for e in range(cells.shape[0]):
+        near[e] = True
+        for c in range(2):
+            below = above = True
+            for a in range(cells.shape[1]):
+                below = below and x[cells[e, a], c] < low[c]
+                above = above and x[cells[e, a], c] > high[c]
+            near[e] = near[e] and not below and not above
