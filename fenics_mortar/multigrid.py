@@ -14,6 +14,12 @@ Multigrid coarsens x- and y-components each by itself, as if they were not coupl
 couples them wherever it is oblique to the axes. So y counts along axes R that turn from node to
 node, in contact with its tangents tau and smoothly in between: B = R^T L A T R.
 
+Where the slave's normals are a small angle e off the axes of its partners, B couples the tangential
+motions of the two bodies, by e times the slave's stiffness. Without friction that means nothing:
+the bodies slide. But if the slave is stiff, it is more than a soft master's own stiffness, so that
+multigrid would interpolate tangential motions of the master from those of the slave, and would not
+see that the one slides along the other. Hence the cycle is made without these entries.
+
 One application to a right-hand side b has two steps:
 
 1. x_0 solves A x_0 = b within a strip along the contact surfaces, by factors: constraints are met,
@@ -48,9 +54,12 @@ import numpy.typing as npt
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.interface import Interface
+from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.sparse import BlockMatrix, is_symmetric
-from fenics_mortar.surfaces import Array, Indices
+from fenics_mortar.surfaces import Array, Indices, Surface
+
+ComplexArray = npt.NDArray[np.complex128]
 
 # Measured: sweeps at half the cost of the default ones, for a few iterations more; coarse grids and
 # interpolation for which iterations grow less where contact is curved (by 7 to 14 % in the mean as
@@ -118,6 +127,7 @@ class TouchingBodies:
             BlockMatrix(bulk.comm, size, size, block_size) for _ in range(4)
         )
         self._strip = Strip(bulk, contacts, f"{prefix}strip_", multipliers or 0)
+        self._slaves = [_nodes_near(bulk, contact.slave) for contact in contacts]
         self._prefix = f"{prefix}cycle_"
         self._cycle: Any = None
         self._best, self._excess, self._sets = 0.0, 0.0, list[npt.NDArray[np.bool_]]()
@@ -153,13 +163,15 @@ class TouchingBodies:
         digits, iterations = -np.log10(max(left, 1e-16)), ksp.getIterationNumber()
         if digits > 0.0 and np.isfinite(digits):
             self._best = self._best or iterations / digits
-            self._excess += iterations - self._best * digits
+            excess = self._excess + iterations - self._best * digits
+            self._excess = max(excess, 0.0)  # a hard first solve is no credit
 
     def _make_cycle(self, A: PETSc.Mat, nodes: list[tuple[Indices, Array, Array]]) -> None:
         first = self._bulk.first
         B = self._touching_tangent(A)
         idle = self._idle.assemble(self._idle_blocks(nodes))
         B.axpy(1.0, idle, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        self._part_sliding_bodies(B)
         held = (self._held + first).astype(PETSc.IntType)
         B.zeroRowsColumns(held, diag=1.0)
         if self._cycle is not None:
@@ -187,6 +199,16 @@ class TouchingBodies:
             matrix.destroy()
         B.setBlockSize(self._bulk.space.block_size)  # which large products on ranks have lost
         return B
+
+    def _part_sliding_bodies(self, B: PETSc.Mat) -> None:
+        """Leave out what couples tangential motions of the two bodies of a contact, see above."""
+        for contact, slave in zip(self._contacts, self._slaves, strict=True):
+            _, tangents = _sliding_nodes(contact)
+            if tangents.size and isinstance(contact.pair.law, Frictionless):
+                axis = _quarter_turns(tangents) % 2
+                master = contact.master.local_dofs[:, axis] + self._bulk.first
+                _leave_out(B, master, slave[:, axis])
+                _leave_out(B, slave[:, axis], master)
 
     def _turned(self, part: PETSc.Mat) -> PETSc.Mat:
         """(1 + part) R."""
@@ -221,7 +243,7 @@ class TouchingBodies:
         dofs = dofs + self._bulk.first
         self._R.assemble([Block(dofs, dofs, axes)])
 
-    def _tangents(self, x: Array) -> npt.NDArray[np.complex128]:
+    def _tangents(self, x: Array) -> ComplexArray:
         """First axes (n,) at the places x (n, 2), as complex numbers.
 
         They are means of the tangents in contact, by one over the fourth power of the distance.
@@ -230,8 +252,7 @@ class TouchingBodies:
         """
         z, mean = x @ [1.0, 1.0j], np.full(len(x), 1e-300 + 0.0j)
         for places, tangents in map(_sliding_nodes, self._contacts):
-            turns = np.round(np.angle(tangents.sum()) / (np.pi / 2.0))
-            tangents = tangents * (-1.0j) ** turns
+            tangents = tangents * (-1.0j) ** _quarter_turns(tangents)
             if np.abs(np.angle(tangents)).max(initial=0.0) < STRAIGHT:
                 tangents = np.ones_like(tangents)
             for place, tangent in zip(places, tangents, strict=True):
@@ -311,7 +332,8 @@ class Strip:
     ) -> None:
         self._prefix, self._held, self._comm = prefix, bulk.held, bulk.comm
         rows = np.arange(bulk.num_owned, bulk.num_owned + multipliers)
-        self._rows = np.append(_near(bulk, contacts), rows)
+        surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
+        self._rows = np.append(_near(bulk, surfaces, LAYERS), rows)
         self.num_rows = bulk.comm.allreduce(self._rows.size)
         self._matrix: Any = None
         self._factors: Any = None
@@ -341,20 +363,41 @@ class Strip:
         x.array[self._rows] = self._x.array_r
 
 
-def _near(bulk: Bulk, contacts: Sequence[Interface]) -> Indices:
-    """Local numbers of the owned dofs within ``LAYERS`` of the contact surfaces."""
-    surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
+def _near(bulk: Bulk, surfaces: Sequence[Surface], layers: int) -> Indices:
+    """Local numbers of the owned dofs within so many layers of cells of the surfaces."""
     dofs = [np.empty(0, np.int64), *(s.local_dofs.ravel() + bulk.first for s in surfaces)]
     near = PETSc.IS().createGeneral(
         np.unique(np.concatenate(dofs)).astype(PETSc.IntType), PETSc.COMM_SELF
     )
-    bulk.K.increaseOverlap(near, LAYERS)
+    bulk.K.increaseOverlap(near, layers)
     everywhere = np.unique(np.concatenate(bulk.comm.allgather(near.indices)))
     mine = (everywhere >= bulk.first) & (everywhere < bulk.first + bulk.num_owned)
     return everywhere[mine].astype(np.int64) - bulk.first
 
 
-def _sliding_nodes(contact: Interface) -> tuple[Array, Array]:
+def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
+    """Global dofs (n, 2) of the owned nodes of a surface and of the cells on it."""
+    dofs = bulk.space.owned_dofs
+    return dofs[np.isin(dofs[:, 0], _near(bulk, [surface], 1))] + bulk.first
+
+
+def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
+    """Make the entries in these rows and columns zero: global numbers of those this rank owns."""
+    owned = [part.astype(PETSc.IntType) for part in (rows, columns)]
+    part = B.createSubMatrix(*(PETSc.IS().createGeneral(places, B.comm) for places in owned))
+    starts, numbers, values = part.getValuesCSR()
+    everywhere = np.concatenate(B.comm.tompi4py().allgather(owned[1]))
+    B.setValuesIJV(starts, everywhere[numbers], np.zeros_like(values), rowmap=owned[0])
+    B.assemble()
+    part.destroy()
+
+
+def _quarter_turns(tangents: ComplexArray) -> int:
+    """How many bring the tangents of a contact nearest to the first axis of the mesh."""
+    return round(np.angle(tangents.sum()) / (np.pi / 2.0))
+
+
+def _sliding_nodes(contact: Interface) -> tuple[ComplexArray, ComplexArray]:
     """Places and tangents of ``TANGENTS`` active nodes at the most, not of tied ones: complex."""
     F, o = contact.followed(), contact.operators
     j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
