@@ -91,7 +91,7 @@ class FloatingBodies:
 
     def _links(self, tie: Tie) -> Indices:
         """Pairs of bodies that a tie joins."""
-        slave, master = self._labels_of(tie.slave), self._labels_of(tie.master)
+        slave, master = self.labels_of(tie.slave), self.labels_of(tie.master)
         nodes = tie.M.tocoo()
         return np.stack([slave[nodes.row], master[nodes.col]], axis=1).astype(np.int64)
 
@@ -222,8 +222,8 @@ class FloatingBodies:
         """Integral of the size of the pressure over all pairs of a body [stress length]."""
         total = 0.0
         for contact in self._contacts:
-            on_slave = self._labels_of(contact.slave) == body.label
-            on_master = bool((self._labels_of(contact.master) == body.label).any())
+            on_slave = self.labels_of(contact.slave) == body.label
+            on_master = bool((self.labels_of(contact.master) == body.label).any())
             forces = contact.operators.cover * np.abs(contact.pressure)
             total += float(forces[on_slave | on_master].sum())
         return total
@@ -404,7 +404,7 @@ class FloatingBodies:
         """Change of the mean gaps by the free motions, closing positive: (motions, slave nodes)."""
         o = contact.operators
         on_slave, on_master = (
-            body.displacement(x) * (self._labels_of(surface) == body.label)[:, None]
+            body.displacement(x) * (self.labels_of(surface) == body.label)[:, None]
             for surface, x in ((contact.slave, o.x), (contact.master, o.m))
         )
         changes = [contact.gap_change(*pair) for pair in zip(on_slave, on_master, strict=True)]
@@ -414,8 +414,8 @@ class FloatingBodies:
         """Whether any contact force acts on a body."""
         for contact in self._contacts:
             loaded = contact.pressure > LOADED * contact.stiffness
-            on_slave = self._labels_of(contact.slave) == body.label
-            on_master = bool((self._labels_of(contact.master) == body.label).any())
+            on_slave = self.labels_of(contact.slave) == body.label
+            on_master = bool((self.labels_of(contact.master) == body.label).any())
             if (loaded & (on_slave | on_master)).any():
                 return True
         return False
@@ -424,7 +424,8 @@ class FloatingBodies:
         sizes = [float(contact.slave.lengths.min()) for contact in self._contacts]
         return min(sizes or [body.size for body in self.bodies])
 
-    def _labels_of(self, surface: Surface) -> Array:
+    def labels_of(self, surface: Surface) -> Array:
+        """Bodies of the nodes of a surface, shape (nodes,) (collective)."""
         return surface.gather(self._bulk.spread(self.labels))[:, 0]
 
 

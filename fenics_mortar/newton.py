@@ -18,9 +18,6 @@ UNSETTLED = 12
 # Part of the right-hand side that a linear solve leaves at the most. Measured: from 1e-4 on there
 # are more Newton iterations, which cost more than the linear ones saved.
 LOOSEST = 5e-6
-# Part of the residual that the first iteration from a good start leaves at the most. Measured on
-# 300 steps of sliding and rolling: above it such a start costs more than it saves.
-MOST_LEFT = 0.4
 
 
 @dataclass(frozen=True)
@@ -85,8 +82,8 @@ class NewtonOptions:
         increment_tolerance: Largest displacement increment over the largest displacement.
         line_search: Whether steps are halved while they raise the residual; see ``damping``.
         most_motion: Largest motion of a surface in one iteration over its shortest facet.
-        tentative: Whether to give up where the first iteration leaves more than ``MOST_LEFT`` of
-            the residual, for who has another start.
+        tentative: Whether to give up where other remedies would follow, for who has another start.
+        most_left: Part of the residual that the first iteration may leave, to go on.
 
     Raises:
         ValueError: If a number is not positive.
@@ -98,6 +95,7 @@ class NewtonOptions:
     line_search: bool = False
     most_motion: float = np.inf
     tentative: bool = False
+    most_left: float = np.inf
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -106,6 +104,8 @@ class NewtonOptions:
         for what in ("residual_tolerance", "increment_tolerance"):
             value = getattr(self, what)
             check_number(what, value, "a positive number", lambda number: 0.0 < number < np.inf)
+        right = "a positive number"
+        check_number("most_left", self.most_left, right, lambda number: number > 0.0)
         right = "a positive number of facets"
         check_number("most_motion", self.most_motion, right, lambda number: number > 0.0)
         for what in ("line_search", "tentative"):
@@ -237,7 +237,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             report.converged = True
             report.reason = f"converged in {number} iterations"
             return report
-        if options.tentative and number == 1 and not _is_near(*report.residuals):
+        if number == 1 and not _is_near(report.residuals, options.most_left):
             raise _failure(equations, report, "the first iteration left most of the residual")
         sets = [*sets, status.sets] if status.num_changed else [status.sets]
         period = UNSETTLED if _is_stuck(sets, report.residuals) else period_of(sets)
@@ -257,9 +257,9 @@ def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonRepo
         raise NotConvergedError(str(error), report.followed_by(error.report)) from None
 
 
-def _is_near(first: float, second: float) -> bool:
+def _is_near(residuals: Sequence[float], most_left: float) -> bool:
     """Whether the first iteration has lowered the residual as it does near a solution."""
-    return second <= MOST_LEFT * first
+    return np.isinf(most_left) or residuals[1] <= most_left * residuals[0]
 
 
 def _is_stuck(sets: list[bytes], residuals: list[float]) -> bool:

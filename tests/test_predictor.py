@@ -12,6 +12,7 @@ from test_stepping import MESH, ironing
 
 import fenics_mortar as fm
 from fenics_mortar.predictor import Predictor
+from fenics_mortar.travel import Travel
 
 FACET = 1 / 3  # of the block under the tool
 FRICTION = [None, fm.Coulomb(0.1)]
@@ -34,19 +35,57 @@ def counts(path):
 
 @pytest.mark.serial
 @pytest.mark.parametrize("law", FRICTION)
-def test_sliding_by_facets_takes_one_iteration_less(law):
-    """Each step takes the tool on by one facet, after three that press it in."""
+@pytest.mark.parametrize("facets", [1.0, 1.7, 3.0])
+def test_sliding_by_facets_takes_fewer_iterations(law, facets):
+    """Each step takes the tool on by some facets, after three that press it in."""
+    along = facets * FACET
 
     def scene():
         problem, set_loads = ironing(law=law)
-        return problem, lambda step: set_loads(step / 3 if step <= 3 else 1 + (step - 3) * FACET)
+        return problem, lambda step: set_loads(step / 3 if step <= 3 else 1 + (step - 3) * along)
 
-    (plain, one), (guessed, other) = paths(scene, 1.0, stop=10.0)
-    saved = counts(plain) - counts(guessed)
+    stop = 3.0 + np.floor(3.0 / along)
+    (plain, one), (guessed, other) = paths(scene, 1.0, stop=stop)
     assert plain.num_cuts == guessed.num_cuts == 0
-    assert saved[4:].mean() >= 0.8 and np.median(counts(guessed)[4:]) <= 5
+    # the first two steps along do not know yet where contact goes
+    assert (counts(plain) - counts(guessed))[5:].mean() >= 1.5
+    assert np.median(counts(guessed)[5:]) <= 5
     z, exact = (problem.contacts[0].z for problem in (other, one))
     assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_states_travel_with_the_contact(degree):
+    """Waves that go one column of nodes of the lower block a step: the guess is the next state."""
+    columns = 8
+    scene = pressed_blocks(slave="lower", degree=degree, n_lower=columns, n_upper=5)
+    problem, contact = scene.problem, scene.contact
+    s = np.array([np.ptp(contact.slave.X[:, 0]) / columns, 0.0])
+    X, dofs = problem.bulk.V.tabulate_dof_coordinates()[:, :2], problem.bulk.space.dofs
+    lower = problem.floating.labels == problem.floating.labels_of(contact.slave)[0]
+
+    def wave(X, time):
+        x = (X - s * time) / s[0]
+        return np.stack([np.sin(x[:, 0]) * x[:, 1], time + np.cos(2.0 * x[:, 0])], axis=1)
+
+    def state(time):
+        found = problem.state()
+        found.u[dofs] = wave(X, time)
+        return replace(found, z=[wave(contact.slave.X, time)])
+
+    travel = Travel(problem)
+    moved = np.where(np.array([side.is_slave for side in travel._sides])[:, None], s, 0.0)
+    before, last, right = state(1.0), state(2.0), state(4.0)
+    guess = travel.guess(last, before, moved, 2.0)
+    left, line = contact.slave.X[:, 0].min() + 3.0 * s[0], last.towards(before, -2.0)
+    inside, outside = X[:, 0] > left + 0.1 * s[0], X[:, 0] < left - 0.1 * s[0]
+    assert np.abs((guess.u - right.u)[dofs[lower & inside]]).max(initial=0.0) < 1e-10
+    for stays in (~lower, lower & outside):
+        assert np.array_equal(guess.u[dofs[stays]], line.u[dofs[stays]])
+    inside = contact.slave.X[:, 0] > left - 0.1 * s[0]
+    assert np.abs((guess.z[0] - right.z[0])[inside]).max() < 1e-10
+    assert travel.guess(last, before, 0.1 * moved, 2.0) is None
+    assert travel.guess(last, before, np.nan * moved, 2.0) is None
 
 
 def test_path_that_turns_begins_at_its_last_state():
