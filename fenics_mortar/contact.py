@@ -326,8 +326,12 @@ class Contact(Interface):
 
     @property
     def slip(self) -> Array:
-        """Slip along tau since the last accepted step, shape (slave nodes,) [length]."""
-        return self.partners.slip(self.operators)
+        """Slip along tau since the last accepted step, shape (slave nodes,) [length].
+
+        Zero on symmetry planes: across them nothing slips, but the partners are on one side.
+        """
+        on_plane = np.isfinite(self._carriers.plane_normals[:, 0])
+        return np.where(on_plane, 0.0, self.partners.slip(self.operators))
 
     @property
     def sticking(self) -> npt.NDArray[np.bool_]:

@@ -458,7 +458,7 @@ def test_wrong_numbers_are_refused(wrong):
 
 
 def bowed_block_under_a_tool(half, degree):
-    """Shears and pressures on the right of x = 0 of a flat tool on a bowed block, or on its half.
+    """Shears, pressures and slips right of x = 0 of a flat tool on a bowed block, or on its half.
 
     The master is the bowed one: its normals on the plane are not those of its last facet.
     """
@@ -493,15 +493,17 @@ def bowed_block_under_a_tool(half, degree):
     contact = problem.contacts[0]
     order = np.argsort(contact.slave.X[:, 0])
     order = order[contact.slave.X[order, 0] > -1e-9]
-    return contact.z_tau[order], contact.pressure[order]
+    return contact.z_tau[order], contact.pressure[order], contact.slip[order]
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-def test_half_of_a_symmetric_scene_has_the_shears_of_the_whole(degree):
+def test_half_of_a_symmetric_scene_has_the_shears_and_slips_of_the_whole(degree):
     """What is left is the solver's tolerance."""
-    (shear, pressure), (half_shear, half_pressure) = (
+    (shear, pressure, slip), (half_shear, half_pressure, half_slip) = (
         bowed_block_under_a_tool(half, degree) for half in (False, True)
     )
     assert np.abs(shear).max() > 0.04 * pressure.max()
     assert np.abs(half_pressure - pressure).max() < 1e-9 * pressure.max()
     assert np.abs(half_shear - shear).max() < 1e-9 * pressure.max()
+    assert half_slip[0] == 0.0
+    assert np.abs(half_slip - slip).max() < 1e-9 * np.abs(slip).max()
