@@ -80,7 +80,9 @@ with fm.ResultsWriter("results/two_blocks", problem, {"stress": P * F.T / J}) as
         report = problem.solve()
         results.write(step)
         if comm.rank == 0:
-            print(f"\nstep {step}: top moved by {displacement} mm\n\n{report}")
+            print(
+                f"\nstep {step}: top moved by ({push.value[0]:g}, {push.value[1]:g}) mm\n\n{report}"
+            )
 
 table = fm.contact_table(problem)
 fm.plot(problem, "results/two_blocks.png", stress=-(P * F.T / J)[1, 1], title="two blocks")

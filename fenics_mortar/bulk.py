@@ -19,7 +19,7 @@ from ufl.algorithms import expand_derivatives
 
 from fenics_mortar import compat
 from fenics_mortar.clock import clock
-from fenics_mortar.errors import MortarError, count_places, raise_together
+from fenics_mortar.errors import MortarError, check_same, count_places, raise_together
 from fenics_mortar.kernels.cells import find_near, tabulate_areas
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array
@@ -278,7 +278,9 @@ class Bulk:
         everywhere = sorted(set().union(*self.comm.allgather(set(messages))))
         if everywhere:
             raise MortarError("; ".join(everywhere))
-        self._check_same_constants()
+        same = [("a constant of the residual", c.value) for c in self._constants]
+        same += [("a prescribed displacement", compat.prescribed_value(bc)) for bc in self.bcs]
+        check_same(self.comm, same)
 
     def _check_mesh(self) -> None:
         """Surfaces and tangent are those of the undeformed mesh as it was at set-up."""
@@ -290,17 +292,6 @@ class Bulk:
             raise MortarError(
                 f"the mesh was moved after the problem was set up, one node was at {where}; put it "
                 "back, or set up a new problem on the moved mesh"
-            )
-
-    def _check_same_constants(self) -> None:
-        values = np.concatenate([np.zeros(0), *(np.ravel(c.value) for c in self._constants)])
-        bounds = np.stack([values, -values])
-        self.comm.Allreduce(MPI.IN_PLACE, bounds, MPI.MAX)
-        differ = np.flatnonzero(bounds[0] != -bounds[1])
-        if differ.size:
-            raise MortarError(
-                f"a constant of the residual is {-bounds[1, differ[0]]:g} on one rank and "
-                f"{bounds[0, differ[0]]:g} on another; all ranks need the same value"
             )
 
     def count_nodes(self, dofs: npt.NDArray[np.bool_]) -> tuple[int, str]:

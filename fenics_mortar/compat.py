@@ -334,6 +334,14 @@ def set_prescribed(values: Array, bcs: list[Any]) -> None:
             fem.set_bc(values, [bc])
 
 
+def prescribed_value(bc: Any) -> Array:
+    """The numbers that a condition prescribes, none if a function does (local).
+
+    ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
+    """
+    return np.ravel(getattr(bc.g, "value", ()))
+
+
 # Values of expressions
 
 

@@ -50,6 +50,7 @@ from fenics_mortar.obstacles import (
     evaluate_obstacle,
     surface_without_nodes,
 )
+from fenics_mortar.options import check_lengths
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.segments import Segments, find_segments
 from fenics_mortar.slip import Measure, Partners, find_partners
@@ -98,7 +99,8 @@ class Contact(Interface):
         offset: Length taken off the pointwise gap, interpolated between the slave nodes, shape
             (slave nodes,) [length]. May be set: to ramp an overlap of the mesh, go with ``t`` from
             0 to 1 by ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
-            ``np.nan_to_num(contact.gap).clip(max=0)`` at the start.
+            ``np.nan_to_num(contact.gap).clip(max=0)`` at the start. Another shape, nan and inf are
+            refused by a ``ValueError``.
         obstacle: The rigid master, or ``None``.
         arm: What its angle is multiplied by to be a turn [length].
         c_n: Weight of the gap at present; less than the pair's after a cycle of the active set.
@@ -137,7 +139,7 @@ class Contact(Interface):
             pair.search_radius or self._reach(),
             float(np.cos(np.radians(pair.max_angle))),
         )
-        self.offset: Array = np.zeros(self.slave.num_nodes)
+        self.offset = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self._reference: _Reference | None = None
         self._borne: tuple[npt.NDArray[np.bool_], Array] | None = None
@@ -170,6 +172,15 @@ class Contact(Interface):
         if self.obstacle is not None:
             return np.inf
         return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
+
+    @property
+    def offset(self) -> Array:
+        """Length taken off the pointwise gap, shape (slave nodes,) [length]."""
+        return self._offset
+
+    @offset.setter
+    def offset(self, lengths: Array) -> None:
+        self._offset = check_lengths("offset", lengths, self.slave.num_nodes)
 
     @property
     def covered(self) -> npt.NDArray[np.bool_]:
@@ -349,8 +360,12 @@ class Contact(Interface):
 
     @property
     def slip(self) -> Array:
-        """Slip along tau since the last accepted step, shape (slave nodes,) [length]."""
-        return self.partners.slip(self.operators)
+        """Slip along tau since the last accepted step, shape (slave nodes,) [length].
+
+        Zero on symmetry planes: across them nothing slips, but the partners are on one side.
+        """
+        on_plane = np.isfinite(self._carriers.plane_normals[:, 0])
+        return np.where(on_plane, 0.0, self.partners.slip(self.operators))
 
     @property
     def sticking(self) -> npt.NDArray[np.bool_]:

@@ -23,7 +23,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, mark_overheld
 from fenics_mortar.driven import DrivenObstacles
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import MortarError, place
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import Linearization
@@ -35,6 +35,8 @@ from fenics_mortar.tied import Tie
 
 # Largest c_n after a cycle of the active set.
 LESS_WEIGHT = 1e-3
+# A node wavers if it was both open and closed in so many iterations.
+WAVERING = 4
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -225,12 +227,30 @@ class ContactEquations:
         return dict(zip(mine, slowest.tolist(), strict=True))
 
     def diagnose(self) -> str:
-        """Name inverted cells and bodies that nothing holds."""
+        """Name inverted cells, bodies that nothing holds and edges that a shear peels off."""
         inverted = self._describe_inverted()
         if inverted:
             return inverted
         free = self.floating.describe(self.floating.loose()), self.tools.describe(self._force)
-        return ", ".join(filter(None, free))
+        return ", ".join(filter(None, free)) or self._describe_peeling()
+
+    def _describe_peeling(self) -> str:
+        """Where nodes with shear, but no pressure, opened and closed, in words; "" if nowhere."""
+        recent = self._recent_sets[-WAVERING:]
+        for i, contact in enumerate(self.contacts):
+            if not isinstance(contact, Contact):
+                continue
+            active = np.array([sets[i][0] for sets in recent])
+            wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
+            if wavers.size and 0.0 < contact.pair.law.bound(np.zeros(1))[0] < np.inf:
+                return (
+                    f"{wavers.size} nodes of '{contact.slave.name}' go on closing and opening, one "
+                    f"at {place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} lets them "
+                    "bear a shear without pressure, which may peel them off each time they close; "
+                    "take smaller steps, or Coulomb(mu, most=...), whose bound vanishes with the "
+                    "pressure"
+                )
+        return ""
 
     def _describe_inverted(self) -> str:
         """Number and place of inverted cells, in words; "" if there are none (collective)."""

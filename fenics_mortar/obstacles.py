@@ -38,6 +38,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from fenics_mortar.clock import clock
+from fenics_mortar.errors import call_together
 from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
 from fenics_mortar.kernels.curved import tabulate_shapes
 from fenics_mortar.mortar import (
@@ -491,14 +492,19 @@ def evaluate_obstacle(
     n[given], dn[given], dn_dq[given] = prescribed_normals[given], 0.0, 0.0
     if not linearization.normals:
         dn, dn_dq = np.zeros_like(dn), np.zeros_like(dn_dq)
-    facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
     rule = facet_rule(options.integration, slave.degree + 1, options.points)
-    facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
+
+    def of_share():
+        facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
+        facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
+        nodes = slave.facets[facets]
+        weights = hand_over(carries[nodes])
+        return facets, integrate_facets(obstacle, arm, x[nodes], weights, rule, options)
+
+    distance = f"the distance of '{obstacle.name}'"  # of each rank at points of its own
+    facets, integrals = call_together(slave.comm, distance, of_share)
+    D, dD, gap, dgap, by_motions, cover = integrals
     nodes, V = slave.facets[facets], obstacle.motions(x, arm)
-    weights = hand_over(carries[nodes])
-    D, dD, gap, dgap, by_motions, cover = integrate_facets(
-        obstacle, arm, x[nodes], weights, rule, options
-    )
     if linearization.frozen:
         by_motions = np.einsum("ejk,ejc,ekmc->ejm", D, n[nodes], V[nodes])
     nodal = sum_over_facets(slave, nodes, D, gap, cover)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 
 def check_choice(name: str, value: Any, allowed: Iterable[str]) -> None:
@@ -37,6 +38,22 @@ def check_number(
     kind = np.asarray(value, object if np.ndim(value) else None).dtype.kind
     if kind not in ("iu" if whole else "iuf") or not allows(value):
         raise ValueError(f"{name}={value!r}: {right}")
+
+
+def check_lengths(name: str, values: Any, count: int) -> npt.NDArray[np.float64]:
+    """Refuse all but finite numbers of shape (count,); return them, not copied (local).
+
+    Raises:
+        ValueError: For other values.
+    """
+    right = f"finite lengths of shape ({count},), one a slave node, are allowed"
+    lengths = np.asarray(values)
+    if lengths.shape != (count,) or lengths.dtype.kind not in "iuf":
+        raise ValueError(f"{name} has shape {lengths.shape}, type {lengths.dtype}: {right}")
+    bad = np.flatnonzero(~np.isfinite(lengths))
+    if bad.size:
+        raise ValueError(f"{name}[{bad[0]}]={lengths[bad[0]]}: {right}")
+    return lengths.astype(float, copy=False)
 
 
 def check_flag(name: str, value: Any) -> None:

@@ -22,12 +22,12 @@ from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact
 from fenics_mortar.damping import Damped
 from fenics_mortar.equations import ContactEquations
-from fenics_mortar.errors import MortarError, NotConvergedError
+from fenics_mortar.errors import MortarError, NotConvergedError, check_same
 from fenics_mortar.estimate import ErrorEstimate, Estimator
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, solve
 from fenics_mortar.operators import OperatorMatrices
-from fenics_mortar.options import check_choice, check_kind
+from fenics_mortar.options import check_choice, check_kind, check_lengths
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
@@ -185,14 +185,26 @@ class ContactProblem(ContactEquations):
             NotConvergedError: On all ranks; holds the record. ``u`` and the multipliers are left
                 at the last iterate; to solve again, reset ``u`` and mend what was wrong.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
-                or if the mesh was moved after set-up.
+                if what is set on all ranks is not the same on all, or if the mesh was moved after
+                set-up.
         """
         self.bulk.check_input()
+        self._check_contacts()
         report = None if self._adequacy is None else self._adequacy.climb()
         report = report or self._solve_by_this_model()
         if self._adequacy is not None:
             report.adequacy = self._adequacy.assess(self)
         return report
+
+    def _check_contacts(self) -> None:
+        """Refuse what was set of contacts if it differs on one rank (collective)."""
+        same = [(f"offset of '{contact.slave.name}'", contact.offset) for contact in self.contacts]
+        for obstacle in self.tools.obstacles:
+            same += [(f"the place of obstacle '{obstacle.name}'", obstacle.place)]
+            same += [(f"the push of obstacle '{obstacle.name}'", obstacle.load)]
+        check_same(self.comm, same)
+        for name, offset in same[: len(self.contacts)]:
+            check_lengths(name, offset, offset.size)
 
     def _solve_by_this_model(self) -> NewtonReport:
         """Solve, whatever the model's adequacy."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.equations import State
-from fenics_mortar.errors import MortarError, NotConvergedError
+from fenics_mortar.errors import MortarError, NotConvergedError, call_together
 from fenics_mortar.files import make_folder, try_together, without_suffix
 from fenics_mortar.newton import NewtonReport
 from fenics_mortar.options import check_flag, check_number
@@ -196,16 +196,22 @@ def follow_path(
         NotConvergedError: If a step of the smallest size fails, or ends in a state that violates
             its certificate. Displacement and multipliers are those of the last accepted step then;
             ``report`` is the ``PathReport``.
+        Exception: What ``set_loads`` or ``on_step`` raised; a ``MortarError`` on ranks where they
+            did not.
     """
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
     predictor = Predictor(problem, start, guesses=options.predict)
     forces = _forces(problem)
+
+    def load(time: float) -> None:
+        call_together(problem.comm, "set_loads", partial(set_loads, time))
+
     while time < stop:
         step = min(step, stop - time)
         if stop - time - step < REMAINDER * step:
             step = stop - time
-        set_loads(time + step)
+        load(time + step)
         accepted = predictor.last
         try:
             report = predictor.solve(time + step, partial(_solve_soundly, problem))
@@ -214,9 +220,9 @@ def follow_path(
             problem.restore(accepted)
             _say(problem, print_steps, f"time {time + step:.6g}: cut, {failure}")
             if step <= options.smallest:
-                set_loads(min(time + ONWARD * options.step, stop))
+                load(min(time + ONWARD * options.step, stop))
                 path.dead_end = why_path_ends(problem)
-                set_loads(time)
+                load(time)
                 words = _last_words(time, step, path.dead_end, failure)
                 raise NotConvergedError(words, path) from failure
             step = max(options.cut * step, options.smallest)
@@ -228,7 +234,7 @@ def follow_path(
         path.failures = []
         _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
         if on_step is not None:
-            on_step(time, report)
+            call_together(problem.comm, "on_step", partial(on_step, time, report))
         if report.num_iterations <= options.easy:
             step = min(options.growth * step, largest)
     path.finished = True

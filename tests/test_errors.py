@@ -376,7 +376,8 @@ def test_load_that_is_not_finite_is_named():
         problem.solve()
     if COMM.size > 1:
         traction.value[1] = 0.1 if COMM.rank == 0 else 0.0
-        with refused(fm.MortarError, "a constant of the residual is 0 on one rank and 0.1 on"):
+        where = f"0.1 on rank 0 and 0 on rank {min(COMM.size - 1, 1)}"
+        with refused(fm.MortarError, f"a constant of the residual is {where}"):
             problem.solve()
     traction.value[1] = 0.0
     weight.name = "weight"
@@ -388,6 +389,87 @@ def test_load_that_is_not_finite_is_named():
     with refused(fm.MortarError, r"prescribed displacement is not finite at 5 nodes, one at \("):
         problem.solve()
     value.value[0] = 0.0
+    assert problem.solve().converged
+
+
+@pytest.mark.parametrize(
+    ("offset", "message"),
+    [
+        (0.01, r"shape \(\), type float64: .*shape \(5,\)"),
+        ([0.01], r"shape \(1,\), type float64"),
+        ([[0.0, 0.0]] * 5, r"shape \(5, 2\), type float64"),
+        ([1j] * 5, r"shape \(5,\), type complex128: finite lengths"),
+        ([0.0, 0.0, np.nan, 0.0, 0.0], r"offset\[2\]=nan: finite lengths of shape \(5,\)"),
+        ([0.0, 0.0, 0.0, 0.0, -np.inf], r"offset\[4\]=-inf: finite lengths"),
+    ],
+)
+def test_offset_that_is_refused_says_what_is_allowed_and_leaves_the_old_one(offset, message):
+    contact = small_blocks().contact
+    before = contact.offset
+    with refused(ValueError, message):
+        contact.offset = offset
+    assert contact.offset is before
+    contact.offset = list(range(5))
+    assert contact.offset.dtype == float and contact.offset[4] == 4.0
+
+
+def test_offset_that_is_not_finite_since_it_was_set_is_refused_by_solve():
+    scene = small_blocks()
+    scene.contact.offset[3] = np.nan
+    with refused(ValueError, r"offset of 'upper/bottom'\[3\]=nan: finite lengths"):
+        scene.problem.solve()
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="needs several ranks")
+@pytest.mark.parametrize(
+    "what", ["offset of", "a prescribed displacement", "place of", "push of", "nan in offset of"]
+)
+def test_input_that_differs_on_one_rank_is_refused_by_all(what):
+    """Each rank would go its own way, and the run hang or end in MPI."""
+    wrong = float(COMM.rank == COMM.size - 1)
+    if what in ("place of", "push of"):
+        data = blocks_of_arrays()
+        u, circle = fem.Function(fm.vector_space(data.mesh, 1)), fm.Circle((0.9, 4.0), 1.5)
+        bcs = [fm.dirichlet(u.function_space, data, "base", (0.0, 0.0))]
+        problem = problem_on(data, [fm.ContactPair(data, "top", circle)], bcs=bcs, u=u)
+        circle.move(y=-0.01 * wrong) if what == "place of" else circle.push(y=-1.0 - wrong)
+    else:
+        scene = small_blocks()
+        problem, contact = scene.problem, scene.contact
+        if what == "a prescribed displacement":
+            scene.loads["push"].value[1] = -0.01 * wrong
+        elif wrong:
+            contact.offset[1] = 0.01 if what == "offset of" else np.nan
+    last = COMM.size - 1
+    with refused(fm.MortarError, what.removeprefix("nan in "), f"on rank 0 and .* on rank {last}"):
+        problem.solve()
+
+
+def test_distance_that_raises_on_one_rank_raises_on_all():
+    """Nodes are known on all ranks, integration points are shared out."""
+    fails = []
+
+    def plane(x):
+        if fails and len(x) != 5:
+            raise ZeroDivisionError("no distance here")
+        return 1.01 - x[:, 1], np.tile((0.0, -1.0), (len(x), 1)), np.zeros((len(x), 2, 2))
+
+    data = blocks_of_arrays()
+    u, solid = fem.Function(fm.vector_space(data.mesh, 1)), fm.SignedDistance(plane, name="lid")
+    bcs = [fm.dirichlet(u.function_space, data, "base", (0.0, 0.0))]
+    pair = fm.ContactPair(data, "master", solid, points=6)  # on 1 to 4 facets, with 5 nodes
+    problem = problem_on(data, [pair], bcs=bcs, u=u)
+    problem.solve()
+    last = COMM.size - 1
+    fails += [True] if COMM.rank == last else []
+    kind, words = (
+        (ZeroDivisionError, "^no distance here")
+        if COMM.rank == last
+        else (fm.MortarError, f"distance of 'lid' raised on rank {last}: ZeroDivisionError: no dis")
+    )
+    with pytest.raises(kind, match=words):
+        problem.solve()
+    fails.clear()
     assert problem.solve().converged
 
 

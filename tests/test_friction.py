@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Friction: derivatives, exact states, objectivity, history, work, ranks."""
 
+from dataclasses import replace
 from typing import get_args
 
 from mpi4py import MPI
@@ -457,8 +458,35 @@ def test_wrong_numbers_are_refused(wrong):
         wrong()
 
 
+def test_edge_that_shear_peels_off_is_named_with_a_law_that_has_a_solution():
+    """A circle slid on a block: where an edge node closes, its shear opens it again."""
+    circle, law = fm.Circle((1.3, 2.0), 1.0), fm.Tresca(0.1 * E)
+    grid = Grid("block", mapped(20, 6, lambda s, t: (4.0 * s, t)))
+    data = read(lambda: mapped_grids.build([grid]))
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    bcs = [fm.dirichlet(u.function_space, data, "block/bottom", (0.0, 0.0))]
+    pair = fm.ContactPair(data, "block/top", circle, law=law)
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, E, NU)), u, [pair], bcs=bcs, petsc_options_prefix="test_"
+    )
+    circle.move(y=-0.05)
+    problem.solve()
+    pressed = problem.state()
+    circle.move(x=0.1)
+    with pytest.raises(fm.NotConvergedError, match=r"1 nodes of 'block/top' .*one at \(1.6.*peel"):
+        problem.solve()
+    problem.restore(replace(pressed, places=problem.tools.places))
+    pair.law = fm.Coulomb(1.0, most=law.stress)
+    problem.solve()
+    contact = problem.contacts[0]
+    assert np.abs(contact.z_tau).max() == pytest.approx(law.stress, rel=1e-9)
+    edge = contact.active_nodes[0]
+    assert contact.z_tau[edge] == pytest.approx(contact.pressure[edge], rel=1e-9)
+    assert 0.0 < contact.pressure[edge] < 0.1 * law.stress
+
+
 def bowed_block_under_a_tool(half, degree):
-    """Shears and pressures on the right of x = 0 of a flat tool on a bowed block, or on its half.
+    """Shears, pressures and slips right of x = 0 of a flat tool on a bowed block, or on its half.
 
     The master is the bowed one: its normals on the plane are not those of its last facet.
     """
@@ -493,15 +521,17 @@ def bowed_block_under_a_tool(half, degree):
     contact = problem.contacts[0]
     order = np.argsort(contact.slave.X[:, 0])
     order = order[contact.slave.X[order, 0] > -1e-9]
-    return contact.z_tau[order], contact.pressure[order]
+    return contact.z_tau[order], contact.pressure[order], contact.slip[order]
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-def test_half_of_a_symmetric_scene_has_the_shears_of_the_whole(degree):
+def test_half_of_a_symmetric_scene_has_the_shears_and_slips_of_the_whole(degree):
     """What is left is the solver's tolerance."""
-    (shear, pressure), (half_shear, half_pressure) = (
+    (shear, pressure, slip), (half_shear, half_pressure, half_slip) = (
         bowed_block_under_a_tool(half, degree) for half in (False, True)
     )
     assert np.abs(shear).max() > 0.04 * pressure.max()
     assert np.abs(half_pressure - pressure).max() < 1e-9 * pressure.max()
     assert np.abs(half_shear - shear).max() < 1e-9 * pressure.max()
+    assert half_slip[0] == 0.0
+    assert np.abs(half_slip - slip).max() < 1e-9 * np.abs(slip).max()

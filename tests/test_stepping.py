@@ -150,10 +150,10 @@ def test_file_of_a_state_that_cannot_be_read_is_refused_by_all_ranks(shared_path
         fm.save_state(problem, shared_path / "text.npz" / "state")
 
 
-def test_state_is_read_by_the_name_that_it_was_written_by(shared_path):
+def test_state_is_read_by_the_name_that_the_first_rank_wrote_it_by(shared_path):
     problem = pressed_blocks(**MESH).problem
     problem.contacts[0].z[:] = 1.0
-    fm.save_state(problem, shared_path / "new" / "state")
+    fm.save_state(problem, shared_path / "new" / f"state{'' if comm.rank == 0 else 'elsewhere'}")
     again = pressed_blocks(**MESH).problem
     fm.load_state(again, shared_path / "new" / "state")
     assert (again.contacts[0].z == 1.0).all()
@@ -179,6 +179,31 @@ def test_state_with_slave_and_master_exchanged_is_refused(shared_path):
 def test_stepping_options_that_cannot_work_are_refused(options):
     with pytest.raises(ValueError, match="allowed"):
         fm.SteppingOptions(**options)
+
+
+@pytest.mark.parametrize("name", ["set_loads", "on_step"])
+def test_error_of_a_function_of_the_user_on_one_rank_raises_on_all(name):
+    """A rank that left alone would have the others wait; state and record stay as they were."""
+    scene = pressed_blocks(**MESH)
+    guilty = comm.rank == comm.size - 1
+
+    def fail(time, *_):
+        if guilty and time > 0.3:
+            raise KeyError("no such load")
+
+    def set_loads(time):
+        scene.loads["push"].value[1] = -0.05 * time
+        if name == "set_loads":
+            fail(time)
+
+    kind = KeyError if guilty else fm.MortarError
+    words = "no such load" if guilty else f"{name} raised on rank {comm.size - 1}: KeyError"
+    with pytest.raises(kind, match=words):
+        options = fm.SteppingOptions(step=0.25)
+        fm.follow_path(
+            scene.problem, set_loads, options, on_step=fail if name == "on_step" else None
+        )
+    assert scene.problem.solve().converged
 
 
 def test_work_adds_up_and_contact_does_little_of_it():
