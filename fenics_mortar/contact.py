@@ -498,7 +498,7 @@ class Contact(Interface):
             presses = presses & on
             self.z[presses] = force[presses] / self.operators.weight[presses, None]
         weight = self.c_n * self.stiffness / self.nodal_lengths
-        push = np.where(self.active, -self.tension, 0.0)  # an open node bears what it has to
+        push = np.where(self.attracted, 0.0, -self.tension)  # what is open bears the adhesion
         trial = np.where(on, push - weight * np.where(on, gap, 0.0), 0.0)
         # Where both pressure and gap are rounding, a node stays as it is.
         rounding = (np.abs(push) <= ROUNDING * self.stiffness) & (
