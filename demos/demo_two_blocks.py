@@ -85,7 +85,7 @@ with fm.ResultsWriter("results/two_blocks", problem, {"stress": P * F.T / J}) as
             )
 
 table = fm.contact_table(problem)
-fm.plot(problem, "results/two_blocks.png", stress=-(P * F.T / J)[1, 1], title="two blocks")
+fm.plot(problem, "results/two_blocks.png", stress=-(P * F.T / J)[1, 1], label="compression [MPa]")
 if comm.rank == 0:
     print(f"\n{table}")
 
