@@ -30,7 +30,7 @@ def test_solved_state_has_no_violations(slave, basis, degree):
     (certificate,) = scene.problem.certificate().pairs
     assert certificate.violations() == []
     assert certificate.force < 1e-14 and certificate.shear < 1e-12
-    assert certificate.overlap < 1e-10 and certificate.complementarity < 1e-10
+    assert certificate.overlap < 1e-12 and certificate.complementarity < 1e-12  # rounding
     assert certificate.unpaired == 0
 
 
@@ -38,7 +38,7 @@ def test_moment_of_flat_contact_balances():
     scene = pressed_blocks(n_upper=4, n_lower=6, nu=0.0, width_upper=1.0, width_lower=1.0)
     scene.loads["push"].value[1] = -0.02
     scene.problem.solve()
-    assert scene.problem.certificate().pairs[0].moment < 1e-12
+    assert scene.problem.certificate().pairs[0].moment < 1e-14  # to rounding
 
 
 def test_tension_and_overlap_are_seen():
@@ -99,7 +99,7 @@ def test_certificate_comes_with_the_report_and_prints():
     scene.loads["push"].value[:] = (0.02, -0.06)
     report = scene.problem.solve()
     assert report.certificate.violations() == []
-    assert report.certificate.balance < 1e-10
+    assert report.certificate.balance < 1e-13  # to rounding, after a quadratic step
     assert "| penetration |" in str(report.certificate)
 
 

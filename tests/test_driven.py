@@ -49,9 +49,10 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
     assert report.certificate.violations() == []
     assert any("contact force" in note for note in report.notes)
     z, exact = found.contacts[0].z, given.contacts[0].z
-    assert np.abs(z - exact).max() < 1e-10 * np.abs(exact).max()
-    assert np.abs(driven.place - moved.place).max() < 1e-10
-    assert np.abs(driven.reaction - moved.reaction).max() < 1e-10 * np.abs(moved.reaction).max()
+    # The last step is quadratic: what is left is rounding, 5e-13 of the pressure at a loose spline.
+    assert np.abs(z - exact).max() < 1e-11 * np.abs(exact).max()
+    assert np.abs(driven.place - moved.place).max() < 1e-11
+    assert np.abs(driven.reaction - moved.reaction).max() < 1e-12 * np.abs(moved.reaction).max()
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -159,7 +160,7 @@ def test_contact_adds_no_energy():
         path = fm.follow_path(problem, set_loads, fm.SteppingOptions(step=step))
         rests.append(sum(step.work.contact for step in path.steps))
         assert abs(rests[-1]) < 2e-3 * sum(step.work.supports for step in path.steps)
-    assert rests[0] / rests[1] == pytest.approx(4.0, rel=0.1)
+    assert rests[0] / rests[1] == pytest.approx(4.0, rel=0.03)  # 3.94: what is of fourth order
 
 
 def test_forces_and_moments_of_supports_and_obstacle_cancel():
@@ -304,7 +305,7 @@ def test_wheel_that_friction_lets_go_slides_no_further_than_a_step_may():
     )
     assert path.num_cuts and "slid away" in path.steps[0].failures[0].reason
     assert np.abs(wheel.place - end).max() < 1e-9
-    assert 0.6 + end[0] == pytest.approx(0.1667 - np.sin(np.arctan(0.1)), abs=0.02)
+    assert 0.6 + end[0] == pytest.approx(0.1667 - np.sin(np.arctan(0.1)), abs=1e-3)
 
 
 def test_bad_loads():

@@ -27,8 +27,9 @@ def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap
     report = falling.solve()
     lying.solve()
     pressure, exact = (problem.contacts[0].pressure for problem in (falling, lying))
-    assert np.abs(pressure - exact).max() < 1e-8 * exact.max()
-    assert np.abs(pressure - pressure[::-1]).max() < 1e-8 * exact.max()
+    # Rounding, of about 1e-14 and, where the loose body tilts, 2e-12.
+    assert np.abs(pressure - exact).max() < 1e-12 * exact.max()
+    assert np.abs(pressure - pressure[::-1]).max() < 1e-10 * exact.max()
     assert falling.contacts[0].total_force == pytest.approx((0.0, 1.0), abs=1e-9)
     assert report.num_iterations <= 5
     assert any("spring" in note for note in report.notes)
@@ -86,7 +87,7 @@ def test_disk_falls_in_a_ring_to_where_newton_finds_its_rest():
     problem.solve()
     force = problem.contacts[0].total_force
     assert abs(force[0]) < 1e-8
-    assert force[1] == pytest.approx(np.pi * 0.65**2, rel=0.02)  # a polygon is smaller
+    assert force[1] == pytest.approx(np.pi * 0.65**2, rel=0.008)  # a polygon: 0.5 % smaller
     assert problem.certificate().violations() == []
 
 
@@ -158,7 +159,8 @@ def test_disk_that_may_roll_falls_in_one_solve(size):
     certificate = report.certificate
     assert certificate.violations() == []
     force = problem.contacts[0].total_force
-    assert force[1] == pytest.approx(0.5 * np.pi * 0.25, rel=0.02)
+    # The weight of a polygon: 0.64 % less than that of the disk on the coarsest mesh.
+    assert force[1] == pytest.approx(0.5 * np.pi * 0.25, rel=0.008)
     told = any("springs hold" in note for note in report.notes)
     assert told == (certificate.springs > 0.0)
     assert problem.solve().certificate.violations() == []  # and on from there
@@ -194,4 +196,4 @@ def test_closest_vector_below_planes():
         ).x
         found = closest_below(wanted, rows, room)
         assert (rows @ found <= room + 1e-10).all()
-        assert np.abs(found - exact).max() < 1e-5
+        assert np.abs(found - exact).max() < 1e-7  # SLSQP's: it ends where the sum changes by 1e-14

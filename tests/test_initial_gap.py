@@ -76,14 +76,14 @@ def test_closed_gaps_leave_polygons_without_stress():
     assert np.abs(problem.contacts[0].z).max() < 1e-12 * E
 
 
-@pytest.mark.parametrize("n, allowed", [(24, 0.05), (48, 0.02)])
-def test_interference_of_polygons_gives_the_pressure_of_circles(n, allowed):
-    """The exact solution is for small strain; the facets of the bodies cost the rest."""
+@pytest.mark.parametrize("n, uneven", [(24, 0.003), (48, 0.001)])
+def test_interference_of_polygons_gives_the_pressure_of_circles(n, uneven):
+    """Three layers of cells cost 0.6 % on either mesh; what is uneven are the facets alone."""
     problem = press_fit(linear_elastic, n, n + n // 3, initial_gap=-1e-4)
     problem.solve()
     pressure = problem.contacts[0].pressure
-    assert pressure.mean() == pytest.approx(lame_pressure(1e-4), rel=allowed)
-    assert np.ptp(pressure) < allowed * pressure.mean()
+    assert pressure.mean() == pytest.approx(lame_pressure(1e-4), rel=0.01)
+    assert np.ptp(pressure) < uneven * pressure.mean()
 
 
 def test_ramped_overlap_ends_in_the_same_state():
@@ -98,7 +98,7 @@ def test_ramped_overlap_ends_in_the_same_state():
     path = fm.follow_path(ramped, set_loads, fm.SteppingOptions(step=0.25))
     assert len(path.steps) == 4
     z, exact = contact.z, direct.contacts[0].z
-    assert np.abs(z - exact).max() < 1e-9 * np.abs(exact).max()
+    assert np.abs(z - exact).max() < 1e-12 * np.abs(exact).max()  # both to rounding
 
 
 @pytest.mark.parametrize("basis", ["dual", "standard"])

@@ -206,7 +206,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
             assert np.allclose(x, tools[0].to_space(own), atol=1e-12)
             assert np.allclose(np.linalg.norm(own - (0.5, 1.5), axis=1), 0.25, atol=1e-9)
             length = np.linalg.norm(np.diff(x[lines], axis=1), axis=2).sum()
-            assert length == pytest.approx(np.pi * 0.5, rel=1e-3)
+            assert length == pytest.approx(np.pi * 0.5, rel=2e-4)  # chords
     for (file,) in steps(shared_path / "series_obstacle_far.pvd").values():
         out_of_sight = meshio.read(file)
         assert np.array_equal(out_of_sight.points, np.tile([0.0, 1.1, 0.0], (2, 1)))

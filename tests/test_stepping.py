@@ -54,7 +54,7 @@ def test_path_that_fails_in_one_step_is_finished_in_several():
     small, set_small = ironing()
     fm.follow_path(small, set_small, fm.SteppingOptions(step=0.5), stop=6.0)
     z, exact = problem.contacts[0].z, small.contacts[0].z
-    assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
+    assert np.abs(z - exact).max() < 1e-10 * np.abs(exact).max()  # Newton's tolerance
     assert problem.certificate().pairs[0].violations() == []
 
 
@@ -105,7 +105,7 @@ def test_restart_continues_the_run_on_any_number_of_ranks(writer, reader, shared
     path = fm.follow_path(again, set_again, options, start=1.25, stop=1.75)
     z, exact = again.contacts[0].z, whole.contacts[0].z
     assert len(path.steps) == 2
-    assert np.abs(z - exact).max() < 1e-9 * np.abs(exact).max()
+    assert np.abs(z - exact).max() < 1e-12 * np.abs(exact).max()  # nothing is lost
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
@@ -218,12 +218,12 @@ def test_work_adds_up_and_contact_does_little_of_it():
         path = fm.follow_path(scene.problem, set_loads, fm.SteppingOptions(step=1.5 / n))
         for step in path.steps:
             defect = step.work.bulk + step.work.contact - step.work.supports
-            assert abs(defect) < 1e-8 * abs(step.work.supports)
+            assert abs(defect) < 1e-12 * abs(step.work.supports)  # an identity, to rounding
         contact, supports = (
             sum(getattr(s.work, name) for s in path.steps) for name in ("contact", "supports")
         )
         defects.append(abs(contact) / supports)
-    assert defects[0] < 1e-2 and defects[1] < 0.7 * defects[0], defects
+    assert defects[0] < 2e-3 and defects[1] < 0.7 * defects[0], defects
 
 
 def test_step_that_ends_in_a_wrong_state_is_not_accepted():

@@ -42,8 +42,8 @@ def test_saddle_and_condensed_system_have_the_same_iterates(slave, linearization
             scene.problem.advance()
             scene.problem.evaluate(start=False)
         u, w = nodal(one.problem), nodal(other.problem)
-        assert largest(u - w) < 1e-10 * largest(u)
-        assert largest(one.contact.z - other.contact.z) < 1e-10 * largest(one.contact.z)
+        assert largest(u - w) < 1e-12 * largest(u)  # to rounding, at each iteration
+        assert largest(one.contact.z - other.contact.z) < 1e-12 * largest(one.contact.z)
         assert np.array_equal(one.contact.active, other.contact.active)
 
 
@@ -142,7 +142,8 @@ def test_body_that_moves_only_vertically_feels_the_oblique_normal(algorithm):
     tangential = np.einsum("jc,jc->j", contact.operators.tau, contact.z)
     assert np.abs(tangential).max() < 1e-12 * np.abs(contact.z).max()
     fx, fy = contact.total_force
-    assert abs(fx / fy) == pytest.approx(np.tan(np.radians(25)), rel=0.1)
+    # The block gives way, by 2.4 % of this.
+    assert abs(fx / fy) == pytest.approx(np.tan(np.radians(25)), rel=0.03)
     with pytest.raises(ValueError, match="oblique to its normal"):
         fm.ContactProblem(
             internal(u, linear_elastic(u, 100.0, 0.3)),

@@ -250,7 +250,7 @@ def test_block_pushed_into_a_narrower_channel():
     inside = slice(steps - 2, steps)
     done, taken = (sum(getattr(s.work, k) for s in path.steps[inside]) for k in WORKS)
     assert done == pytest.approx(taken, rel=0.02)
-    assert done == pytest.approx(2.0 * pushes[inside].mean() * 2 * way / steps, rel=0.01)
+    assert done == pytest.approx(2.0 * pushes[inside].mean() * 2 * way / steps, rel=1e-3)
 
 
 @pytest.mark.serial

@@ -84,7 +84,7 @@ def test_more_points_per_facet_pass_the_patch_test_better(degree):
 def test_default_points_per_facet_pass_the_patch_test_to_half_a_percent(degree):
     """On any mesh of these ratios; with 5 points on facets of three nodes it would be 5 percent."""
     scene, pressure = patch((5, 8), {"integration": "elements"}, degree)
-    assert 1e-5 < np.abs(scene.contact.pressure / pressure - 1).max() < 5e-3
+    assert 5e-4 < np.abs(scene.contact.pressure / pressure - 1).max() < 5e-3
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -183,4 +183,4 @@ def test_certificate_measures_penetration_exactly_whatever_integrates(pair):
     assert own.force < 1e-14 and own.unpaired == 0
     exact = comm.allreduce(scene.contact.intersections().num_segments)
     assert exact > scene.contact.operators.num_segments
-    assert 0.0 < own.penetration < 0.5
+    assert 1e-3 < own.penetration < 0.2  # 0.005 and 0.1 facets, between the points

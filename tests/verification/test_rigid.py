@@ -56,8 +56,9 @@ def test_half_cylinder_on_a_plane_and_cylinder_on_a_block(degree):
     cylinder.push(y=plane.reaction[1])
     report = problem.solve()
     assert report.certificate.violations() == []
-    assert cylinder.reaction[1] == pytest.approx(-plane.reaction[1], rel=1e-9)
-    assert abs(cylinder.reaction[2]) < 1e-9 * R * abs(plane.reaction[1])
+    # After a quadratic step there is rounding; the force passes through the centre.
+    assert cylinder.reaction[1] == pytest.approx(-plane.reaction[1], rel=1e-11)
+    assert abs(cylinder.reaction[2]) < 1e-13 * R * abs(plane.reaction[1])
     P = -plane.reaction[1]
     a = np.sqrt(4 * P * R * (1 - NU**2) / (np.pi * E))
     for contact in problem.contacts:
