@@ -62,7 +62,7 @@ from fenics_mortar.surfaces import Array, Indices, Surface
 ComplexArray = npt.NDArray[np.complex128]
 
 # Measured: sweeps at half the cost of the default ones, for a few iterations more; coarse grids and
-# interpolation for which iterations grow less where contact is curved (by 7 to 14 % in the mean as
+# interpolation for which iterations grow less where contact is curved (by 6 to 8 % in the mean as
 # facets are halved). On flat contact at 645,000 unknowns they cost 20 % more time. With "l1" the
 # cycle is positive definite on any number of ranks; without, small bodies on three ranks made CG
 # break down.
