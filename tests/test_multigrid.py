@@ -103,7 +103,7 @@ def test_components_are_coarsened_apart_also_after_products_of_large_matrices():
         PETSc.Options().setValue(name, algorithm)
         counts.append(pressed(16, 1, 1, 0.0))
         PETSc.Options().delValue(name)
-    assert counts[0] == pytest.approx(counts[1], rel=0.02)  # rounding may cost a little
+    assert counts[0] == pytest.approx(counts[1], rel=0.1)  # rounding costs 4 %, else 100 %
 
 
 def refined_cylinder(refinements):
