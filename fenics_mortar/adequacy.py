@@ -36,7 +36,7 @@ import ufl
 from fenics_mortar.climb import Climb
 from fenics_mortar.contact import Contact
 from fenics_mortar.elastic_tool import ElasticTool
-from fenics_mortar.laws import Coulomb, Frictionless, Law, Stick
+from fenics_mortar.laws import Coulomb, Law, Stick
 from fenics_mortar.model_error import (
     ENERGY,
     QUANTITIES,
@@ -319,9 +319,9 @@ def describe_sliding(problem: ContactProblem) -> str:
 
 def _is_frictionless(contact: Any) -> bool:
     """Whether it is a contact without friction."""
-    return isinstance(contact, Contact) and isinstance(contact.pair.law, Frictionless)
+    return isinstance(contact, Contact) and not contact.pair.law.rubs
 
 
 def _instead(rough: Law, law: Law) -> Law:
     """A law in the place of no friction."""
-    return rough if isinstance(law, Frictionless) else law
+    return law if law.rubs else rough

@@ -334,7 +334,7 @@ class Contact(Interface):
             touches,
             self._slip_measure,
             master_planes=self._master_planes,
-            between=not self._is_frictionless,
+            between=self.pair.law.rubs,
         )
 
     def start_step(self) -> None:
@@ -343,7 +343,7 @@ class Contact(Interface):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes, and the master nodes that slip couples them to."""
-        return super().faced() if self._is_frictionless else self.partners.pairs()
+        return self.partners.pairs() if self.pair.law.rubs else super().faced()
 
     @property
     def nodal(self) -> Nodal:
@@ -382,11 +382,6 @@ class Contact(Interface):
     def friction_work(self) -> float:
         """What friction takes up in a step, by the shear at its end [stress length^2]."""
         return float(self.shear_force @ np.where(self.active, self.slip, 0.0))
-
-    @property
-    def _is_frictionless(self) -> bool:
-        """Whether the law does not ask for slip."""
-        return isinstance(self.pair.law, Frictionless)
 
     @property
     def _rubs(self) -> npt.NDArray[np.bool_]:

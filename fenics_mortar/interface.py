@@ -233,6 +233,11 @@ class Interface(ABC):
         return values
 
     @property
+    def sticking(self) -> npt.NDArray[np.bool_]:
+        """Whether an active node sticks, shape (slave nodes,), bool."""
+        return self.active
+
+    @property
     def acts(self) -> npt.NDArray[np.bool_]:
         """Whether a node has a multiplier that may not be zero, shape (slave nodes,), bool."""
         return self.active

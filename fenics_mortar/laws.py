@@ -121,6 +121,16 @@ class Law(ABC):
         """
         return np.zeros_like(gap), np.zeros_like(gap)
 
+    @property
+    def rubs(self) -> bool:
+        """Whether there may be a shear."""
+        return type(self).tangential is not Frictionless.tangential
+
+    @property
+    def attracts(self) -> bool:
+        """Whether there may be adhesion."""
+        return type(self).adhesion is not Law.adhesion
+
 
 class Frictionless(Law):
     """No friction: z_tau = 0."""

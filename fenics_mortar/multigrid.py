@@ -15,10 +15,11 @@ couples them wherever it is oblique to the axes. So y counts along axes R that t
 node, in contact with its tangents tau and smoothly in between: B = R^T L A T R.
 
 Where the slave's normals are a small angle e off the axes of its partners, B couples the tangential
-motions of the two bodies, by e times the slave's stiffness. Without friction that means nothing:
-the bodies slide. But if the slave is stiff, it is more than a soft master's own stiffness, so that
+motions of the two bodies, by e times the slave's stiffness. Where the bodies slide, that means
+nothing. But if the slave is stiff, it is more than a soft master's own stiffness, so that
 multigrid would interpolate tangential motions of the master from those of the slave, and would not
-see that the one slides along the other. Hence the cycle is made without these entries.
+see that the one slides along the other. Hence the cycle is made without these entries, but for
+those of master nodes that slave nodes stick to.
 
 One application to a right-hand side b has two steps:
 
@@ -54,7 +55,6 @@ import numpy.typing as npt
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.interface import Interface
-from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.sparse import BlockMatrix, is_symmetric
 from fenics_mortar.surfaces import Array, Indices, Surface
@@ -204,9 +204,9 @@ class TouchingBodies:
         """Leave out what couples tangential motions of the two bodies of a contact, see above."""
         for contact, slave in zip(self._contacts, self._slaves, strict=True):
             _, tangents = _sliding_nodes(contact)
-            if tangents.size and isinstance(contact.pair.law, Frictionless):
-                axis = _quarter_turns(tangents) % 2
-                master = contact.master.local_dofs[:, axis] + self._bulk.first
+            if tangents.size:
+                axis, free = _quarter_turns(tangents) % 2, _slide(contact)
+                master = contact.master.local_dofs[free, axis] + self._bulk.first
                 _leave_out(B, master, slave[:, axis])
                 _leave_out(B, slave[:, axis], master)
 
@@ -395,6 +395,15 @@ def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
 def _quarter_turns(tangents: ComplexArray) -> int:
     """How many bring the tangents of a contact nearest to the first axis of the mesh."""
     return round(np.angle(tangents.sum()) / (np.pi / 2.0))
+
+
+def _slide(contact: Interface) -> npt.NDArray[np.bool_]:
+    """Which of this rank's master nodes no slave node sticks to, (owned nodes,) (collective)."""
+    s = contact.operators.segments
+    stuck = np.zeros(contact.master.num_nodes, bool)
+    stuck[s.master[contact.sticking[s.slave].any(axis=1)]] = True
+    contact.master.comm.Allreduce(MPI.IN_PLACE, stuck, MPI.LOR)
+    return ~stuck[contact.master.owned]
 
 
 def _sliding_nodes(contact: Interface) -> tuple[ComplexArray, ComplexArray]:

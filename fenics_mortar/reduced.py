@@ -45,7 +45,6 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, mark_overheld
 from fenics_mortar.errors import MortarError, raise_together
-from fenics_mortar.laws import Frictionless
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
 from fenics_mortar.pair import ContactPair
@@ -325,7 +324,8 @@ class ReducedEquations:
         u += moved
         self._balance(self._force)
         for contact, place in self._system.numbered():
-            contact.z = zeta[place] * self._system.scale(contact)[:, None]
+            z = zeta[place] * self._system.scale(contact)[:, None]
+            contact.move(z, 1.0, moved[: self._bulk.num_owned])
         return self._problem.step(self._bulk.largest(moved))
 
     def _balance(self, force: Array) -> None:
@@ -629,7 +629,7 @@ class LinearBulk:
         return all(
             isinstance(pair, ContactPair)
             and pair.sliding == "small"
-            and isinstance(pair.law, Frictionless)
+            and not (pair.law.rubs or pair.law.attracts)
             for pair in (contact.pair for contact in self._problem.contacts)
         )
 

@@ -26,6 +26,12 @@ class Sticky(fm.Coulomb):
         return pull, -pull / RANGE
 
 
+class Clinging(fm.Frictionless):
+    """Adhesion alone."""
+
+    adhesion = Sticky.adhesion
+
+
 class Glued(Sticky):
     """Friction by what presses the surfaces together, adhesion included."""
 
@@ -66,14 +72,21 @@ def traction(stretch: float) -> float:
     return mu * (stretch - 1.0 / stretch) + lmbda * np.log(stretch) / stretch
 
 
-@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+@pytest.mark.parametrize(
+    "law, options",
+    [
+        (Sticky(0.3), {"algorithm": "condensed"}),
+        (Sticky(0.3), {"algorithm": "saddle"}),
+        (Clinging(), {"algorithm": "condensed"}),
+    ],
+)
 @pytest.mark.parametrize("degree", [1, 2])
-def test_columns_are_pulled_by_the_closed_form(degree, algorithm):
+def test_columns_are_pulled_by_the_closed_form(degree, law, options):
     """The stress of two columns of height 2 is the adhesion across their gap, to rounding.
 
     Closed they bear all tensions up to a(0); apart they are held by a(g).
     """
-    problem, lift = columns(Sticky(0.3), degree=degree, algorithm=algorithm)
+    problem, lift = columns(law, degree=degree, **options)
     height = 2.0
     contact = problem.contacts[0]
     for up in (-0.02, 0.03, 0.08, 0.12, 0.2):
@@ -133,13 +146,14 @@ def test_tangent_at_an_obstacle_that_pulls_has_slope_two():
     [{"algorithm": "saddle"}, {"solver": "iterative"}, {"linear_bulk": True}],
     ids=lambda options: next(iter(options)),
 )
-def test_all_ways_to_solve_agree(options):
+@pytest.mark.parametrize(
+    "pair", [{"law": Sticky(0.3)}, {"law": Clinging(), "sliding": "small"}], ids=["large", "small"]
+)
+def test_all_ways_to_solve_agree(pair, options):
     """Partly closed, partly pulled apart."""
     states = []
     for problem in ({"linear_bulk": False, "solver": "direct"}, options):
-        scene = pressed_blocks(
-            material=linear_elastic, pair={"law": Sticky(0.3)}, problem=problem, **MESH
-        )
+        scene = pressed_blocks(material=linear_elastic, pair=pair, problem=problem, **MESH)
         for place in ((0.0, -0.01), (0.02, 0.08)):
             scene.loads["push"].value[:] = place
             scene.problem.solve()

@@ -15,6 +15,8 @@ import fenics_mortar as fm
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
 PATH = [(0.0, -0.05), (0.02, -0.08), (0.07, -0.08), (0.07, 0.01), (0.1, -0.06)]
+# An edge slides on by facets: of a node under it much more is covered in the third step than before.
+EDGE = [(0.04, -0.05), (0.04, -0.1), (0.24, -0.1), (0.44, -0.1)]
 
 
 def largest(values):
@@ -60,9 +62,14 @@ def test_iterates_are_those_of_the_general_path(slave, algorithm, linearization)
 
 
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
-def test_load_steps_take_the_same_iterations(algorithm):
-    general, reduced = pair_of(problem={"algorithm": algorithm})
-    for step in PATH:
+@pytest.mark.parametrize(
+    "path, scene",
+    [(PATH, {}), (EDGE, {"slave": "lower", "pair": {"law": fm.Coulomb(0.3)}})],
+    ids=["pressed", "edge"],
+)
+def test_load_steps_take_the_same_iterations(path, scene, algorithm):
+    general, reduced = pair_of(problem={"algorithm": algorithm}, **scene)
+    for step in path:
         reports = []
         for scene in (general, reduced):
             scene.loads["push"].value[:] = step
