@@ -146,6 +146,7 @@ class Contact(Interface):
         self.partners: Partners
         self.accepted: Partners
         none = np.zeros(self.slave.num_nodes)
+        self._nothing = none, none
         start = Nodal(none, none, none, none, none + 1.0, none)
         self.piece: Pieces = pair.law.piece(start, np.zeros(none.size, np.int64))
 
@@ -200,6 +201,8 @@ class Contact(Interface):
 
         Overlaps have the straight continuation of a from zero.
         """
+        if not self.pair.law.attracts:
+            return self._nothing
         gap, on = self._mean_gap, self.covered
         pull, by_gap = self.pair.law.adhesion(np.maximum(gap, 0.0))
         pull = pull + by_gap * np.minimum(gap, 0.0)
@@ -208,7 +211,7 @@ class Contact(Interface):
     @property
     def attracted(self) -> npt.NDArray[np.bool_]:
         """Whether an open node bears the adhesion of the contact law, (slave nodes,), bool."""
-        return ~self.active & (self._adhesion[0] > 0.0)
+        return (self._adhesion[0] > 0.0) & ~self.active
 
     @property
     def acts(self) -> npt.NDArray[np.bool_]:

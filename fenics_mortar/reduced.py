@@ -45,6 +45,7 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, mark_overheld
 from fenics_mortar.errors import MortarError, raise_together
+from fenics_mortar.interface import Rows
 from fenics_mortar.mortar import Block
 from fenics_mortar.newton import Status, Step
 from fenics_mortar.pair import ContactPair
@@ -127,19 +128,42 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
     raise MortarError(f"the stiffness of the bodies was not factored: MUMPS says {outcome}")
 
 
-def factored_bulk(bulk: Bulk, prefix: str, rest: Indices | None = None) -> PETSc.PC:
+def factored_by_cholmod(K: PETSc.Mat, prefix: str) -> PETSc.PC | None:
+    """The same on one rank by CHOLMOD, ``None`` if it is not positive definite.
+
+    A single load takes CHOLMOD a third of the time that it takes MUMPS, which is faster by far for
+    many at once: 0.04 and 0.12 s, and 0.01 s for each of 32, at 169,000 unknowns.
+    """
+    pc = PETSc.PC().create(K.comm)
+    pc.setOptionsPrefix(f"{prefix}single_")
+    pc.setType("cholesky")
+    pc.setFactorSolverType("cholmod")
+    pc.setOperators(K)
+    try:
+        pc.setUp()
+    except PETSc.Error:
+        pc.destroy()
+        return None
+    return pc
+
+
+def factored_bulk(
+    bulk: Bulk, prefix: str, rest: Indices | None = None, *, single: bool = False
+) -> PETSc.PC:
     """The tangent of bodies, factored with the prescribed dofs held (collective).
 
     Args:
         bulk: The bodies; their tangent is assembled.
         prefix: Prefix of PETSc's options.
         rest: See ``factored``.
+        single: Whether loads come one by one.
     """
     held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), bulk.comm)
     K = bulk.K.copy()
     K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
     K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    return factored(K, prefix, rest)
+    pc = factored_by_cholmod(K, prefix) if single and K.comm.size == 1 else None
+    return pc or factored(K, prefix, rest)
 
 
 class FactoredBulk:
@@ -149,11 +173,12 @@ class FactoredBulk:
         bulk: The bodies; their tangent is constant, and assembled.
         dofs: The contact dofs.
         prefix: Prefix of PETSc's options.
+        single: Whether loads come one by one, to ``solve`` alone.
     """
 
-    def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
+    def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str, *, single: bool = False) -> None:
         self._bulk, self._dofs = bulk, dofs
-        self._pc = factored_bulk(bulk, prefix)
+        self._pc = factored_bulk(bulk, prefix, single=single)
         free = ~bulk.prescribed[dofs.local]
         self._numbers, self._local = dofs.numbers[free], dofs.local[free]
 
@@ -215,7 +240,7 @@ class Compliance(FactoredBulk):
 
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
         self.A = _compliance(bulk, dofs, prefix)
-        super().__init__(bulk, dofs, prefix)  # the other factors are gone
+        super().__init__(bulk, dofs, prefix, single=True)  # the other factors are gone
         self._changes = np.empty((0, bulk.held.size))
         self._answers = np.empty((0, dofs.size))
 
@@ -315,9 +340,11 @@ class ReducedEquations:
         with clock("solve"):
             without_contact = self._step_without_contact(change)
         with clock("assembly"):
-            parts = self._assemble()
+            mark_overheld(self._problem.contacts)
+            laws = [contact.rows() for contact in self._problem.contacts]
+            parts = self._assemble(laws)
         with clock("solve"):
-            step, zeta, self._force = self._solve(without_contact, *parts)
+            step, zeta, self._force = self._solve(without_contact, laws, *parts)
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
         moved[held] = change
@@ -351,12 +378,10 @@ class ReducedEquations:
         moved[self._bulk.held] = change
         return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
 
-    def _assemble(self) -> list[coo_array]:
+    def _assemble(self, laws: Sequence[Rows]) -> list[coo_array]:
         """K_c, B^T, C and A_z on the contact dofs, complete on rank 0."""
-        mark_overheld(self._problem.contacts)
         system, size = self._system, self._dofs.size
         count = 2 * sum(place.size for place in system.places)
-        laws = [contact.rows() for contact in self._problem.contacts]
         return [
             self._collect(system.force_derivative(), (size, size), (True, True)),
             self._collect(system.force_blocks(), (size, count), (True, False)),
@@ -376,12 +401,18 @@ class ReducedEquations:
         return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 
     def _solve(
-        self, d: Array, K_c: coo_array, B_T: coo_array, C: coo_array, A_z: coo_array
+        self,
+        d: Array,
+        laws: Sequence[Rows],
+        K_c: coo_array,
+        B_T: coo_array,
+        C: coo_array,
+        A_z: coo_array,
     ) -> tuple[Array, Array, Array]:
         """Step of the contact dofs, multipliers zeta (n, 2) and contact force of the solution."""
         rhs, weight = np.zeros((A_z.shape[0] // 2, 2)), np.ones((A_z.shape[0] // 2, 1))
-        for contact, place in self._system.numbered():
-            rhs[place], weight[place, 0] = contact.rows().rhs, 1.0 / contact.stiffness
+        for (contact, place), law in zip(self._system.numbered(), laws, strict=True):
+            rhs[place], weight[place, 0] = law.rhs, 1.0 / contact.stiffness
         answer = None
         if self._comm.rank == 0:
             answer = self._solve_dense(d, K_c, B_T, C, A_z, rhs.ravel(), np.repeat(weight, 2))

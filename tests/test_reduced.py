@@ -15,7 +15,7 @@ import fenics_mortar as fm
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
 PATH = [(0.0, -0.05), (0.02, -0.08), (0.07, -0.08), (0.07, 0.01), (0.1, -0.06)]
-# An edge slides on by facets: of a node under it much more is covered in the third step than before.
+# An edge slides on by facets: of a node under it much more is covered in a step than before.
 EDGE = [(0.04, -0.05), (0.04, -0.1), (0.24, -0.1), (0.44, -0.1)]
 
 
