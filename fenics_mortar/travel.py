@@ -23,11 +23,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
 from fenics_mortar.contact import Contact
 from fenics_mortar.equations import State
+from fenics_mortar.kernels.locate import locate
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array, Surface
 
@@ -123,7 +123,7 @@ class Travel:
         if body not in self._meshes:
             self._meshes[body] = Delaunay(self._gathered(X[own]))
         v, w = (
-            LinearNDInterpolator(self._meshes[body], self._gathered(state[dofs[mine[own]]]))(X - t)
+            _interpolated(self._meshes[body], self._gathered(state[dofs[mine[own]]]), X - t)
             for state, t in zip(states, (ratio * s, (1.0 + ratio) * s), strict=True)
         )
         there = np.isfinite(v + w).all(axis=1)
@@ -132,6 +132,14 @@ class Travel:
     def _gathered(self, values: Array) -> Array:
         """The rows of all ranks on each of them (collective)."""
         return np.concatenate(self._problem.comm.allgather(values))
+
+
+def _interpolated(mesh: Delaunay, values: Array, points: Array) -> Array:
+    """Values (nodes, 2) at points (n, 2), nan outside the triangulation."""
+    found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
+    locate(points, mesh.points, mesh.simplices, mesh.neighbors, found, weights)
+    at = np.einsum("nk,nkc->nc", weights, values[mesh.simplices[found]])
+    return np.where(found[:, None] >= 0, at, np.nan)
 
 
 def _carried(surface: Surface, states: tuple[Array, Array], s: Array, ratio: float) -> Array:
