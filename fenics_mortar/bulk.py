@@ -376,7 +376,7 @@ class Bulk:
 
     def inverted_cells(self) -> tuple[int, str]:
         """Number of inverted cells, and the reference place of one (collective)."""
-        inverted = (self._areas() <= 0.0).any(axis=1)
+        inverted = np.unique(np.nonzero(self._areas() <= 0.0)[0])
         return count_places(self.comm, self._X[self._cells[inverted]].mean(axis=1))
 
 
