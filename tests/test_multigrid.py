@@ -150,13 +150,13 @@ def pressed_cylinder(refinements, cylinder, block):
 def test_iterations_do_not_grow_where_the_contact_is_curved(cylinder, block, most):
     """From nothing, so that the active set moves all the time: by a fifth at the most, too.
 
-    On several ranks rounding scatters counts by 4 % from run to run; there two refinements count.
+    On several ranks rounding scatters the counts by 4 % from run to run, those of the coarsest mesh
+    above all: the first refinement counts there together with the second.
     """
     counts = [pressed_cylinder(refinements, cylinder, block) for refinements in range(3)]
     assert max(counts) <= most
-    assert counts[2] <= 1.2**2 * counts[0]
-    if comm.size == 1:
-        assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
+    assert counts[2] <= 1.2 * min(counts[1], 1.2 * counts[0])
+    assert comm.size > 1 or counts[1] <= 1.2 * counts[0]
 
 
 @pytest.mark.parametrize("options", [{"solver": "iterative"}, {"linear_bulk": True}])
