@@ -12,6 +12,7 @@ it is feasible, bodies that slide before may still move, and those that have not
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -215,10 +216,10 @@ def touching_lines(one: Array, other: Array) -> list[tuple[Array, float]]:
         other: Shape (m, 2).
     """
     found = []
-    for a, b in zip(one[:-1], one[1:]):
+    for a, b in itertools.pairwise(one):
         length = float(np.linalg.norm(b - a))
         e = (b - a) / length
-        for c, d in zip(other[:-1], other[1:]):
+        for c, d in itertools.pairwise(other):
             chord = d - c
             if abs(e[0] * chord[1] - e[1] * chord[0]) > PARALLEL * np.linalg.norm(chord):
                 continue
