@@ -137,7 +137,7 @@ def wall(
         touches,
         path,
         E=E,
-        small=20.0 * (rows * weight * (1.0 + push * mu) + (press or 0.0)) / E,
+        small=5.0 * (rows * weight * (1.0 + push * mu) + (press or 0.0)) / E,
         **options,
     )
 

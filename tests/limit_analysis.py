@@ -3,8 +3,9 @@
 
 The static theorem: equilibrium is possible if and only if there are contact forces within the law's
 bounds that balance the loads, a linear program. A force at a point with the normal n and tangent t
-is a sum p (n + mu t) + q (n - mu t) - r n with p, q >= 0 and 0 <= r <= what adhesion bears. The
-duals of the balance are rigid motions: the mechanism.
+is a sum p (n + mu t) + q (n - mu t) - r n with p, q >= 0 and 0 <= r <= what adhesion bears, where
+p and q are zero if r is not: whole numbers choose. The duals of the balance are rigid motions: the
+mechanism.
 
 Coulomb's friction is not associated. So where the program is infeasible a body surely moves; where
 it is feasible, bodies that slide before may still move, and those that have not slid stay.
@@ -15,6 +16,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linprog
@@ -25,6 +27,8 @@ ROUNDING = 1e-7
 # Segments touch if they are nearer than this part of their length, and this parallel.
 NEAR, PARALLEL = 1e-6, 1e-6
 GROUND = -1
+# A factor of the live loads beyond this is infinite.
+MOST = 1e4
 
 
 @dataclass(frozen=True)
@@ -91,23 +95,64 @@ class Verdict:
     mechanism: Array
 
 
+@dataclass(frozen=True)
+class Program:
+    """Elementary contact forces: what they do to the bodies, and their bounds.
+
+    Attributes:
+        A: Wrenches on the bodies, one column each.
+        lower, upper: Bounds of the forces.
+        pulls: Columns of pressure and pull of each point with adhesion: only one of the two acts,
+            since friction counts pressure alone.
+    """
+
+    A: Array
+    lower: Array
+    upper: Array
+    pulls: list[tuple[list[int], int]]
+
+    def solve(self, cost: Array, extra: Array, bounds: Array, right: Array) -> Any:
+        """Minimise over the forces and some extra columns; ``right``: of the balance."""
+        choices = len(self.pulls)
+        forces, others = self.A.shape[1], extra.shape[1]
+        whole = np.hstack([self.A, extra, np.zeros((len(right), choices))])
+        limits = np.vstack([np.stack([self.lower, self.upper], axis=1), bounds])
+        limits = np.vstack([limits, np.tile([0.0, 1.0], (choices, 1))])
+        options: dict[str, Any] = {}
+        if choices:
+            most = MOST * max(float(np.abs(right).sum()), float(self.upper[self._last].max()))
+            above = np.zeros((2 * choices, whole.shape[1]))
+            for k, (press, pull) in enumerate(self.pulls):
+                choice = forces + others + k
+                above[2 * k, [pull, choice]] = 1.0, -self.upper[pull]
+                above[2 * k + 1, press], above[2 * k + 1, choice] = 1.0, most
+            kinds = np.r_[np.zeros(forces + others), np.ones(choices)]
+            options = {"A_ub": above, "b_ub": np.tile([0.0, most], choices), "integrality": kinds}
+            options["options"] = {"presolve": False}  # that of scipy 1.10 errs with whole numbers
+        cost = np.r_[np.zeros(forces), cost, np.zeros(choices)]
+        return linprog(cost, A_eq=whole, b_eq=right, bounds=limits, method="highs", **options)
+
+    @property
+    def _last(self) -> list[int]:
+        """Columns of the pulls."""
+        return [pull for _, pull in self.pulls]
+
+
 def judge(structure: Structure) -> Verdict:
     """Solve both programs: are the dead loads borne, and how much of the live ones?"""
-    A, lower, upper = _generators(structure)
-    size = _size(structure)
-    rows = _rows(structure)
+    program, rows, size = _program(structure), _rows(structure), _size(structure)
     weights = np.tile([1.0, 1.0, 1.0 / size], len(structure.dead))[rows]
-    A, dead = A[rows] * weights[:, None], structure.dead.ravel()[rows] * weights
+    program = replace(program, A=program.A[rows] * weights[:, None])
+    dead = structure.dead.ravel()[rows] * weights
     live = structure.live.ravel()[rows] * weights
-    defect, motion = _least_defect(A, lower, upper, dead)
+    defect, motion = _least_defect(program, dead)
     scale = float(np.abs(dead).sum()) or 1.0
     mechanism = np.zeros(structure.dead.size)
-    if defect > ROUNDING * scale:
-        mechanism[rows] = motion * weights
-        return Verdict(False, defect / scale, 0.0, mechanism.reshape(-1, 3))
-    factor, motion = _largest_factor(A, lower, upper, dead, live)
+    feasible, factor = defect <= ROUNDING * scale, 0.0
+    if feasible:
+        factor, motion = _largest_factor(program, dead, live)
     mechanism[rows] = motion * weights
-    return Verdict(True, defect / scale, factor, mechanism.reshape(-1, 3))
+    return Verdict(feasible, defect / scale, factor, mechanism.reshape(-1, 3))
 
 
 def friction_needed(structure: Structure, *, most: float = 64.0, steps: int = 40) -> float:
@@ -134,51 +179,42 @@ def friction_needed(structure: Structure, *, most: float = 64.0, steps: int = 40
     return high
 
 
-def _least_defect(A: Array, lower: Array, upper: Array, dead: Array) -> tuple[float, Array]:
+def _least_defect(program: Program, dead: Array) -> tuple[float, Array]:
     """Least sum of sizes of what balances the dead loads besides contact, and its duals."""
-    rows, columns = A.shape
-    cost = np.concatenate([np.zeros(columns), np.ones(2 * rows)])
-    whole = np.hstack([A, np.eye(rows), -np.eye(rows)])
-    bounds = np.stack([np.r_[lower, np.zeros(2 * rows)], np.r_[upper, np.full(2 * rows, np.inf)]])
-    found = linprog(cost, A_eq=whole, b_eq=-dead, bounds=bounds.T, method="highs")
+    rows = len(dead)
+    extra = np.hstack([np.eye(rows), -np.eye(rows)])
+    found = program.solve(np.ones(2 * rows), extra, np.tile([0.0, np.inf], (2 * rows, 1)), -dead)
     if found.status != 0:
         raise RuntimeError(f"linear program of the dead loads: {found.message}")
-    return float(found.fun), -np.asarray(found.eqlin.marginals)
+    return float(found.fun), _rates(program, found, rows)
 
 
-def _largest_factor(
-    A: Array, lower: Array, upper: Array, dead: Array, live: Array
-) -> tuple[float, Array]:
+def _largest_factor(program: Program, dead: Array, live: Array) -> tuple[float, Array]:
     """Largest multiple of the live loads, and the mechanism whose live power is one."""
     if not live.any():
         return np.inf, np.zeros_like(live)
-    cost = np.r_[np.zeros(A.shape[1]), -1.0]
-    bounds = np.stack([np.r_[lower, 0.0], np.r_[upper, np.inf]]).T
-    whole = np.hstack([A, live[:, None]])
-    found = linprog(cost, A_eq=whole, b_eq=-dead, bounds=bounds, method="highs")
-    if found.status == 3:
-        return np.inf, np.zeros_like(live)
+    found = program.solve(np.array([-1.0]), live[:, None], np.array([[0.0, MOST]]), -dead)
     if found.status == 2:  # just borne, but for rounding
         return 0.0, np.zeros_like(live)
     if found.status != 0:
         raise RuntimeError(f"linear program of the live loads: {found.message}")
-    return -float(found.fun), -np.asarray(found.eqlin.marginals)
+    factor = -float(found.fun)
+    return (np.inf if factor >= MOST else factor), _rates(program, found, len(dead))
 
 
-def _generators(structure: Structure) -> tuple[Array, Array, Array]:
-    """Wrenches of the elementary contact forces on all bodies (columns), and their bounds."""
+def _rates(program: Program, found: Any, rows: int) -> Array:
+    """Duals of the balance; programs with choices have none."""
+    return np.zeros(rows) if program.pulls else -np.asarray(found.eqlin.marginals)
+
+
+def _program(structure: Structure) -> Program:
+    """The elementary contact forces of all points."""
     columns: list[Array] = []
     bounds: list[tuple[float, float]] = []
+    pulls: list[tuple[list[int], int]] = []
     for point in structure.points:
-        t = np.array([-point.n[1], point.n[0]])
-        if np.isinf(point.mu):
-            forces = [(point.n, 0.0, np.inf), (t, -np.inf, np.inf)]
-        elif point.mu > 0.0:
-            forces = [(point.n + s * point.mu * t, 0.0, np.inf) for s in (1.0, -1.0)]
-        else:
-            forces = [(point.n, 0.0, np.inf)]
-        if point.pull > 0.0:
-            forces.append((-point.n, 0.0, point.pull))
+        forces = _forces(point)
+        first = len(columns)
         for force, low, high in forces:
             column = np.zeros((len(structure.dead), 3))
             wrench = np.array([*force, point.x[0] * force[1] - point.x[1] * force[0]])
@@ -187,9 +223,23 @@ def _generators(structure: Structure) -> tuple[Array, Array, Array]:
                     column[body] += sign * wrench
             columns.append(column.ravel())
             bounds.append((low, high))
+        if point.pull > 0.0:
+            pulls.append((list(range(first, len(columns) - 1)), len(columns) - 1))
     A = np.array(columns).reshape(-1, structure.dead.size).T
     lower, upper = np.array(bounds).reshape(-1, 2).T
-    return A, lower, upper
+    return Program(A, lower, upper, pulls)
+
+
+def _forces(point: Point) -> list[tuple[Array, float, float]]:
+    """Elementary forces on the first body of a point, with bounds; the pull comes last."""
+    t = np.array([-point.n[1], point.n[0]])
+    if np.isinf(point.mu):
+        forces = [(point.n, 0.0, np.inf), (t, -np.inf, np.inf)]
+    elif point.mu > 0.0:
+        forces = [(point.n + s * point.mu * t, 0.0, np.inf) for s in (1.0, -1.0)]
+    else:
+        forces = [(point.n, 0.0, np.inf)]
+    return forces + ([(-point.n, 0.0, point.pull)] if point.pull > 0.0 else [])
 
 
 def _rows(structure: Structure) -> Array:

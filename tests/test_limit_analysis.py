@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The judge by limit analysis against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from limit_analysis import GROUND, Point, Structure, friction_needed, judge
@@ -120,6 +122,10 @@ def test_block_between_jaws_and_under_a_ceiling():
     glued = [Point(0, GROUND, np.array([x, 1.0]), -UP, 0.5, pull=0.7) for x in (0.0, 1.0)]
     hanging = Structure(glued, np.zeros((1, 3)), live[:1])
     assert judge(hanging).factor == pytest.approx(1.4, rel=1e-9)
+    aside = np.array([wrench((0.5, 1.0), (1.0, 0.0))])
+    assert judge(replace(hanging, live=aside)).factor == pytest.approx(0.0, abs=1e-9)
+    pressed = replace(hanging, dead=-live[:1], live=aside)
+    assert judge(pressed).factor == pytest.approx(0.5, rel=1e-9), "adhesion adds no friction"
 
 
 def test_friction_needed_is_that_of_the_incline():
