@@ -20,6 +20,7 @@ import numpy as np
 if __name__ == "__main__":
     ROOT = Path(__file__).resolve().parents[1]
     sys.path[:0] = [str(ROOT), str(ROOT / "meshes"), str(ROOT / "tests")]
+    sys.path.append(str(ROOT / "demos" / "stability"))
 
 from held_parts import Array, Body, Flat, Glue, Touch
 from held_problem import Held, floor_of, pose
