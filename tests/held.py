@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: MIT
+"""Scenes of bodies that friction or adhesion holds, with what limit analysis says of each.
+
+    python3 tests/held.py                 all scenes by the present code, a row for each step
+    python3 tests/held.py wall tower      those whose name begins so
+
+A scene is made in a frame of its own and turned as a whole. Its loads are dead: the weight of
+bodies, a push on some of them and a torque, all spread over the body; ``Held.set`` says how large
+they are. ``Held.path`` holds the loads of its steps.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+if __name__ == "__main__":
+    ROOT = Path(__file__).resolve().parents[1]
+    sys.path[:0] = [str(ROOT), str(ROOT / "meshes"), str(ROOT / "tests")]
+
+from held_parts import Array, Body, Flat, Glue, Touch
+from held_problem import Held, floor_of, pose
+from held_walls import arch, t_junction, tower, wall
+from mapped_grids import Grid, block, mapped, sector
+from scenes import rotation
+
+import fenics_mortar as fm
+
+__all__ = [
+    "arch", "block_and_wall", "hanging", "incline", "jaws", "ladder", "pressed", "t_junction",
+    "tower", "wall", "wheel",
+]  # fmt: skip
+
+
+def incline(
+    slope: float = 0.4,
+    mu: float = 0.5,
+    base: str = "plane",
+    *,
+    width: float = 1.0,
+    height: float = 0.5,
+    n: int = 4,
+    rows: int = 2,
+    n_base: int = 7,
+    weight: float = 1.0,
+    turn: float | None = None,
+    **options: Any,
+) -> Held:
+    """A block on an incline; by default turned so that gravity points down."""
+    bodies, floor = floor_of(base, width=3.0 * width, columns=n_base, left=-width)
+    grid = Grid("block", block(n, rows, width=width, height=height))
+    bodies = [Body(grid, weight=weight), *bodies]
+    return pose(
+        f"incline tan={np.tan(slope):.3f} mu={mu:g} {base}",
+        bodies,
+        [Touch("block/bottom", floor, fm.Coulomb(mu))],
+        [{"weight": 1.0}],
+        gravity=(np.sin(slope), -np.cos(slope)),
+        turn=-slope if turn is None else turn,
+        **options,
+    )
+
+
+def block_and_wall(
+    push: float = 0.1,
+    mu: float = 0.5,
+    base: str = "plane",
+    *,
+    gap: float = 0.3,
+    width: float = 1.0,
+    height: float = 0.5,
+    n: int = 4,
+    rows: int = 2,
+    n_base: int = 9,
+    weight: float = 1.0,
+    at_once: bool = False,
+    **options: Any,
+) -> Held:
+    """A block pushed towards a frictionless wall."""
+    bodies, floor = floor_of(base, width=3.0 * width, columns=n_base, left=-width)
+    grid = Grid("block", block(n, rows, width=width, height=height))
+    wall = Flat((width + gap, 0.0), (-1.0, 0.0), "wall")
+    path = [{"weight": 1.0}, {"weight": 1.0, "push": push}]
+    return pose(
+        f"block and wall push={push:g} mu={mu:g} {base}{' at once' if at_once else ''}",
+        [Body(grid, weight=weight, push=1.0), *bodies],
+        [Touch("block/bottom", floor, fm.Coulomb(mu)), Touch("block/right", wall)],
+        path[1:] if at_once else path,
+        stop=gap,
+        note=lambda held: f"wall force {-held.force(1)[0]:.3g}",
+        wrong=wall_force,
+        **options,
+    )
+
+
+def wall_force(held: Held) -> str:
+    """A block that slid bears on the wall what friction leaves; one that sticks is not there."""
+    push, (slid, *_) = held.path[-1].get("push", 0.0), held.motion("block")
+    slid = slid > 0.5 * held.stop
+    pushed = held.push.value @ rotation(held.turn)[:, 0]
+    exact = max(pushed - held.touches[0].law.mu, 0.0) if slid else 0.0
+    found = -held.force(1)[0]
+    size = max(abs(push), 1e-300)
+    return (
+        f"wall force {found:.3g} instead of {exact:.3g}" if abs(found - exact) > 0.02 * size else ""
+    )
+
+
+def wheel(
+    part: float = 0.01,
+    mu: float = 0.3,
+    groove: str = "planes",
+    *,
+    radius: float = 1.0,
+    n: int = 24,
+    n_groove: int = 8,
+    weight: float = 1.0,
+    **options: Any,
+) -> Held:
+    """A wheel in a right-angled groove under a part of the torque that friction bears."""
+    x = sector(n, 2, radii=(0.4 * radius, radius))
+    most = np.sqrt(2.0) * mu / (1.0 + mu**2) * weight * radius
+    bottom = -np.sqrt(2.0) * radius
+    half = np.sqrt(0.5) * radius
+    places = [(half, -half), (-half, -half)]
+    law, bodies, touches = fm.Coulomb(mu), [], []
+    wheel = Body(Grid("wheel", x, closed=True), weight=weight, torque=most)
+    if groove == "planes":
+        for side, place in zip((1.0, -1.0), places):
+            flat = Flat((0.0, bottom), (-side, 1.0), "right" if side > 0 else "left")
+            touches.append(Touch("wheel/bottom", flat, law, at=[place]))
+    else:
+
+        def shape(s: Array, t: Array) -> tuple[Array, Array]:
+            across = 1.5 * radius * (2.0 * s - 1.0)
+            top = bottom + np.abs(across)
+            return across, bottom - radius + t * (top - bottom + radius)
+
+        notch = Grid("groove", mapped(n_groove, 3, shape))
+        bodies.append(Body(notch, clamped=("bottom",)))
+        touches.append(Touch("wheel/bottom", "groove/top", law, at=places))
+    return pose(
+        f"wheel torque={part:g} mu={mu:g} {groove}",
+        [wheel, *bodies],
+        touches,
+        [{"weight": 1.0}, {"weight": 1.0, "torque": part}],
+        note=lambda held: f"turned {held.motion('wheel')[2]:.2g}",
+        reserve=1.2 * np.tan(np.pi / n) / mu,  # of a polygon that rests on its facets
+        **options,
+    )
+
+
+def ladder(
+    lean: float = 1.0,
+    mu: float = 0.4,
+    *,
+    length: float = 1.0,
+    thick: float = 0.05,
+    n: int = 8,
+    rows: int = 1,
+    base: str = "plane",
+    weight: float = 1.0,
+    E: float = 1e5,
+    **options: Any,
+) -> Held:
+    """A beam at an angle ``lean`` [radian] above a rough floor, against a frictionless wall."""
+    R = rotation(lean)
+    x = block(n, rows, width=length, height=thick) @ R.T
+    head = R @ (length, 0.0)
+    bodies, floor = floor_of(base, width=length, columns=4, left=-0.5 * length)
+    wall = Flat(tuple(head), (-1.0, 0.0), "wall")
+    return pose(
+        f"ladder tan={np.tan(lean):.3f} mu={mu:g} {base}",
+        [Body(Grid("ladder", x), weight=weight), *bodies],
+        [
+            Touch("ladder/left", floor, fm.Coulomb(mu), at=[(0.0, 0.0)]),
+            Touch("ladder/right", wall, at=[head]),
+        ],
+        [{"weight": 1.0}],
+        E=E,
+        small=50.0 * weight * length**3 / (E * thick**3),
+        **options,
+    )
+
+
+def hanging(
+    weight: float = 0.5,
+    pull: float = 1.0,
+    base: str = "plane",
+    *,
+    mu: float = 0.3,
+    push: float = 0.0,
+    width: float = 1.0,
+    height: float = 0.5,
+    fade: float = 0.01,
+    n: int = 4,
+    rows: int = 2,
+    **options: Any,
+) -> Held:
+    """A block on an adhesive ceiling that pulls with ``pull`` per width."""
+    grid = Grid("block", block(n, rows, width=width, height=height, corner=(0.0, -height)))
+    bodies = [Body(grid, weight=1.0, push=1.0)]
+    ceiling: str | Flat = Flat((0.0, 0.0), (0.0, -1.0), "ceiling")
+    if base == "body":
+        x = block(5, 2, width=2.0 * width, height=height, corner=(-0.5 * width, 0.0))
+        bodies.append(Body(Grid("ceiling", x), clamped=("top",)))
+        ceiling = "ceiling/bottom"
+    path = [{"weight": weight}] + ([{"weight": weight, "push": push}] if push else [])
+    return pose(
+        f"hanging weight={weight:g} pull={pull:g} {base}{f' push={push:g}' if push else ''}",
+        bodies,
+        [Touch("block/top", ceiling, Glue(mu, pull / width, fade))],
+        path,
+        **options,
+    )
+
+
+def jaws(
+    weight: float = 0.5,
+    force: float = 1.0,
+    mu: float = 0.5,
+    kind: str = "planes",
+    *,
+    blocks: int = 1,
+    width: float = 1.0,
+    height: float = 0.5,
+    n: int = 3,
+    E: float = 1e4,
+    **options: Any,
+) -> Held:
+    """Blocks in a row between two jaws that a force presses together; weight in a second step."""
+    law = fm.Coulomb(mu)
+    row = [
+        Body(
+            Grid(
+                f"block{k}", block(3, n + k % 2, width=width, height=height, corner=(k * width, 0))
+            ),
+            weight=1.0 / blocks,
+        )
+        for k in range(blocks)
+    ]
+    touches = [Touch(f"block{k}/right", f"block{k + 1}/left", law) for k in range(blocks - 1)]
+    end = blocks * width
+    bodies, path = list(row), [{"weight": 0.0}, {"weight": weight}]
+    if kind == "planes":
+        touches += [
+            Touch("block0/left", Flat((0.0, 0.0), (1.0, 0.0), "left"), law),
+            Touch(
+                f"block{blocks - 1}/right",
+                Flat((end, 0.0), (-1.0, 0.0), "right", force=(-force, 0.0)),
+                law,
+            ),
+        ]
+    else:
+        still = block(2, n + 2, width=width, height=2.0 * height, corner=(-width, -0.5 * height))
+        moves = block(2, n + 2, width=width, height=2.0 * height, corner=(end, -0.5 * height))
+        bodies += [
+            Body(Grid("left", still), clamped=("left",)),
+            Body(Grid("right", moves), push=1.0, guided=(("right", 1),)),
+        ]
+        touches += [
+            Touch("block0/left", "left/right", law),
+            Touch(f"block{blocks - 1}/right", "right/left", law),
+        ]
+        path = [{"push": -force}, {"push": -force, "weight": weight}]
+    return pose(
+        f"jaws weight={weight:g} force={force:g} mu={mu:g} {kind} blocks={blocks}",
+        bodies,
+        touches,
+        path if weight else path[:1],
+        E=E,
+        small=20.0 * (force + weight) / E,
+        **options,
+    )
+
+
+def pressed(
+    push: float = 0.1,
+    depth: float = 1e-4,
+    mu: float = 0.5,
+    base: str = "plane",
+    *,
+    width: float = 1.0,
+    height: float = 0.5,
+    n: int = 4,
+    rows: int = 2,
+    E: float = 1e4,
+    **options: Any,
+) -> Held:
+    """A block whose top is moved down by ``depth``, free along x; friction alone holds it there.
+
+    ``push`` is the part of about mu times the pressing force.
+    """
+    bodies, floor = floor_of(base, width=3.0 * width, columns=7, left=-width)
+    grid = Grid("block", block(n, rows, width=width, height=height))
+    force = E * depth * width / height
+    return pose(
+        f"pressed push={push:g} mu={mu:g} {base}",
+        [Body(grid, push=mu * force, guided=(("top", 1),)), *bodies],
+        [Touch("block/bottom", floor, fm.Coulomb(mu))],
+        [{}, {"push": push}],
+        held=[("block/top", 1, -depth)],
+        small=20.0 * depth,
+        E=E,
+        note=lambda held: f"shear/pressure {-held.force(0)[0] / max(held.force(0)[1], 1e-300):.3g}",
+        **options,
+    )
+
+
+if __name__ == "__main__":
+    from held_table import main
+
+    main()

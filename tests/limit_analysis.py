@@ -1,0 +1,310 @@
+# SPDX-License-Identifier: MIT
+"""Limit analysis of rigid bodies that touch at points: an independent judge of what friction holds.
+
+The static theorem: equilibrium is possible if and only if there are contact forces within the law's
+bounds that balance the loads, a linear program. A force at a point with the normal n and tangent t
+is a sum p (n + mu t) + q (n - mu t) - r n with p, q >= 0 and 0 <= r <= what adhesion bears, where
+p and q are zero if r is not: whole numbers choose. The duals of the balance are rigid motions: the
+mechanism.
+
+Coulomb's friction is not associated. So where the program is infeasible a body surely moves; where
+it is feasible, bodies that slide before may still move, and those that have not slid stay.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linprog
+
+Array = np.ndarray
+# Forces below this part of the loads are rounding of the linear program.
+ROUNDING = 1e-7
+# Segments touch if they are nearer than this part of their length, and this parallel.
+NEAR, PARALLEL = 1e-6, 1e-6
+GROUND = -1
+# A factor of the live loads beyond this is infinite.
+MOST = 1e4
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point in which two bodies touch.
+
+    Attributes:
+        one, other: Numbers of the bodies, ``GROUND`` of what is clamped.
+        x: Where, shape (2,) [length].
+        n: Unit normal, along which the pressure acts on ``one``, shape (2,).
+        mu: Coefficient of friction; infinite where whatever touches sticks.
+        pull: Largest tension [force].
+    """
+
+    one: int
+    other: int
+    x: Array
+    n: Array
+    mu: float
+    pull: float = 0.0
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Rigid bodies and where they touch; wrenches are (x, y, moment about the origin).
+
+    Attributes:
+        points: Where they touch.
+        dead: Loads that are there, shape (bodies, 3).
+        live: Loads that are scaled, shape (bodies, 3).
+        guided: Which motions of a body are prescribed, shape (bodies, 3).
+    """
+
+    points: list[Point]
+    dead: Array
+    live: Array
+    guided: Array = field(default_factory=lambda: np.zeros(0))
+
+    def loaded(self, part: float) -> Structure:
+        """The same with a part of the live loads among the dead ones."""
+        return replace(self, dead=self.dead + part * self.live)
+
+    def with_friction(self, factor: float) -> Structure:
+        """The same with all coefficients of friction times a factor."""
+        return replace(self, points=[replace(p, mu=factor * p.mu) for p in self.points])
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What limit analysis says.
+
+    Attributes:
+        feasible: Whether some contact forces balance the dead loads.
+        defect: Sum of what they leave at the least, over the sum of the loads.
+        factor: Largest multiple of the live loads that is borne besides; infinite if there is none,
+            zero if the dead loads are not borne.
+        mechanism: Rates (x, y, angle) of the bodies that move at this factor, or at once if the
+            dead loads are not borne, shape (bodies, 3).
+    """
+
+    feasible: bool
+    defect: float
+    factor: float
+    mechanism: Array
+
+
+@dataclass(frozen=True)
+class Program:
+    """Elementary contact forces: what they do to the bodies, and their bounds.
+
+    Attributes:
+        A: Wrenches on the bodies, one column each.
+        lower, upper: Bounds of the forces.
+        pulls: Columns of pressure and pull of each point with adhesion: only one of the two acts,
+            since friction counts pressure alone.
+    """
+
+    A: Array
+    lower: Array
+    upper: Array
+    pulls: list[tuple[list[int], int]]
+
+    def solve(self, cost: Array, extra: Array, bounds: Array, right: Array) -> Any:
+        """Minimise over the forces and some extra columns; ``right``: of the balance."""
+        choices = len(self.pulls)
+        forces, others = self.A.shape[1], extra.shape[1]
+        whole = np.hstack([self.A, extra, np.zeros((len(right), choices))])
+        limits = np.vstack([np.stack([self.lower, self.upper], axis=1), bounds])
+        limits = np.vstack([limits, np.tile([0.0, 1.0], (choices, 1))])
+        options: dict[str, Any] = {}
+        if choices:
+            most = MOST * max(float(np.abs(right).sum()), float(self.upper[self._last].max()))
+            above = np.zeros((2 * choices, whole.shape[1]))
+            for k, (press, pull) in enumerate(self.pulls):
+                choice = forces + others + k
+                above[2 * k, [pull, choice]] = 1.0, -self.upper[pull]
+                above[2 * k + 1, press], above[2 * k + 1, choice] = 1.0, most
+            kinds = np.r_[np.zeros(forces + others), np.ones(choices)]
+            options = {"A_ub": above, "b_ub": np.tile([0.0, most], choices), "integrality": kinds}
+            options["options"] = {"presolve": False}  # that of scipy 1.10 errs with whole numbers
+        cost = np.r_[np.zeros(forces), cost, np.zeros(choices)]
+        return linprog(cost, A_eq=whole, b_eq=right, bounds=limits, method="highs", **options)
+
+    @property
+    def _last(self) -> list[int]:
+        """Columns of the pulls."""
+        return [pull for _, pull in self.pulls]
+
+
+def judge(structure: Structure) -> Verdict:
+    """Solve both programs: are the dead loads borne, and how much of the live ones?"""
+    program, rows, size = _program(structure), _rows(structure), _size(structure)
+    weights = np.tile([1.0, 1.0, 1.0 / size], len(structure.dead))[rows]
+    program = replace(program, A=program.A[rows] * weights[:, None])
+    dead = structure.dead.ravel()[rows] * weights
+    live = structure.live.ravel()[rows] * weights
+    defect, motion = _least_defect(program, dead)
+    scale = float(np.abs(dead).sum()) or 1.0
+    mechanism = np.zeros(structure.dead.size)
+    feasible, factor = defect <= ROUNDING * scale, 0.0
+    if feasible:
+        factor, motion = _largest_factor(program, dead, live)
+    mechanism[rows] = motion * weights
+    return Verdict(feasible, defect / scale, factor, mechanism.reshape(-1, 3))
+
+
+def friction_needed(structure: Structure, *, most: float = 64.0, steps: int = 40) -> float:
+    """Factor of all coefficients of friction at which the dead loads are just borne.
+
+    Below one there is a margin; infinite if not even ``most`` suffices.
+    """
+
+    def borne(factor: float) -> bool:
+        return judge(replace(structure.with_friction(factor), live=0.0 * structure.live)).feasible
+
+    if borne(0.0):
+        return 0.0
+    low, high = 0.0, 1.0
+    while not borne(high):
+        low, high = high, 2.0 * high
+        if high > most:
+            return np.inf
+    for _ in range(steps):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if borne(middle) else (middle, high)
+        if high - low < 1e-6 * high:
+            break
+    return high
+
+
+def _least_defect(program: Program, dead: Array) -> tuple[float, Array]:
+    """Least sum of sizes of what balances the dead loads besides contact, and its duals."""
+    rows = len(dead)
+    extra = np.hstack([np.eye(rows), -np.eye(rows)])
+    found = program.solve(np.ones(2 * rows), extra, np.tile([0.0, np.inf], (2 * rows, 1)), -dead)
+    if found.status != 0:
+        raise RuntimeError(f"linear program of the dead loads: {found.message}")
+    return float(found.fun), _rates(program, found, rows)
+
+
+def _largest_factor(program: Program, dead: Array, live: Array) -> tuple[float, Array]:
+    """Largest multiple of the live loads, and the mechanism whose live power is one."""
+    if not live.any():
+        return np.inf, np.zeros_like(live)
+    found = program.solve(np.array([-1.0]), live[:, None], np.array([[0.0, MOST]]), -dead)
+    if found.status == 2:  # just borne, but for rounding
+        return 0.0, np.zeros_like(live)
+    if found.status != 0:
+        raise RuntimeError(f"linear program of the live loads: {found.message}")
+    factor = -float(found.fun)
+    return (np.inf if factor >= MOST else factor), _rates(program, found, len(dead))
+
+
+def _rates(program: Program, found: Any, rows: int) -> Array:
+    """Duals of the balance; programs with choices have none."""
+    return np.zeros(rows) if program.pulls else -np.asarray(found.eqlin.marginals)
+
+
+def _program(structure: Structure) -> Program:
+    """The elementary contact forces of all points."""
+    columns: list[Array] = []
+    bounds: list[tuple[float, float]] = []
+    pulls: list[tuple[list[int], int]] = []
+    for point in structure.points:
+        forces = _forces(point)
+        first = len(columns)
+        for force, low, high in forces:
+            column = np.zeros((len(structure.dead), 3))
+            wrench = np.array([*force, point.x[0] * force[1] - point.x[1] * force[0]])
+            for body, sign in ((point.one, 1.0), (point.other, -1.0)):
+                if body != GROUND:
+                    column[body] += sign * wrench
+            columns.append(column.ravel())
+            bounds.append((low, high))
+        if point.pull > 0.0:
+            pulls.append((list(range(first, len(columns) - 1)), len(columns) - 1))
+    A = np.array(columns).reshape(-1, structure.dead.size).T
+    lower, upper = np.array(bounds).reshape(-1, 2).T
+    return Program(A, lower, upper, pulls)
+
+
+def _forces(point: Point) -> list[tuple[Array, float, float]]:
+    """Elementary forces on the first body of a point, with bounds; the pull comes last."""
+    t = np.array([-point.n[1], point.n[0]])
+    if np.isinf(point.mu):
+        forces = [(point.n, 0.0, np.inf), (t, -np.inf, np.inf)]
+    elif point.mu > 0.0:
+        forces = [(point.n + s * point.mu * t, 0.0, np.inf) for s in (1.0, -1.0)]
+    else:
+        forces = [(point.n, 0.0, np.inf)]
+    return forces + ([(-point.n, 0.0, point.pull)] if point.pull > 0.0 else [])
+
+
+def _rows(structure: Structure) -> Array:
+    """Which equations of balance there are: those of motions that are not prescribed."""
+    if structure.guided.size == 0:
+        return np.ones(structure.dead.size, bool)
+    return ~structure.guided.astype(bool).ravel()
+
+
+def _size(structure: Structure) -> float:
+    """Extent of the points [length]."""
+    x = np.array([point.x for point in structure.points]).reshape(-1, 2)
+    return float(np.abs(x).max(initial=0.0)) or 1.0
+
+
+# Where bodies touch
+
+
+def touching_lines(one: Array, other: Array) -> list[tuple[Array, float]]:
+    """Places where two chains of segments touch, and the length that belongs to each.
+
+    Args:
+        one: Shape (k, 2) [length].
+        other: Shape (m, 2).
+    """
+    found = []
+    for a, b in itertools.pairwise(one):
+        length = float(np.linalg.norm(b - a))
+        e = (b - a) / length
+        for c, d in itertools.pairwise(other):
+            chord = d - c
+            if abs(e[0] * chord[1] - e[1] * chord[0]) > PARALLEL * np.linalg.norm(chord):
+                continue
+            away = c - a
+            if abs(e[0] * away[1] - e[1] * away[0]) > NEAR * length:
+                continue
+            ends = sorted(((c - a) @ e, (d - a) @ e))
+            left, right = max(ends[0], 0.0), min(ends[1], length)
+            if right - left > NEAR * length:
+                found += [(a + s * e, 0.5 * (right - left)) for s in (left, right)]
+    return merged(found)
+
+
+def touching_plane(line: Array, point: Array, normal: Array) -> list[tuple[Array, float]]:
+    """Nodes of a chain that are on a plane, and the length that belongs to each."""
+    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    near = np.abs((line - point) @ normal) < NEAR * lengths.max()
+    flat = 0.5 * lengths * (near[1:] & near[:-1])
+    share = np.r_[flat, 0.0] + np.r_[0.0, flat]
+    return merged([(x, s) for x, s, on in zip(line, share, near) if on])
+
+
+def merged(found: Sequence[tuple[Array, float]]) -> list[tuple[Array, float]]:
+    """The same with places that occur twice joined."""
+    whole: dict[tuple[float, ...], tuple[Array, float]] = {}
+    for x, share in found:
+        key = tuple(np.round(x, 9) + 0.0)
+        whole[key] = (x, share + whole.get(key, (x, 0.0))[1])
+    return list(whole.values())
+
+
+def normal_of(line: Array, x: Array) -> Array:
+    """Normal to the right of the segment of a chain that is nearest to a point."""
+    a, e = line[:-1], np.diff(line, axis=0)
+    s = np.clip(((x - a) * e).sum(axis=1) / (e**2).sum(axis=1), 0.0, 1.0)
+    nearest = np.linalg.norm(x - a - s[:, None] * e, axis=1).argmin()
+    n = np.array([e[nearest, 1], -e[nearest, 0]])
+    return n / np.linalg.norm(n)

@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: MIT
+"""What only friction or adhesion holds stays where it is, and beyond that nothing is made up."""
+
+import numpy as np
+import pytest
+from held import (
+    arch,
+    block_and_wall,
+    hanging,
+    incline,
+    jaws,
+    ladder,
+    pressed,
+    t_junction,
+    tower,
+    wall,
+    wheel,
+)
+from held_problem import NU
+
+import fenics_mortar as fm
+
+E = 1e4
+# Newton iterations of a step of an assembly that contact alone holds.
+MOST = 10
+BASES = pytest.mark.parametrize("base", ["plane", "body"])
+
+
+def stays(held, most=None):
+    """Solve all steps: sound states in which bodies moved as far as they are elastic."""
+    reports = []
+    for step, report in enumerate(held.solve()):
+        assert held.verdict(step)[0].feasible, "limit analysis"
+        assert report.certificate.violations() == []
+        assert held.largest() <= held.small, report.notes
+        assert not held.wrong(held)
+        assert most is None or report.num_iterations <= most, report.notes
+        reports.append(report)
+    return reports
+
+
+def gives_way(held):
+    """The last step has no solution: limit analysis and the package say so, in words."""
+    last = len(held.path) - 1
+    verdict, _ = held.verdict(last)
+    assert not verdict.feasible or verdict.factor < 1.0
+    for loads in held.path[:last]:
+        held.set(**loads)
+        held.problem.solve()
+    held.set(**held.path[last])
+    with pytest.raises(fm.MortarError) as error:
+        held.problem.solve()
+    assert len(str(error.value)) > 20
+
+
+# One body
+
+
+@BASES
+@pytest.mark.parametrize("mu", [0.2, 0.5, 0.9])
+def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(mu, base):
+    """The contact force is the weight, upright; the shear strains the block a little downhill."""
+    for factor in (0.5, 0.95):
+        slope = np.arctan(factor * mu)
+        held = incline(slope, mu, base)
+        stays(held)
+        assert held.force(0) == pytest.approx([-np.sin(slope), np.cos(slope)], abs=1e-8)
+        sheared = np.sin(slope) * 0.5 / (E / (2 * (1 + NU)))  # by all of the weight at its top
+        slid = held.motion("block")[0]
+        assert 0.0 < slid < sheared if base == "plane" else 0.0 < slid < 20.0 * sheared
+    gives_way(incline(np.arctan(1.05 * mu), mu, base))
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, np.pi / 2])
+def test_incline_is_the_same_however_it_is_turned(turn):
+    held, upright = incline(0.4, 0.5, turn=turn), incline(0.4, 0.5)
+    for each in (held, upright):
+        stays(each)
+    assert np.abs(held.moved - upright.moved).max() < 1e-6 * upright.largest()
+
+
+@BASES
+@pytest.mark.parametrize("push", [0.001, 0.1, 0.45])
+def test_block_is_not_slid_to_a_wall_by_less_than_friction_bears(push, base):
+    held = block_and_wall(push, 0.5, base)
+    stays(held)
+    sheared = push * 0.5 / (E / (2 * (1 + NU)))
+    assert held.motion("block")[0] < (sheared if base == "plane" else 20.0 * sheared)
+    assert held.force(1) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert held.force(0) == pytest.approx([-push, 1.0], abs=1e-7)
+
+
+@BASES
+def test_block_in_one_step_under_weight_and_push_sticks(base):
+    stays(block_and_wall(0.1, 0.5, base, at_once=True))
+
+
+@BASES
+def test_block_pushed_by_more_than_friction_bears_ends_at_the_wall_if_anywhere(base):
+    """The wall bears what friction leaves: it acts against the slide, whatever moved the block."""
+    held = block_and_wall(0.6, 0.5, base)
+    held.set(**held.path[0])
+    held.problem.solve()
+    held.set(**held.path[1])
+    try:
+        report = held.problem.solve()
+    except fm.MortarError:
+        return
+    assert report.certificate.violations() == []
+    assert held.motion("block")[0] == pytest.approx(0.3, rel=0.01)
+    assert held.force(1)[0] == pytest.approx(-0.1, rel=0.02)
+
+
+@pytest.mark.parametrize("groove", ["planes", "body"])
+def test_wheel_in_a_groove_sticks_under_less_than_the_torque_that_friction_bears(groove):
+    for part in (0.01, 0.9):
+        held = wheel(part, groove=groove)
+        stays(held)
+        assert abs(held.motion("wheel")[2]) < 1e-3
+
+
+@pytest.mark.parametrize("groove", ["planes", "body"])
+def test_wheel_in_a_groove_never_ends_turned_under_more(groove):
+    gives_way(wheel(1.8, groove=groove))
+
+
+@BASES
+def test_ladder_stands_above_its_critical_angle(base):
+    """Of the thin ladder tan = 1 / (2 mu); limit analysis knows the thick one's."""
+    for factor in (1.03, 1.3):
+        held = ladder(np.arctan(factor / 0.8), 0.4, base=base)
+        stays(held)
+        thrust = -held.force(1)[0]
+        assert thrust == pytest.approx(0.5 * 0.8 / factor, rel=0.1)
+        assert held.force(0) == pytest.approx([thrust, 1.0], abs=1e-6)
+    gives_way(ladder(np.arctan(0.9 / 0.8), 0.4, base=base))
+
+
+@BASES
+def test_block_hangs_from_an_adhesive_ceiling_as_long_as_it_pulls_enough(base):
+    for weight in (0.1, 0.8):
+        held = hanging(weight, 1.0, base)
+        stays(held)
+        assert held.force(0) == pytest.approx([0.0, weight], abs=1e-7)
+    gives_way(hanging(1.2, 1.0, base))
+
+
+@BASES
+def test_block_pressed_to_a_ceiling_is_held_sideways_by_friction(base):
+    held = hanging(-0.5, 1.0, base, push=0.1)
+    stays(held)
+    assert held.force(0) == pytest.approx([-0.1, -0.5], abs=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["planes", "bodies"])
+def test_block_between_jaws_is_held_by_friction(kind):
+    """Two jaws bear 2 mu P."""
+    for weight in (0.0, 0.3, 0.9):
+        held = jaws(weight, 1.0, 0.5, kind)
+        stays(held)
+        forces = np.array([held.force(i) for i in range(2)])
+        assert np.abs(forces[:, 0]) == pytest.approx([1.0, 1.0], abs=1e-6)
+        assert forces[:, 1].sum() == pytest.approx(weight, abs=1e-6)
+    gives_way(jaws(1.1, 1.0, 0.5, kind))
+
+
+@pytest.mark.parametrize("kind", ["planes", "bodies"])
+def test_row_of_three_blocks_between_jaws(kind):
+    stays(jaws(0.1, 2.0, 0.8, kind, blocks=3), most=MOST)
+
+
+@BASES
+def test_block_that_a_prescribed_motion_presses_is_held_along_by_friction(base):
+    held = pressed(0.0, base=base)
+    stays(held_without_judge(held))
+    force = held.force(0)[1]
+    most = 0.5 * force / held.bodies[0].push
+    for part in (0.1, 0.9):
+        held = pressed(part * most, base=base)
+        stays(held_without_judge(held))
+        assert held.force(0) == pytest.approx([-0.5 * part * force, force], rel=0.02)
+    held = pressed(1.1 * most, base=base)
+    with pytest.raises(fm.MortarError):
+        list(held.solve())
+
+
+def held_without_judge(held):
+    """Motions that are prescribed press with forces that limit analysis does not know."""
+    held.verdict = lambda step: (type("Verdict", (), {"feasible": True}), 0.0)
+    return held
+
+
+# Several bodies
+
+
+@pytest.mark.parametrize("number", [5, 9])
+def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough(number):
+    """Milankovitch: t/R = 0.1075 for many; for few limit analysis knows."""
+    held = arch(0.15, number)
+    stays(held)
+    assert held.force(number - 1)[1] == pytest.approx(0.5, rel=1e-5)
+    gives_way(arch(0.07, number))
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("cells", [(2, 2, 3), (3, 4, 5), (2, 2, 4)])
+@pytest.mark.parametrize("side", [None, 0.0, 0.5])
+def test_joint_of_two_blocks_under_a_third_passes_the_patch_test(side, cells, slave):
+    """All stick, and the exact state has no slip: pressures are exact, the joint's too."""
+    held = t_junction(cells, side=side, slave=slave)
+    held.set()
+    report = held.problem.solve()
+    assert report.certificate.violations() == []
+    assert held.wrong(held) == "", held.note(held)
+
+
+@pytest.mark.parametrize("cells", [(4,), (4, 6, 2)])
+@pytest.mark.parametrize("mu", [0.2, 0.6, 1.0])
+@pytest.mark.parametrize("rows, cols", [(2, 1), (2, 2), (3, 2)])
+def test_brick_wall_bears_its_weight_and_a_quarter_of_what_friction_does(rows, cols, mu, cells):
+    held = wall(rows, cols, mu, cells=cells)
+    stays(held, most=MOST)
+    lowest = sum(held.force(i) for i in range(cols))
+    count = sum(body.weight for body in held.bodies)
+    assert lowest == pytest.approx([-0.25 * mu * count, count], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"friction": False, "push": 0.0},
+        {"base": "body"},
+        {"upright": False},
+        {"load": "top", "push": 0.5},
+        {"press": 2.0},
+    ],
+    ids=str,
+)
+def test_other_walls_of_five_bricks(options):
+    stays(wall(2, 2, 0.6, **options), most=MOST)
+
+
+def test_wall_pushed_by_more_than_friction_bears_gives_way():
+    gives_way(wall(2, 2, 0.4, push=1.2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rows, cols, mu", [(4, 3, 0.3), (6, 4, 0.7), (3, 9, 0.5)])
+def test_large_wall(rows, cols, mu):
+    stays(wall(rows, cols, mu, cells=(4, 2)), most=MOST)
+
+
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_random_tower_bears_half_of_the_lateral_force_that_limit_analysis_allows(seed):
+    stays(tower(seed), most=MOST)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_random_tower_gives_way_beyond_it(seed):
+    gives_way(tower(seed, part=1.2))
