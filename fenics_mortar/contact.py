@@ -23,7 +23,8 @@ modulus), l_j its length and c a plain number: nothing depends on units.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from mpi4py import MPI
@@ -34,7 +35,7 @@ import numpy.typing as npt
 from fenics_mortar.carriers import Carriers, normals_on_planes
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
-from fenics_mortar.laws import STICK, Frictionless, Nodal, Pieces, Row
+from fenics_mortar.laws import KINK, STICK, Frictionless, Nodal, Pieces, Row
 from fenics_mortar.mortar import (
     LINEARIZATIONS,
     Block,
@@ -66,9 +67,8 @@ TOUCHING = 1e-8
 # A node lies on the other surface, up to facets that stand for curves, within this part of its
 # length.
 NEAR = 0.5
-# A sticking node that other pairs hold, too, gives way to its shear: by this part of what the bulk
-# does.
-GIVE = 1e-3
+# Stiffness of the elastic stick of overheld nodes over that of the bulk.
+ELASTIC = 1e3
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
 
@@ -91,8 +91,8 @@ class Contact(Interface):
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
         active: Active set, shape (slave nodes,), bool.
         piece: Piece of the law that each node is on, 0 where it sticks, shape (slave nodes,).
-        overheld: Whether a node sticks, and pairs that share it have more equations for its motion
-            than it has components, shape (slave nodes,), bool; see ``mark_overheld``.
+        overheld: Whether the stick of a node follows from other constraints, so that it sticks
+            elastically, shape (slave nodes,), bool; see ``redundancy``.
         partners: What the slave nodes faced at the last accepted state.
         accepted: What they faced when the present state was accepted: the next step's partners.
         operators: D, M, gap and derivatives at the last evaluated state.
@@ -105,6 +105,7 @@ class Contact(Interface):
         arm: What its angle is multiplied by to be a turn [length].
         c_n: Weight of the gap at present; less than the pair's after a cycle of the active set.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
+        master_free: The same of the master nodes, (master nodes, 2).
         carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool: not if it is
             held, nor while it is hardly covered.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
@@ -124,6 +125,7 @@ class Contact(Interface):
         normals, _ = evaluate_normals(self.slave, self.slave.X, pair.normals)
         self._carriers = Carriers(self.slave, normals, self.free, at_vertices=self._at_vertices)
         self._master_planes = self._find_master_planes(prescribed)
+        self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
         self.carries = self._may_carry = self._carriers.possible
         self.oblique = self._carriers.oblique
         self.overheld = np.zeros(self.slave.num_nodes, bool)
@@ -331,7 +333,7 @@ class Contact(Interface):
     def accept(self) -> None:
         """Note what the slave nodes face at the last evaluated state (collective)."""
         touches = self.active | (self.pair.sliding == "small")
-        self.accepted = find_partners(
+        accepted = find_partners(
             self.operators,
             self.covered,
             touches,
@@ -339,6 +341,7 @@ class Contact(Interface):
             master_planes=self._master_planes,
             between=self.pair.law.rubs,
         )
+        self.accepted = replace(accepted, shear=np.where(self.active, self.z_tau, 0.0))
 
     def start_step(self) -> None:
         """Count slip from the accepted state."""
@@ -394,8 +397,7 @@ class Contact(Interface):
     def tangential_row(self) -> Row:
         """Tangential row of all nodes, open ones as if they were active, each (slave nodes,).
 
-        The derivative of overheld nodes is that of a spring that gives way to the change of their
-        shear; what the row makes zero stays the slip.
+        Overheld nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
         """
         node = self.nodal
         ours, without = (
@@ -403,8 +405,13 @@ class Contact(Interface):
         )
         rubs = self._rubs & ~self.attracted
         row = Row(*(np.where(rubs, a, b) for a, b in zip(ours, without, strict=True)))
-        give = np.where(self.overheld, GIVE * np.sign(row.by_slip), 0.0)
-        return row._replace(by_z_tau=row.by_z_tau - give)
+        if not self.overheld.any():
+            return row
+        k, zero = ELASTIC * node.stiffness, np.zeros_like(node.slip)
+        elastic = Row(
+            node.z_tau - self.partners.shear - k * node.slip, zero, -k, zero, zero + 1.0
+        )
+        return Row(*(np.where(self.overheld, a, b) for a, b in zip(elastic, row, strict=True)))
 
     def _law_rows(self) -> tuple[Row, Row]:
         """What the contact law says along tau, and along n of open nodes; each (slave nodes,)."""
@@ -466,6 +473,34 @@ class Contact(Interface):
         on = self.covered
         change[on] /= self.operators.weight[on]
         return np.where(on, change, 0.0)
+
+    def slip_rate(self, on_slave: Array, on_master: Array) -> Array:
+        """Slip of the nodes along their partners by displacements of both sides, (slave nodes,).
+
+        Args:
+            on_slave: Displacements of the slave nodes, shape (n, 2).
+            on_master: Displacements of the master nodes, shape (n, 2).
+        """
+        relative = self.partners.D @ on_slave - self.partners.M @ on_master
+        return np.asarray(np.einsum("ja,ja->j", self.operators.tau, relative))
+
+    def strength(self, pressure: float) -> tuple[Array, Array, Array]:
+        """Contact tractions that the law admits, about a pressure p, each (slave nodes,).
+
+        Returns:
+            Slope mu and shear s_0 of the line |z_tau| <= s_0 + mu z_n through the friction limits
+            at p and 2 p, which bounds a concave limit from above outside of these; mu is inf where
+            there is no limit. Third, the adhesion of a closed gap [stress].
+        """
+        law = self.pair.law
+        at, beyond = (law.bound(np.full(len(self.z), p)) for p in (pressure, 2.0 * pressure))
+        unlimited = np.isinf(at)
+        at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
+        slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
+        shear = np.maximum(at - slope * pressure, 0.0)
+        shear = np.where(self._rubs & (shear > KINK * at), shear, 0.0)
+        slope = np.where(self._rubs, np.where(unlimited, np.inf, slope), 0.0)
+        return slope, shear, law.adhesion(np.zeros(len(self.z)))[0]
 
     def _change(self, blocks: list[Block], on_slave: Array, on_master: Array) -> Array:
         """What blocks of slave nodes change in a direction, (slave nodes,) (collective)."""
@@ -633,25 +668,3 @@ def _normal_rows(block: Block, direction: Array) -> Block:
     shape = len(block.rows), 2 * block.rows.shape[1]
     rows = (2 * block.rows[:, :, None] + np.arange(2)).reshape(shape)
     return Block(rows, block.columns, values.reshape(*shape, block.columns.shape[1]))
-
-
-def mark_overheld(contacts: Sequence[Interface]) -> None:
-    """Note the sticking nodes whose motion pairs that share them determine more than once (local).
-
-    A node has two components; a gap is one equation for them, and stick is another one. The gaps of
-    two flanks hold a node between them altogether, so that nothing says which of the two takes what
-    part of the shear: without more the linear system would be singular. Nodes that give way keep
-    the shear that they had, or get what their slip asks for until they slide.
-    """
-    bound = [contact for contact in contacts if isinstance(contact, Contact)]
-    if not bound:
-        return
-    _, place = np.unique(np.concatenate([c.slave.nodes for c in bound]), return_inverse=True)
-    gaps = np.concatenate([c.active for c in bound])
-    sticks = np.concatenate([c.sticking for c in bound])
-    equations = np.bincount(place, gaps) + np.bincount(place, sticks)
-    shared = np.bincount(place, gaps) > 1
-    overheld = sticks & (shared & (equations > 2))[place]
-    ends = np.cumsum([c.slave.num_nodes for c in bound])
-    for contact, mine in zip(bound, np.split(overheld, ends), strict=False):
-        contact.overheld = mine

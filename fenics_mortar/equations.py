@@ -21,13 +21,14 @@ import numpy.typing as npt
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact, mark_overheld
+from fenics_mortar.contact import Contact
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, place
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import Linearization
 from fenics_mortar.newton import NewtonOptions, Status, Step, forcing
+from fenics_mortar.redundancy import Redundancy
 from fenics_mortar.slip import Partners
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import LinearSystem
@@ -98,6 +99,7 @@ class ContactEquations:
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         self.linearization, self.newton = linearization, newton
         self.tools = DrivenObstacles(contacts)
+        self._redundancy = Redundancy(contacts)
         self.bulk.assemble_tangent()
         self.floating = FloatingBodies(bulk, contacts)
         self._set_stiffness()
@@ -182,13 +184,14 @@ class ContactEquations:
             if handed:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
             changed += handed + contact.update_active(start=start and not self._last_converged)
+        self._redundancy.mark()
         return changed
 
     def _evaluate_forces(self) -> tuple[Array, Array]:
-        """Evaluate everything; return the sum of all forces and of their sizes, owned parts."""
+        """Evaluate everything; return the forces of the bulk and of contact, owned parts."""
         self._evaluate_contacts(start=True)
         bulk, contact, _ = self.forces()
-        return bulk + contact, np.abs(bulk) + np.abs(contact)
+        return bulk, contact
 
     def _residual_and_force(self) -> tuple[float, float]:
         """Norm of all equations and of the forces they are made of [stress length].
@@ -264,7 +267,6 @@ class ContactEquations:
         self.bulk.assemble_tangent()
         loose = self.floating.loose()
         self.floating.add_springs(loose, self._total, self._force)
-        mark_overheld(self.contacts)
         with clock("assembly"):
             self.system.assemble()
         goal = self.newton.residual_tolerance * self._force

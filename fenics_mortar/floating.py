@@ -34,6 +34,7 @@ from fenics_mortar.bodies import (
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError, place
+from fenics_mortar.holding import Touching, unresisted_motion
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.surfaces import Array, Indices, Surface
 from fenics_mortar.tied import Tie
@@ -83,6 +84,7 @@ class FloatingBodies:
         self.labels, count = label_bodies(bulk.V)
         links = [self._links(tie) for tie in contacts if isinstance(tie, Tie)]
         self.labels, self._num_bodies = join_bodies(self.labels, count, links)
+        self._surface_labels: dict[int, Array] = {}
         self.bodies: list[FloatingBody] = []
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bulk.u.x.array
@@ -100,11 +102,11 @@ class FloatingBodies:
         self.bodies = find_floating_bodies(self._bulk, self.labels, self._num_bodies)
 
     def settle(self, evaluate: Callable[[], tuple[Array, Array]]) -> list[str]:
-        """Move the bodies that loads drive rigidly, until contact stops them.
+        """Move the bodies that contact cannot hold rigidly, until it can; see ``holding``.
 
         Args:
-            evaluate: Evaluates the contacts at the present state; returns the sum of all forces
-                and the sum of their sizes (owned parts).
+            evaluate: Evaluates the contacts at the present state; returns the forces of the bulk
+                and those of contact (owned parts).
 
         Returns:
             Which bodies were moved, in words.
@@ -137,13 +139,20 @@ class FloatingBodies:
         """Whether active contact loads and holds all of them."""
         return all(map(self._is_loaded, self.bodies)) and not self.loose()
 
-    def loose(self) -> list[FloatingBody]:
-        """The bodies with the motions that active contact does not hold either."""
+    def loose(self, *, sticking: bool = True) -> list[FloatingBody]:
+        """The bodies with the motions that active contact does not hold either.
+
+        Args:
+            sticking: Whether sticking nodes hold a body, too.
+        """
         found = []
         for body in self.bodies:
-            active = [self._closing(c, body)[:, c.active] for c in self._contacts]
+            held = [self._closing(c, body)[:, c.active] for c in self._contacts]
+            if sticking:
+                rubbing = [c for c in self._contacts if c.sticking.any()]
+                held += [self._slipping(c, body)[:, c.sticking] for c in rubbing]
             none = np.zeros((len(body.motions), 0))
-            norms, combinations = resistance(np.hstack([none, *active]), MPI.COMM_SELF)
+            norms, combinations = resistance(np.hstack([none, *held]), MPI.COMM_SELF)
             free = combinations[norms <= HELD]
             if len(free):
                 found.append(replace(body, motions=free @ body.motions))
@@ -321,16 +330,21 @@ class FloatingBodies:
         mine = self.labels[: len(X)] == label
         return f"the body around {place(centre_and_size(X[mine], bulk.comm)[0])}"
 
-    def _next_moves(self, total: Array, sizes: Array) -> tuple[list[FloatingBody], list[Array]]:
+    def _next_moves(self, bulk: Array, contact: Array) -> tuple[list[FloatingBody], list[Array]]:
         """The bodies that move, and the coefficients of their motions.
 
         A body that carries contact force moves only as active contact lets it.
         """
+        total, sizes = bulk + contact, np.abs(bulk) + np.abs(contact)
         unloaded = [body for body in self.bodies if not self._is_loaded(body)]
         labels = {body.label for body in unloaded}
-        loose = [body for body in self.loose() if body.label not in labels]
+        loose = [b for b in self.loose(sticking=False) if b.label not in labels]
         driven = [(body, self._drive(body, total, sizes)) for body in (*unloaded, *loose)]
         driven = [(body, drive) for body, drive in driven if drive.any()]
+        if not driven:
+            return [], []
+        moving = self._not_held(bulk)
+        driven = [(body, drive) for body, drive in driven if body.label in moving]
         if not driven:
             return [], []
         wanted = np.concatenate([LARGEST_MOVE * body.size * drive for body, drive in driven])
@@ -350,6 +364,36 @@ class FloatingBodies:
             if np.linalg.norm(move) > TOUCH**2 * self._shortest_facet()
         ]
         return [body for body, _ in moving], [move for _, move in moving]
+
+    def _not_held(self, bulk: Array) -> set[int]:
+        """Labels of the bodies that no contact force within the laws' bounds can hold.
+
+        Args:
+            bulk: Forces of the bulk, minus the loads (owned part).
+        """
+        loads = np.concatenate([self._resultant(body, bulk) for body in self.bodies])
+        size = float(np.abs(loads).sum())
+        weight = sum(float(c.operators.weight[c.active].sum()) for c in self._contacts)
+        pressure = size / weight if weight > 0.0 else 0.0
+        parts = [self._touching(contact, pressure) for contact in self._contacts]
+        motion = unresisted_motion(loads, Touching(*map(np.concatenate, zip(*parts, strict=True))))
+        ends = np.cumsum([len(body.motions) for body in self.bodies])[:-1]
+        moves = zip(self.bodies, np.split(motion, ends), strict=True)
+        return {body.label for body, move in moves if np.abs(move).max() > HELD}
+
+    def _touching(self, contact: Contact, pressure: float) -> Touching:
+        """The active nodes of a pair as the floating bodies meet there; a typical pressure."""
+        on, weight = contact.active, contact.operators.weight
+        opening = [-self._closing(contact, body) for body in self.bodies]
+        slip = [self._slipping(contact, body) for body in self.bodies]
+        slope, shear, adhesion = contact.strength(pressure)
+        return Touching(
+            np.concatenate(opening).T[on],
+            np.concatenate(slip).T[on],
+            slope[on],
+            (weight * shear)[on],
+            (weight * adhesion)[on],
+        )
 
     def _creep(self, driven: list[FloatingBody], moves: list[Array]) -> bool:
         """Whether no body moves by more than it may overlap."""
@@ -402,13 +446,33 @@ class FloatingBodies:
 
     def _closing(self, contact: Contact, body: FloatingBody) -> Array:
         """Change of the mean gaps by the free motions, closing positive: (motions, slave nodes)."""
+        return -self._responses(contact, body, contact.gap_change)
+
+    def _slipping(self, contact: Contact, body: FloatingBody) -> Array:
+        """Slip of the nodes by the free motions, shape (motions, slave nodes)."""
+        return self._responses(contact, body, contact.slip_rate)
+
+    def _responses(
+        self, contact: Contact, body: FloatingBody, response: Callable[[Array, Array], Array]
+    ) -> Array:
+        """Response of a pair to each free motion of a body, shape (motions, slave nodes).
+
+        Args:
+            contact: The pair.
+            body: The body.
+            response: That to displacements of slave and master nodes.
+        """
+        found = np.zeros((len(body.motions), contact.slave.num_nodes))
         o = contact.operators
-        on_slave, on_master = (
-            body.displacement(x) * (self.labels_of(surface) == body.label)[:, None]
-            for surface, x in ((contact.slave, o.x), (contact.master, o.m))
-        )
-        changes = [contact.gap_change(*pair) for pair in zip(on_slave, on_master, strict=True)]
-        return -np.array(changes)
+        sides = (contact.slave, o.x), (contact.master, o.m)
+        mine = [self.labels_of(surface) == body.label for surface, _ in sides]
+        if any(side.any() for side in mine):
+            on_slave, on_master = (
+                body.displacement(x) * on[:, None] for on, (_, x) in zip(mine, sides, strict=True)
+            )
+            for i, motion in enumerate(zip(on_slave, on_master, strict=True)):
+                found[i] = response(*motion)
+        return found
 
     def _is_loaded(self, body: FloatingBody) -> bool:
         """Whether any contact force acts on a body."""
@@ -425,8 +489,10 @@ class FloatingBodies:
         return min(sizes or [body.size for body in self.bodies])
 
     def labels_of(self, surface: Surface) -> Array:
-        """Bodies of the nodes of a surface, shape (nodes,) (collective)."""
-        return surface.gather(self._bulk.spread(self.labels))[:, 0]
+        """Bodies of the nodes of a surface, shape (nodes,) (collective the first time)."""
+        if id(surface) not in self._surface_labels:
+            self._surface_labels[id(surface)] = surface.gather(self._bulk.spread(self.labels))[:, 0]
+        return self._surface_labels[id(surface)]
 
 
 def closest_below(wanted: Array, rows: Array, room: Array) -> Array:

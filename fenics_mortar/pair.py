@@ -35,7 +35,7 @@ class ContactPair:
         slave: Name or tag of the side that carries the multiplier (the finer or softer one).
         master: Name or tag of the other side, or an obstacle; several pairs may share one, and a
             slave may have several masters, one pair each: in a groove a node may touch two, and
-            stick to both, see ``contact.mark_overheld``. An obstacle has its own normals and no
+            stick to both, see ``redundancy``. An obstacle has its own normals and no
             ends, so that ``normals`` matters on symmetry planes only, ``gap_weights="cover"`` is
             "basis", and "segments" and "elements" are the same: Gauss points on whole slave facets.
         law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or one's own, see ``laws``.

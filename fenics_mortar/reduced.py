@@ -43,7 +43,7 @@ from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact, mark_overheld
+from fenics_mortar.contact import Contact
 from fenics_mortar.errors import MortarError, raise_together
 from fenics_mortar.interface import Rows
 from fenics_mortar.mortar import Block
@@ -340,7 +340,6 @@ class ReducedEquations:
         with clock("solve"):
             without_contact = self._step_without_contact(change)
         with clock("assembly"):
-            mark_overheld(self._problem.contacts)
             laws = [contact.rows() for contact in self._problem.contacts]
             parts = self._assemble(laws)
         with clock("solve"):

@@ -71,6 +71,7 @@ class Partners:
         feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
         present: s_j, what the present D and M count for, shape (slave nodes,) [1 / length].
         start: tau_j . b_j at that state, shape (slave nodes,) [length].
+        shear: z_tau at that state, zero where open, shape (slave nodes,) [stress].
         facing: Points between the nodes that faced each other, if they were asked for: of bodies
             that rub against each other. The surface of an obstacle has no mesh.
     """
@@ -80,6 +81,7 @@ class Partners:
     feet: Array
     present: Array
     start: Array
+    shear: Array
     facing: Facing | None = None
 
     def apart(self, o: MortarOperators) -> Array:
@@ -153,7 +155,7 @@ def find_partners(
         facing = face(o, s) if between else None
         D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
         present = per_weight if measure == "operators" else none
-    partners = Partners(D, M, feet, present, none, facing)
+    partners = Partners(D, M, feet, present, none, none, facing)
     tangent = np.where(touches[:, None], o.tau, _midway(o, M, master_planes))
     return replace(partners, start=np.einsum("ja,ja->j", tangent, partners.apart(o)))
 

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: MIT
+"""Whether contact can hold rigid bodies: limit analysis by linear programming.
+
+Loads with resultants w on the rigid motions v of all bodies are in equilibrium with contact forces
+that the law admits if and only if they do no work on any motion that these forces cannot resist
+(kinematic theorem, Charnes, Lemke & Zienkiewicz 1959). With the opening rate g_j and the slip rate
+u_j of each touching node, and admissible forces p_j >= -a_j, |s_j| <= s_j0 + mu_j (p_j + a_j),
+
+    maximize  (w - sum_j a_j g_j) . v - sum_j s_j0 |u_j|,    g_j >= mu_j |u_j|,    |v| <= 1.
+
+A positive maximum is refutation: the bodies move. Zero says only that contact may hold them, since
+Coulomb's law is not associated: a motion does not open as much as g_j >= mu_j |u_j| says. The
+solution of the contact problem then decides.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linprog
+from scipy.sparse import csr_array, hstack, vstack
+
+Array = npt.NDArray[np.float64]
+# Work of the loads on a motion of size one, over the size of the loads, below which contact holds
+# them [1]: above the feasibility tolerance of the linear program, 1e-7.
+HELD_WORK = 1e-6
+
+
+class Touching(NamedTuple):
+    """Touching nodes as rigid bodies meet there, n of them; m motions.
+
+    Attributes:
+        opening: Opening rate by each motion, shape (n, m).
+        slip: Slip rate by each motion, shape (n, m).
+        slope: Friction per pressure mu_j, inf where nothing slips, shape (n,).
+        shear: Friction s_j0 without pressure [force], shape (n,).
+        adhesion: Pull a_j that holds a node closed [force], shape (n,).
+    """
+
+    opening: Array
+    slip: Array
+    slope: Array
+    shear: Array
+    adhesion: Array
+
+
+def unresisted_motion(loads: Array, touching: Touching) -> Array:
+    """The rigid motion on which loads do most work that no contact force can resist.
+
+    Args:
+        loads: Resultants of the loads along the motions, shape (m,) [force].
+        touching: The touching nodes.
+
+    Returns:
+        Its coefficients, none larger than one; zero if contact may hold the bodies.
+    """
+    size = float(np.abs(loads).sum())
+    if size == 0.0:
+        return np.zeros(loads.size)
+    work = (loads - touching.adhesion @ touching.opening) / size
+    sticks = np.isinf(touching.slope)
+    cone = np.where(sticks, 0.0, touching.slope)[:, None] * touching.slip
+    bounded = touching.shear > 0.0
+    slip, count = touching.slip[bounded], int(bounded.sum())
+    resisted = [
+        (cone - touching.opening, 0.0),
+        (-cone - touching.opening, 0.0),
+        (touching.slip[sticks], 0.0),
+        (-touching.slip[sticks], 0.0),
+        (slip, 1.0),
+        (-slip, 1.0),
+    ]
+    rows = vstack(
+        [
+            hstack([csr_array(row), -by_rate * _unit(len(row), count)])
+            for row, by_rate in resisted
+        ]
+    )
+    costs = np.concatenate([-work, touching.shear[bounded] / size])
+    bounds = [(-1.0, 1.0)] * loads.size + [(0.0, None)] * count
+    found = linprog(costs, A_ub=rows, b_ub=np.zeros(rows.shape[0]), bounds=bounds, method="highs")
+    if not found.success:
+        raise ArithmeticError(f"linear program of rigid bodies: {found.message}")
+    return found.x[: loads.size] if -found.fun > HELD_WORK else np.zeros(loads.size)
+
+
+def _unit(rows: int, columns: int) -> csr_array:
+    """The unit matrix, or zeros where there are other than ``columns`` rows."""
+    shape = (rows, columns)
+    return csr_array(np.eye(*shape)) if rows == columns else csr_array(shape)
