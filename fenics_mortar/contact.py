@@ -490,6 +490,14 @@ class Contact(Interface):
         relative = self.partners.D @ on_slave - self.partners.M @ on_master
         return np.asarray(np.einsum("ja,ja->j", self.operators.tau, relative))
 
+    def opening_rate(self, on_slave: Array, on_master: Array) -> Array:
+        """Opening along n, against which the pressure does work; see ``slip_rate``.
+
+        The gap changes at another rate where n is not normal to both sides, as at corners.
+        """
+        relative = self.partners.D @ on_slave - self.partners.M @ on_master
+        return -np.asarray(np.einsum("ja,ja->j", self.operators.n, relative))
+
     def strength(self, pressure: float) -> tuple[Array, Array, Array]:
         """Contact tractions that the law admits, about a pressure p, each (slave nodes,).
 

@@ -201,6 +201,11 @@ class FloatingBodies:
             stiffness[body.label] = max(drive / length, LEAST_SPRING * body.stiffest)
         self._springs, self._anchor = self._spread(stiffness), self._bulk.u.x.array.copy()
 
+    def stiff_travel(self, total: Array) -> float:
+        """The ``travel`` at which springs of ``hold`` are as stiff as the bodies."""
+        least = [float(np.linalg.norm(self._resultant(b, total))) / b.stiffest for b in self.bodies]
+        return max(least, default=0.0) / self._shortest_facet()
+
     def let_go(self) -> None:
         """Take the springs of ``hold`` away."""
         self._springs = None
@@ -389,7 +394,7 @@ class FloatingBodies:
     def _touching(self, contact: Contact, pressure: float) -> Touching:
         """The active nodes of a pair as the floating bodies meet there; a typical pressure."""
         on, weight = contact.active, contact.operators.weight
-        opening = [-self._closing(contact, body) for body in self.bodies]
+        opening = [self._responses(contact, body, contact.opening_rate) for body in self.bodies]
         slip = [self._slipping(contact, body) for body in self.bodies]
         slope, shear, adhesion = contact.strength(pressure)
         return Touching(
