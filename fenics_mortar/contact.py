@@ -330,8 +330,13 @@ class Contact(Interface):
         super().take(z)
         self._borne = None
 
-    def accept(self) -> None:
-        """Note what the slave nodes face at the last evaluated state (collective)."""
+    def accept(self, slid: npt.NDArray[np.bool_] | None = None) -> None:
+        """Note what the slave nodes face at the last evaluated state (collective).
+
+        Args:
+            slid: Nodes whose slip so far goes on to count, shape (slave nodes,), bool.
+        """
+        slip = np.zeros(len(self.z)) if slid is None else np.where(slid, self.slip, 0.0)
         touches = self.active | (self.pair.sliding == "small")
         accepted = find_partners(
             self.operators,
@@ -341,7 +346,8 @@ class Contact(Interface):
             master_planes=self._master_planes,
             between=self.pair.law.rubs,
         )
-        self.accepted = replace(accepted, shear=np.where(self.active, self.z_tau, 0.0))
+        shear = np.where(self.active, self.z_tau, 0.0)
+        self.accepted = replace(accepted, start=accepted.start - slip, shear=shear)
 
     def start_step(self) -> None:
         """Count slip from the accepted state."""
@@ -483,6 +489,14 @@ class Contact(Interface):
         """
         relative = self.partners.D @ on_slave - self.partners.M @ on_master
         return np.asarray(np.einsum("ja,ja->j", self.operators.tau, relative))
+
+    def opening_rate(self, on_slave: Array, on_master: Array) -> Array:
+        """Opening along n, against which the pressure does work; see ``slip_rate``.
+
+        The gap changes at another rate where n is not normal to both sides, as at corners.
+        """
+        relative = self.partners.D @ on_slave - self.partners.M @ on_master
+        return -np.asarray(np.einsum("ja,ja->j", self.operators.n, relative))
 
     def strength(self, pressure: float) -> tuple[Array, Array, Array]:
         """Contact tractions that the law admits, about a pressure p, each (slave nodes,).

@@ -385,6 +385,11 @@ class ContactEquations:
             self.floating.hold(bulk + contact, travel)
             self.tools.hold(travel, self.stiffest)
 
+    def stiff_travel(self) -> float:
+        """The ``travel`` of ``hold`` at which springs are as stiff as the bodies (collective)."""
+        bulk, contact, _ = self.forces()
+        return self.floating.stiff_travel(bulk + contact)
+
     def travel(self) -> float:
         """How far what ``hold`` ties has moved since, in shortest facets."""
         return max(self.floating.travel(), self.tools.travel())

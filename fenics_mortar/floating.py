@@ -75,6 +75,7 @@ class FloatingBodies:
     Attributes:
         labels: Body of each local node, ghosts included. Tied ones are one body.
         bodies: The floating ones, once they have been looked for.
+        touched: The active sets of the contacts, ties left out, where ``settle`` began.
     """
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
@@ -88,6 +89,7 @@ class FloatingBodies:
         self.bodies: list[FloatingBody] = []
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bulk.u.x.array
+        self.touched: list[npt.NDArray[np.bool_]] = []
         self._springs: Array | None = None
         self._anchor: Array = bulk.u.x.array
 
@@ -118,8 +120,11 @@ class FloatingBodies:
             return []
         self._unloaded = [body for body in self.bodies if not self._is_loaded(body)]
         moved, creeping = set[int](), 0
-        for _ in range(MOST_MOVES):
-            driven, moves = self._next_moves(*evaluate())
+        for number in range(MOST_MOVES):
+            forces = evaluate()
+            if number == 0:
+                self.touched = [contact.active.copy() for contact in self._contacts]
+            driven, moves = self._next_moves(*forces)
             creeping = creeping + 1 if self._creep(driven, moves) else 0
             if not driven or creeping > CREEPING:
                 self._start = self._bulk.u.x.array.copy()
@@ -195,6 +200,11 @@ class FloatingBodies:
             drive = max(drive, FACETS_ERR * self._contact_force(body))
             stiffness[body.label] = max(drive / length, LEAST_SPRING * body.stiffest)
         self._springs, self._anchor = self._spread(stiffness), self._bulk.u.x.array.copy()
+
+    def stiff_travel(self, total: Array) -> float:
+        """The ``travel`` at which springs of ``hold`` are as stiff as the bodies."""
+        least = [float(np.linalg.norm(self._resultant(b, total))) / b.stiffest for b in self.bodies]
+        return max(least, default=0.0) / self._shortest_facet()
 
     def let_go(self) -> None:
         """Take the springs of ``hold`` away."""
@@ -384,7 +394,7 @@ class FloatingBodies:
     def _touching(self, contact: Contact, pressure: float) -> Touching:
         """The active nodes of a pair as the floating bodies meet there; a typical pressure."""
         on, weight = contact.active, contact.operators.weight
-        opening = [-self._closing(contact, body) for body in self.bodies]
+        opening = [self._responses(contact, body, contact.opening_rate) for body in self.bodies]
         slip = [self._slipping(contact, body) for body in self.bodies]
         slope, shear, adhesion = contact.strength(pressure)
         return Touching(
@@ -477,7 +487,7 @@ class FloatingBodies:
     def _is_loaded(self, body: FloatingBody) -> bool:
         """Whether any contact force acts on a body."""
         for contact in self._contacts:
-            loaded = contact.pressure > LOADED * contact.stiffness
+            loaded = np.abs(contact.pressure) > LOADED * contact.stiffness
             on_slave = self.labels_of(contact.slave) == body.label
             on_master = bool((self.labels_of(contact.master) == body.label).any())
             if (loaded & (on_slave | on_master)).any():

@@ -216,8 +216,8 @@ class ContactProblem(ContactEquations):
             moved = self.tools.settle(partial(self._evaluate_contacts, start=True))
             moved += self.floating.settle(self._evaluate_forces)
             self.hold(None)
-            if moved:  # bodies that nothing held were moved to each other: that is no slip
-                self.accept()
+            if moved:
+                self._accept_moved()
             report = self._solve()
             moved += self.floating.check()
         except MortarError:
@@ -278,6 +278,20 @@ class ContactProblem(ContactEquations):
         """Count slip from the last evaluated state (collective)."""
         for contact in self.contacts:
             contact.accept()
+            contact.start_step()
+
+    def _accept_moved(self) -> None:
+        """Count slip from where bodies were moved to, but for nodes that slid there (collective).
+
+        Motion towards another body is no slip; motion along one, from touch to touch, is.
+        """
+        touched = iter(self.floating.touched)
+        for contact in self.contacts:
+            before = next(touched, None) if isinstance(contact, Contact) else None
+            if before is None:
+                contact.accept()
+            else:
+                contact.accept(before & contact.active)
             contact.start_step()
 
     # Other models

@@ -23,9 +23,12 @@ from fenics_mortar.newton import Equations, NewtonOptions, NewtonReport, after, 
 
 # Travel in one solve that springs aim at, and that which ends them, in shortest facets.
 TRAVEL, ARRIVED = 0.25, 0.01
-# The part of it that is tried after a failure, and how it grows again.
-LESS, MORE = 0.125, 2.0
-MOST_SOLVES, MOST_FAILURES = 12, 3
+# After the first failure springs are as stiff as the bodies. The part of the travel that is tried
+# after another one, and how it grows again.
+LESS, MORE = 0.1, 3.0
+MOST_SOLVES, MOST_FAILURES = 20, 3
+# A solve with springs that has not ended by then was begun with too weak ones.
+MOST_ITERATIONS = 15
 # Springs that stay are tied anew so often: what contact can carry it does then.
 REPEATS = 3
 # Springs may hold this part of the forces on a body, about what averaged normals err.
@@ -49,6 +52,9 @@ class Held(Equations, Protocol):
         What drives a body now, or a small part of all forces on it, would strain its springs by
         ``travel`` shortest facets.
         """
+
+    def stiff_travel(self) -> float:
+        """The travel at which springs are as stiff as the bodies, in shortest facets."""
 
     def travel(self) -> float:
         """How far bodies have moved since ``hold``, in shortest facets."""
@@ -95,16 +101,21 @@ def _move_on_springs(
     equations: Held, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
     """Solve with springs until they are hardly strained any more, or long enough."""
-    rough = replace(options, residual_tolerance=max(ROUGH, options.residual_tolerance))
-    report, aim, failures = failed.report, TRAVEL, 0
+    rough = replace(
+        options,
+        residual_tolerance=max(ROUGH, options.residual_tolerance),
+        max_iterations=min(MOST_ITERATIONS, options.max_iterations),
+    )
+    report, aim, failures, stiff = failed.report, TRAVEL, 0, False
     for _ in range(MOST_SOLVES):
         start = equations.state()
         equations.hold(aim)
         try:
             report = after(report, partial(solve, equations, rough))
         except NotConvergedError as error:
-            report, aim, failures = error.report, LESS * aim, failures + 1
+            report, failures = error.report, failures + 1
             equations.restore(start)
+            stiff, aim = True, LESS * aim if stiff else equations.stiff_travel()
             if failures == MOST_FAILURES:
                 raise NotConvergedError(failed.report.reason, report) from error
             continue
