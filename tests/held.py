@@ -149,7 +149,7 @@ def wheel(
         touches,
         [{"weight": 1.0}, {"weight": 1.0, "torque": part}],
         note=lambda held: f"turned {held.motion('wheel')[2]:.2g}",
-        reserve=1.2 * np.tan(np.pi / n) / mu,  # of a polygon that rests on its facets
+        reserve=np.inf,  # a polygon rests on its facets, and a dead couple fades with the turn
         **options,
     )
 
@@ -172,17 +172,20 @@ def ladder(
     x = block(n, rows, width=length, height=thick) @ R.T
     head = R @ (length, 0.0)
     bodies, floor = floor_of(base, width=length, columns=4, left=-0.5 * length)
-    wall = Flat(tuple(head), (-1.0, 0.0), "wall")
+    wall, law, at = Flat(tuple(head), (-1.0, 0.0), "wall"), fm.Coulomb(mu), [(0.0, 0.0)]
+    foot = Touch("ladder/left", floor, law, at=at)
+    if isinstance(floor, str):  # a corner knows no normal: the flat side has to be the slave
+        foot = Touch(floor, "ladder/left", law, at=at, normal=(0.0, -1.0))
     return pose(
         f"ladder tan={np.tan(lean):.3f} mu={mu:g} {base}",
         [Body(Grid("ladder", x), weight=weight), *bodies],
         [
-            Touch("ladder/left", floor, fm.Coulomb(mu), at=[(0.0, 0.0)]),
+            foot,
             Touch("ladder/right", wall, at=[head]),
         ],
         [{"weight": 1.0}],
         E=E,
-        small=50.0 * weight * length**3 / (E * thick**3),
+        small=0.5 * weight * length**3 / (E * thick**3),
         **options,
     )
 

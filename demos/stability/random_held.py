@@ -390,8 +390,6 @@ def _loaded(rng: np.random.Generator, case: HeldCase) -> HeldCase:
             where = free & (np.arange(len(areas)) == rng.choice(np.flatnonzero(free)))
         angle = rng.choice([0.0, np.pi]) + rng.uniform(-0.4, 0.4)
         live[where, :2] = areas[where, None] * np.array([np.cos(angle), np.sin(angle)])
-        if rng.random() < 0.2:
-            live[where] = areas[where, None] * np.array([0.0, 0.0, rng.choice([-1.0, 1.0])])
     case = replace(case, loads=np.array([0.0 * dead, dead, dead + live]))
     verdict = judge(rigid(case))
     part = rng.uniform(0.05, 0.85) if rng.random() < 0.7 else rng.uniform(1.15, 1.6)

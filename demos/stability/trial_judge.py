@@ -181,6 +181,8 @@ def unbalance(scene: Scene) -> float:
 
     Components in which a slave node is held hold its reaction, and are left out.
     """
+    if isinstance(scene.case, HeldCase):
+        return unbalance_of_nodes(scene)
     problem, worst = scene.problem, 0.0
     r = compat.create_vector(problem.bulk.V)
     compat.assemble_vector(r, compat.form(scene.residual))
@@ -195,6 +197,24 @@ def unbalance(scene: Scene) -> float:
             difference = np.abs(own - contact.total_force)[free].max(initial=0.0)
             worst = max(worst, float(difference) / float(size))
     return worst
+
+
+def unbalance_of_nodes(scene: Scene) -> float:
+    """The same at each free node, which may be in several pairs (collective)."""
+    problem = scene.problem
+    bulk = problem.bulk
+    r = compat.create_vector(bulk.V)
+    compat.assemble_vector(r, compat.form(scene.residual))
+    total, sizes = r.array_r.copy(), 0.0
+    r.destroy()
+    for contact in problem.contacts:
+        on_slave, on_master = contact.operators.force(contact.z)
+        contact.slave.scatter_add(on_slave, total)
+        contact.master.scatter_add(on_master, total)
+        sizes += float(np.abs(on_slave).sum())
+    total[bulk.held] = 0.0
+    largest = bulk.comm.allreduce(float(np.abs(total).max(initial=0.0)), MPI.MAX)
+    return largest / sizes if sizes > 0.0 else 0.0
 
 
 def check_again(case: Case, record: Record) -> None:
