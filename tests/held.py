@@ -167,20 +167,29 @@ def ladder(
     E: float = 1e5,
     **options: Any,
 ) -> Held:
-    """A beam at an angle ``lean`` [radian] above a rough floor, against a frictionless wall."""
-    R = rotation(lean)
-    x = block(n, rows, width=length, height=thick) @ R.T
-    head = R @ (length, 0.0)
+    """A beam at an angle ``lean`` [radian] above a rough floor, against a frictionless wall.
+
+    It stands on a plane on its corner, on a body on a foot that is cut level.
+    """
+    e = np.array([np.cos(lean), np.sin(lean)])
+    across = thick * np.array([-e[1], e[0]])
+    head = length * e + (np.array([thick / e[1], 0.0]) if base == "body" else 0.0)
+
+    def shape(s: Array, t: Array) -> tuple[Array, Array]:
+        low, high = head - length * e, head + across
+        start = high - length * e if base == "plane" else np.zeros(2)
+        x = [(1 - t) * (a + s * (b - a)) + t * (c + s * (d - c))
+             for a, b, c, d in zip(low, head, start, high)]  # fmt: skip
+        return x[0], x[1]
+
     bodies, floor = floor_of(base, width=length, columns=4, left=-0.5 * length)
-    wall, law, at = Flat(tuple(head), (-1.0, 0.0), "wall"), fm.Coulomb(mu), [(0.0, 0.0)]
-    foot = Touch("ladder/left", floor, law, at=at)
-    if isinstance(floor, str):  # a corner knows no normal: the flat side has to be the slave
-        foot = Touch(floor, "ladder/left", law, at=at, normal=(0.0, -1.0))
+    wall = Flat(tuple(head), (-1.0, 0.0), "wall")
+    at = [(0.0, 0.0)] if base == "plane" else None
     return pose(
         f"ladder tan={np.tan(lean):.3f} mu={mu:g} {base}",
-        [Body(Grid("ladder", x), weight=weight), *bodies],
+        [Body(Grid("ladder", mapped(n, rows, shape)), weight=weight), *bodies],
         [
-            foot,
+            Touch("ladder/left", floor, fm.Coulomb(mu), at=at),
             Touch("ladder/right", wall, at=[head]),
         ],
         [{"weight": 1.0}],

@@ -55,15 +55,13 @@ class Flat:
 class Touch:
     """A pair: slave boundary, master boundary or plane, its law.
 
-    ``at``: where they touch for limit analysis, if that is not seen from the lines, and ``normal``:
-    along which the pressure acts on the slave there.
+    ``at``: where they touch for limit analysis, if that is not seen from the lines.
     """
 
     slave: str
     master: str | Flat
     law: fm.Law | None = None
     at: Sequence[Sequence[float]] | None = None
-    normal: Sequence[float] | None = None
     options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -178,5 +176,4 @@ def _points(touch: Touch, grids: dict[str, Grid], number: dict[str, int]) -> Ite
     if touch.at is not None:
         found = [(np.array(x, float), 0.0) for x in touch.at]
     for x, share in found:
-        normal = normal_at(x) if touch.normal is None else np.array(touch.normal, float)
-        yield Point(one, other, x, normal, mu, pull * share)
+        yield Point(one, other, x, normal_at(x), mu, pull * share)
