@@ -82,6 +82,11 @@ class Case:
     problem_options: dict[str, Any] = field(default_factory=dict)
 
     @property
+    def smallest(self) -> float:
+        """Step at which a path that fails is given up, as is the default of ``SteppingOptions``."""
+        return 1e-6
+
+    @property
     def cell(self) -> str:
         """Name of the cells."""
         return {3: "triangle", 4: "quadrilateral"}[self.bodies[0].cells.shape[1]]

@@ -63,6 +63,11 @@ class HeldCase(Case):
         return 2.0
 
     @property
+    def smallest(self) -> float:
+        """Limit analysis is not righter than that."""
+        return 0.02
+
+    @property
     def can_be_swapped(self) -> bool:
         """Planes are no slaves."""
         return not self.planes and super().can_be_swapped

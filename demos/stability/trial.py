@@ -186,7 +186,7 @@ def show(seed: int, folder: Path) -> None:
         print(f"{name}: {value}")
     begin = time.perf_counter()
     scene = build(case, MPI.COMM_SELF)
-    problem, options = scene.problem, fm.SteppingOptions(step=case.step)
+    problem, options = scene.problem, fm.SteppingOptions(step=case.step, smallest=case.smallest)
     try:
         path = fm.follow_path(problem, scene.set_loads, options, stop=case.stop, print_steps=True)
         print(path.table())

@@ -45,7 +45,7 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
     scene, begin = None, time.perf_counter()
     try:
         scene = build(case, comm)
-        options = fm.SteppingOptions(step=case.step)
+        options = fm.SteppingOptions(step=case.step, smallest=case.smallest)
         path = fm.follow_path(scene.problem, scene.set_loads, options, stop=case.stop)
         measured = measure(scene)
         violations = list(wrongs(scene, measured))
@@ -53,8 +53,9 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
         record |= {"reason": "; ".join(violations), **counts(path), **measured}
     except fm.NotConvergedError as error:
         record |= {"outcome": "failed", "reason": str(error), **counts(error.report)}
-    except fm.MortarError as error:
+    except fm.MortarError as error:  # no step is cut then: what counts is the load that it refused
         record |= {"outcome": "failed", "reason": str(error)}
+        record["refused"] = scene.time if scene else 0.0
     except Exception as error:
         record |= {"reason": repr(error), "traceback": traceback.format_exc()}
     if isinstance(case, HeldCase):
@@ -69,9 +70,9 @@ def confirm(case: HeldCase, record: Record) -> None:
     A failure is an honest dead end where limit analysis sees bodies give way about there. States
     beyond, and bodies that slid where they are held, are wrong.
     """
-    reached = record.get("time", 0.0)
+    reached = record.get("refused", record.get("time", 0.0))
     late = case.end * (1.0 + MARGIN)
-    if record["outcome"] in ("converged", "failed") and reached > late:
+    if "refused" not in record and reached > late:
         words = f"equilibrium at {reached:.3f}, where limit analysis has none beyond {case.end:.3f}"
         record |= {"outcome": "wrong", "reason": words}
     elif record["outcome"] == "converged" and record["moved"] > case.yielding:

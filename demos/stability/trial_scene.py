@@ -33,9 +33,11 @@ class Scene:
     prescribed: list[Any]
     traction: Any
     forces: Forces | None = None
+    time: float = 0.0
 
     def set_loads(self, time: float) -> None:
         """Set prescribed displacements, traction and forces on bodies for a time in [0, 2]."""
+        self.time = time
         for constant, held in zip(self.prescribed, self.case.held, strict=True):
             value = _at(held.motion, time)
             constant.value = value if held.component is None else value[held.component]
