@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Forty cases of the randomised trial, the same on any number of ranks, and its judge."""
+"""Cases of the randomised trial, the same on any number of ranks, and its judges."""
 
 import json
 import sys
@@ -16,14 +16,18 @@ from fenics_mortar.compat import input_nodes
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "demos" / "stability"))
 
+from limit_analysis import judge  # noqa: E402
 from random_cases import objections, random_case  # noqa: E402
+from random_held import held_case, rigid  # noqa: E402
 from trial import Worker, summary  # noqa: E402
-from trial_judge import check_again, measure, run, wrongs  # noqa: E402
+from trial_judge import check_again, confirm, measure, run, wrongs  # noqa: E402
 
 COMM = MPI.COMM_WORLD
 SEEDS = range(1, 41)
 # pushed, pressed, two tools, clamped and guided stack, small ones
 ON_RANKS = (2, 8, 10, 9, 129)
+# Of bodies that friction holds: row, block, wall, tower, T-junction, groove
+HELD_SEEDS = (1, 2, 3, 8, 18, 21, 37)
 # Solutions on several ranks differ by what Newton leaves.
 SAME = 1e-8
 
@@ -36,6 +40,47 @@ def test_random_cases_converge_and_none_is_wrong():
     assert not outcomes["crash"] and not outcomes["wrong"], table
     assert outcomes["converged"] >= 39, table
     assert {record["scene"] for record in records} >= {"pushed", "pressed", "two tools"}
+
+
+@pytest.mark.serial
+def test_bodies_that_friction_holds_stay_or_reach_a_dead_end_that_limit_analysis_confirms():
+    records = [run(held_case(seed))[0] for seed in HELD_SEEDS]
+    table = summary(records)
+    assert {record["outcome"] for record in records} <= {"converged", "dead end"}, table
+    held = {record["seed"]: record for record in records}
+    assert held[37]["outcome"] == "dead end" and held[37]["end"] < 2.0
+    scenes = {"row", "block", "wall", "tower", "T-junction", "groove"}
+    assert {record["scene"] for record in records} == scenes
+
+
+@pytest.mark.serial
+def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turned():
+    """The load of each case is a part of what it allows: its factor in real units is known."""
+    for seed in range(1, 31):
+        case = held_case(seed)
+        found = judge(rigid(case))
+        assert found.feasible == (case.end > 0.0)
+        if found.feasible and np.isfinite(case.end):
+            assert found.factor == pytest.approx(case.end - 1.0, rel=1e-5)
+
+
+@pytest.mark.serial
+def test_confirmed_are_dead_ends_where_bodies_give_way_alone():
+    """Not earlier, not beyond, and none that slid."""
+    case = next(c for c in map(held_case, range(1, 60)) if 1.2 < c.end < 2.0)
+    late, early = case.end + 0.2, 0.5 * case.end
+    for given, outcome in (
+        ({"outcome": "failed", "time": case.end}, "dead end"),
+        ({"outcome": "failed", "time": early}, "failed"),
+        ({"outcome": "failed", "time": early, "refused": 2.0}, "dead end"),
+        ({"outcome": "failed", "time": late}, "wrong"),
+        ({"outcome": "converged", "time": 2.0, "moved": 0.0}, "wrong"),
+        ({"outcome": "converged", "time": early, "moved": 2.0 * case.yielding}, "wrong"),
+        ({"outcome": "converged", "time": early, "moved": 0.0}, "converged"),
+    ):
+        record = {"reason": "", **given}
+        confirm(case, record)
+        assert record["outcome"] == outcome, record
 
 
 @pytest.mark.skipif(COMM.size == 1, reason="needs several ranks")

@@ -72,6 +72,8 @@ def confirm(case: HeldCase, record: Record) -> None:
     """
     reached = record.get("refused", record.get("time", 0.0))
     late = case.end * (1.0 + MARGIN)
+    if record["outcome"] not in ("converged", "failed"):
+        return
     if "refused" not in record and reached > late:
         words = f"equilibrium at {reached:.3f}, where limit analysis has none beyond {case.end:.3f}"
         record |= {"outcome": "wrong", "reason": words}
