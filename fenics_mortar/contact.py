@@ -67,7 +67,8 @@ TOUCHING = 1e-8
 # A node lies on the other surface, up to facets that stand for curves, within this part of its
 # length.
 NEAR = 0.5
-# Stiffness of the elastic stick of overheld nodes over that of the bulk.
+# Stiffness of the elastic stick of overheld nodes over that of the bulk. The slip that curvature
+# leaves is of second order in the strains e: it makes a shear of 1000 e of the pressure.
 ELASTIC = 1e3
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
