@@ -20,6 +20,7 @@ import numpy as np
 if __name__ == "__main__":
     ROOT = Path(__file__).resolve().parents[1]
     sys.path[:0] = [str(ROOT), str(ROOT / "meshes"), str(ROOT / "tests")]
+    sys.path.append(str(ROOT / "demos" / "stability"))
 
 from held_parts import Array, Body, Flat, Glue, Touch
 from held_problem import Held, floor_of, pose
@@ -148,7 +149,7 @@ def wheel(
         touches,
         [{"weight": 1.0}, {"weight": 1.0, "torque": part}],
         note=lambda held: f"turned {held.motion('wheel')[2]:.2g}",
-        reserve=1.2 * np.tan(np.pi / n) / mu,  # of a polygon that rests on its facets
+        reserve=np.inf,  # a polygon rests on its facets, and a dead couple fades with the turn
         **options,
     )
 
@@ -166,22 +167,34 @@ def ladder(
     E: float = 1e5,
     **options: Any,
 ) -> Held:
-    """A beam at an angle ``lean`` [radian] above a rough floor, against a frictionless wall."""
-    R = rotation(lean)
-    x = block(n, rows, width=length, height=thick) @ R.T
-    head = R @ (length, 0.0)
+    """A beam at an angle ``lean`` [radian] above a rough floor, against a frictionless wall.
+
+    It stands on a plane on its corner, on a body on a foot that is cut level.
+    """
+    e = np.array([np.cos(lean), np.sin(lean)])
+    across = thick * np.array([-e[1], e[0]])
+    head = length * e + (np.array([thick / e[1], 0.0]) if base == "body" else 0.0)
+
+    def shape(s: Array, t: Array) -> tuple[Array, Array]:
+        low, high = head - length * e, head + across
+        start = high - length * e if base == "plane" else np.zeros(2)
+        x = [(1 - t) * (a + s * (b - a)) + t * (c + s * (d - c))
+             for a, b, c, d in zip(low, head, start, high)]  # fmt: skip
+        return x[0], x[1]
+
     bodies, floor = floor_of(base, width=length, columns=4, left=-0.5 * length)
     wall = Flat(tuple(head), (-1.0, 0.0), "wall")
+    at = [(0.0, 0.0)] if base == "plane" else None
     return pose(
         f"ladder tan={np.tan(lean):.3f} mu={mu:g} {base}",
-        [Body(Grid("ladder", x), weight=weight), *bodies],
+        [Body(Grid("ladder", mapped(n, rows, shape)), weight=weight), *bodies],
         [
-            Touch("ladder/left", floor, fm.Coulomb(mu), at=[(0.0, 0.0)]),
+            Touch("ladder/left", floor, fm.Coulomb(mu), at=at),
             Touch("ladder/right", wall, at=[head]),
         ],
         [{"weight": 1.0}],
         E=E,
-        small=50.0 * weight * length**3 / (E * thick**3),
+        small=0.5 * weight * length**3 / (E * thick**3),
         **options,
     )
 

@@ -260,6 +260,7 @@ def tower(
         touches,
         [{"weight": 1.0}, {"weight": 1.0, "push": size}],
         E=E,
+        small=100.0 * sum(body.weight for body in bodies) / E,
         **options,
     )
 

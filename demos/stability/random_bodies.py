@@ -180,7 +180,7 @@ def draw_block(rng, name, cells, facet, place, top, bottom, E, shear=0.0) -> Bod
     return Body(
         name,
         positions,
-        _split(rng, nodes, cells),
+        split(rng, nodes, cells),
         {side: along.copy() for side, along in sides.items()},
         float(E),
         nu,
@@ -209,7 +209,7 @@ def _jittered(rng: np.random.Generator, places: Array) -> Array:
     return places
 
 
-def _split(rng: np.random.Generator, nodes: Array, cells: str) -> Array:
+def split(rng: np.random.Generator, nodes: Array, cells: str) -> Array:
     """Quadrilaterals in tensor order, or two triangles of each."""
     a, b, c, d = (
         n.ravel() for n in (nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, :-1], nodes[1:, 1:])

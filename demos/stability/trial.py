@@ -3,12 +3,14 @@
 
     python3 demos/stability/trial.py --cases 500 --seed 1    a line of JSON per case, and a summary
     python3 demos/stability/trial.py --case 17               one case, with its report and picture
+    python3 demos/stability/trial.py --held                  bodies that friction alone holds
 
 The outcome of a case is one of
 
 - converged: the path was followed to its end, and nothing that was measured there is wrong,
 - failed: the package said, by an error of its own, that it cannot,
 - wrong: it converged to a state that is none,
+- dead end: it failed where limit analysis of the rigid bodies says that they give way,
 - crash: any other error, or the process died,
 - hang: the time limit.
 
@@ -25,6 +27,7 @@ import sys
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +37,15 @@ import numpy as np
 
 root = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(root), str(Path(__file__).resolve().parent)]
-from random_cases import random_case
+from random_cases import Case, random_case
+from random_held import held_case
 from trial_judge import Record, check_again, measure, run, wrongs
 from trial_scene import build
 
 import fenics_mortar as fm
 
+# Seeds from here on are of bodies that friction holds.
+HELD = 1_000_000
 # Every so many cases is solved a second time.
 EVERY = 4
 # Seconds; a case takes one on an idle machine, with its checks at the most some twenty.
@@ -49,9 +55,14 @@ LIMIT = 300.0
 # Many cases
 
 
+def case_of(seed: int) -> Case:
+    """The case of a seed, held by friction from ``HELD`` on."""
+    return random_case(seed) if seed < HELD else replace(held_case(seed - HELD), seed=seed)
+
+
 def run_seed(seed: int) -> Record:
     """Run one case, and a part of them again."""
-    case = random_case(seed)
+    case = case_of(seed)
     record, _ = run(case)
     if record["outcome"] == "converged" and seed % EVERY == 0:
         check_again(case, record)
@@ -125,7 +136,9 @@ def run_many(seeds: range, path: Path, workers: int, limit: float) -> list[Recor
 def summary(records: list[Record]) -> str:
     """Counts, bad cases, and iterations, in Markdown."""
     outcomes = Counter(record["outcome"] for record in records)
-    kinds = ("converged", "failed", "wrong", "crash", "hang")
+    kinds = ["converged", "failed", "wrong", "crash", "hang"]
+    if any("held" in record for record in records):
+        kinds.insert(1, "dead end")
     lines = ["| cases | " + " | ".join(kinds) + " |", "|---:|" + "---:|" * len(kinds)]
     cells = [len(records), *(outcomes[kind] for kind in kinds)]
     lines += ["| " + " | ".join(map(str, cells)) + " |", ""]
@@ -154,7 +167,7 @@ def summary(records: list[Record]) -> str:
             )
         told = [record["seed"] for record in good if record.get("remarks")]
         lines.append(f"The certificate tells of a coarse mesh in the cases {told or 'none'}.")
-    bad = [record for record in records if record["outcome"] != "converged"]
+    bad = [record for record in records if record["outcome"] not in ("converged", "dead end")]
     if bad:
         lines += ["", "| seed | outcome | scene | reason |", "|---:|---|---|---|"]
     for record in bad:
@@ -168,7 +181,7 @@ def summary(records: list[Record]) -> str:
 
 def show(seed: int, folder: Path) -> None:
     """Run one case; print all there is to say, and draw where it stands."""
-    case = random_case(seed)
+    case = case_of(seed)
     for name, value in case.about.items():
         print(f"{name}: {value}")
     begin = time.perf_counter()
@@ -202,7 +215,11 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds for a case")
     parser.add_argument("--folder", type=Path, default=Path("results"), help="where to write")
+    held = "cases of bodies that contact with friction alone holds"
+    parser.add_argument("--held", action="store_true", help=held)
     chosen = parser.parse_args()
+    chosen.seed += HELD * chosen.held
+    chosen.case = chosen.case and chosen.case + HELD * chosen.held
     chosen.folder.mkdir(parents=True, exist_ok=True)
     if chosen.case is not None:
         show(chosen.case, chosen.folder)

@@ -15,6 +15,7 @@ from mpi4py import MPI
 import numpy as np
 from random_bodies import corner_areas, depths, distances, lengths
 from random_cases import Case
+from random_held import EARLIEST, MARGIN, HeldCase
 from trial_scene import Scene, build
 
 import fenics_mortar as fm
@@ -56,8 +57,28 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
         record |= {"outcome": "failed", "reason": str(error)}
     except Exception as error:
         record |= {"reason": repr(error), "traceback": traceback.format_exc()}
+    if isinstance(case, HeldCase):
+        confirm(case, record)
     record["seconds"] = time.perf_counter() - begin
     return record, scene
+
+
+def confirm(case: HeldCase, record: Record) -> None:
+    """Compare what became of a case with limit analysis of its rigid bodies.
+
+    A failure is an honest dead end where limit analysis sees bodies give way about there. States
+    beyond, and bodies that slid where they are held, are wrong.
+    """
+    reached = record.get("time", 0.0)
+    late = case.end * (1.0 + MARGIN)
+    if record["outcome"] in ("converged", "failed") and reached > late:
+        words = f"equilibrium at {reached:.3f}, where limit analysis has none beyond {case.end:.3f}"
+        record |= {"outcome": "wrong", "reason": words}
+    elif record["outcome"] == "converged" and record["moved"] > case.yielding:
+        words = f"bodies moved by {record['moved'] / case.yielding:.2g} times what is elastic"
+        record |= {"outcome": "wrong", "reason": words}
+    elif record["outcome"] == "failed" and reached >= EARLIEST * case.end:
+        record["outcome"] = "dead end"
 
 
 def counts(path: Any) -> Record:
@@ -88,6 +109,7 @@ def measure(scene: Scene) -> Record:
         "no_response": NOTHING * scale * size,
         "overlap": max(overlap(case, x, *pair) for pair in case.pairs),
         "separation": max(map(partial(separation, case, x), case.pairs, problem.contacts)),
+        "moved": float(np.linalg.norm(x - case.x, axis=1).max()),
         "unbalance": unbalance(scene),
         "remarks": problem.certificate().remarks(),
     }
@@ -128,6 +150,10 @@ def stretches(case: Case, x: np.ndarray) -> np.ndarray:
 
 def overlap(case: Case, x: np.ndarray, one: str, other: str) -> float:
     """Depth of the nodes of each of two boundaries in the other's body over the longest facet."""
+    planes = getattr(case, "planes", {})
+    if other in planes:
+        line, (point, normal) = x[case.nodes_of(one)], planes[other]
+        return max(-float(((line - point) @ normal).min()), 0.0) / float(lengths(line).max())
     deepest = 0.0
     for nodes, boundary in ((case.nodes_of(one), other), (case.nodes_of(other), one)):
         deepest = max(deepest, float(depths(x[nodes], x[case.outline_of(boundary)]).max()))
@@ -141,6 +167,10 @@ def separation(case: Case, x: np.ndarray, pair: tuple[str, str], contact: Any) -
     """
     if not contact.active.any() or overlap(case, x, *pair) > 0.0:
         return 0.0
+    planes = getattr(case, "planes", {})
+    if pair[1] in planes:
+        line, (point, normal) = x[case.nodes_of(pair[0])], planes[pair[1]]
+        return float(((line - point) @ normal).min()) / float(lengths(line).max())
     one, other = (x[case.nodes_of(boundary)] for boundary in pair)
     least = min(distances(one, other).min(), distances(other, one).min())
     return float(least) / max(float(facets.max()) for facets in (lengths(one), lengths(other)))
@@ -151,6 +181,8 @@ def unbalance(scene: Scene) -> float:
 
     Components in which a slave node is held hold its reaction, and are left out.
     """
+    if isinstance(scene.case, HeldCase):
+        return unbalance_of_nodes(scene)
     problem, worst = scene.problem, 0.0
     r = compat.create_vector(problem.bulk.V)
     compat.assemble_vector(r, compat.form(scene.residual))
@@ -167,8 +199,33 @@ def unbalance(scene: Scene) -> float:
     return worst
 
 
+def unbalance_of_nodes(scene: Scene) -> float:
+    """The same at each free node, which may be in several pairs (collective)."""
+    problem = scene.problem
+    bulk = problem.bulk
+    r = compat.create_vector(bulk.V)
+    compat.assemble_vector(r, compat.form(scene.residual))
+    total, sizes = r.array_r.copy(), 0.0
+    r.destroy()
+    for contact in problem.contacts:
+        on_slave, on_master = contact.operators.force(contact.z)
+        contact.slave.scatter_add(on_slave, total)
+        contact.master.scatter_add(on_master, total)
+        sizes += float(np.abs(on_slave).sum())
+    total[bulk.held] = 0.0
+    largest = bulk.comm.allreduce(float(np.abs(total).max(initial=0.0)), MPI.MAX)
+    return largest / sizes if sizes > 0.0 else 0.0
+
+
 def check_again(case: Case, record: Record) -> None:
-    """Solve with half the steps, and with exchanged roles; add to a record what differs."""
+    """Solve with half the steps, and with exchanged roles; add to a record what differs.
+
+    Where friction holds bodies many forces may balance the loads, and which do depends on the way:
+    there the outcome counts alone.
+    """
+    if isinstance(case, HeldCase):
+        check_held_again(case, record)
+        return
     again, _ = run(replace(case, step=case.step / 2))
     record["half the steps"] = again["outcome"]
     differences = []
@@ -182,6 +239,19 @@ def check_again(case: Case, record: Record) -> None:
         differences += exchange_roles(case, record)
     if differences:
         record |= {"outcome": "wrong", "reason": "; ".join(differences)}
+
+
+def check_held_again(case: HeldCase, record: Record) -> None:
+    """Whether half the steps, and exchanged roles, lead to a sound state, too."""
+    ways = {"half the steps": replace(case, step=case.step / 2)}
+    if case.can_be_swapped:
+        ways["exchanged roles"] = case.swapped()
+    for name, other in ways.items():
+        again, _ = run(other)
+        record[name] = again["outcome"]
+        if again["outcome"] in ("wrong", "crash"):
+            words = f"{name}: {again['outcome']}, {again['reason']}"
+            record |= {"outcome": "wrong", "reason": words}
 
 
 def exchange_roles(case: Case, record: Record) -> Iterator[str]:

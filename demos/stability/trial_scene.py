@@ -12,6 +12,7 @@ from petsc4py import PETSc
 import numpy as np
 from random_bodies import Array
 from random_cases import Case
+from random_held import HeldCase
 
 import ufl
 from dolfinx import fem
@@ -31,17 +32,45 @@ class Scene:
     residual: Any
     prescribed: list[Any]
     traction: Any
+    forces: Forces | None = None
 
     def set_loads(self, time: float) -> None:
-        """Set prescribed displacements and traction for a time in [0, 2]."""
+        """Set prescribed displacements, traction and forces on bodies for a time in [0, 2]."""
         for constant, held in zip(self.prescribed, self.case.held, strict=True):
             value = _at(held.motion, time)
             constant.value = value if held.component is None else value[held.component]
         self.traction.value = _at(self.case.traction, time)
+        if self.forces is not None:
+            self.forces.set(time)
+
+
+class Forces:
+    """Forces and moments that act on the bodies of a case, spread over them.
+
+    Attributes:
+        density: Body force [stress / length].
+    """
+
+    def __init__(self, case: HeldCase, data: fm.MeshData) -> None:
+        """All are zero."""
+        X = ufl.SpatialCoordinate(data.mesh)
+        self._case, self._body = case, _body_of_cells(case, data)
+        self._parts = [_by_body(case, data, np.zeros(len(case.bodies))) for _ in range(3)]
+        places = np.array([centre for _, centre, _ in case.areas])
+        x, y = (_by_body(case, data, column) for column in places.T)
+        along, across, spin = self._parts
+        self.density = ufl.as_vector((along - spin * (X[1] - y), across + spin * (X[0] - x)))
+
+    def set(self, time: float) -> None:
+        """Set them for a time in [0, 2]."""
+        loads = self._case.loads
+        now = [_at(loads[:, i], time) for i in range(loads.shape[1])]
+        for part, values in zip(self._parts, self._case.densities(np.array(now)).T, strict=True):
+            part.x.array[compat.dofmap(part.function_space)[:, 0]] = values[self._body]
 
 
 def _at(values: Array, time: float) -> Array:
-    """Values (3, 2) at times 0, 1, 2, linear in between."""
+    """Values (3, k) at times 0, 1, 2, linear in between."""
     return np.array([np.interp(time, [0.0, 1.0, 2.0], column) for column in values.T])
 
 
@@ -59,17 +88,36 @@ def build(case: Case, comm: MPI.Comm) -> Scene:
     on = data.boundaries.get(case.pressed, 0)
     ds = ufl.Measure("ds", mesh, subdomain_data=data.facet_tags)
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 3})
-    residual = ufl.inner(P, ufl.grad(v)) * dx - ufl.inner(traction, v) * ds(on)
+    residual = ufl.inner(P, ufl.grad(v)) * dx
+    forces = None
+    if isinstance(case, HeldCase):
+        forces = Forces(case, data)
+        residual -= ufl.inner(forces.density, v) * dx
+    else:
+        residual -= ufl.inner(traction, v) * ds(on)
     prescribed, bcs = [], []
     for held in case.held:
         value = fem.Constant(mesh, np.zeros(2) if held.component is None else PETSc.ScalarType(0.0))
         prescribed.append(value)
         bcs.append(fm.dirichlet(V, data, held.boundary, value, held.component))
-    pairs = [fm.ContactPair(data, *names, **case.pair_options) for names in case.pairs]
+    pairs = _pairs(case, data)
     problem = fm.ContactProblem(
         residual, u, pairs, bcs=bcs, petsc_options_prefix="trial_", **case.problem_options
     )
-    return Scene(case, data, problem, residual, prescribed, traction)
+    return Scene(case, data, problem, residual, prescribed, traction, forces)
+
+
+def _pairs(case: Case, data: fm.MeshData) -> list[fm.ContactPair]:
+    """The pairs; those of held bodies have laws, and rigid planes among their masters."""
+    if not isinstance(case, HeldCase):
+        return [fm.ContactPair(data, *names, **case.pair_options) for names in case.pairs]
+    planes = {name: fm.Plane(*where, name=name) for name, where in case.planes.items()}
+    return [
+        fm.ContactPair(
+            data, slave, planes.get(master, master), law=fm.Coulomb(mu), **case.pair_options
+        )
+        for (slave, master), mu in zip(case.pairs, case.friction, strict=True)
+    ]
 
 
 def _lame(case: Case) -> list[tuple[float, float]]:
@@ -82,11 +130,16 @@ def _lame(case: Case) -> list[tuple[float, float]]:
 def _by_body(case: Case, data: fm.MeshData, values: tuple[float, ...]) -> fem.Function:
     """A function that is constant in each body."""
     function = fem.Function(compat.scalar_space(data.mesh, 0, "DG"))
+    dofs = compat.dofmap(function.function_space)[:, 0]
+    function.x.array[dofs] = np.array(values)[_body_of_cells(case, data)]
+    return function
+
+
+def _body_of_cells(case: Case, data: fm.MeshData) -> Array:
+    """Number of the body of each local cell."""
     cells = compat.geometry_dofmap(data.mesh)[:, 0]
     nodes = np.asarray(data.mesh.geometry.input_global_indices)[cells]
-    body = np.searchsorted(case.first_nodes, nodes, side="right") - 1
-    function.x.array[compat.dofmap(function.function_space)[:, 0]] = np.array(values)[body]
-    return function
+    return np.searchsorted(case.first_nodes, nodes, side="right") - 1
 
 
 def _mesh_data(case: Case, comm: MPI.Comm) -> fm.MeshData:

@@ -295,8 +295,9 @@ def touching_plane(line: Array, point: Array, normal: Array) -> list[tuple[Array
 def merged(found: Sequence[tuple[Array, float]]) -> list[tuple[Array, float]]:
     """The same with places that occur twice joined."""
     whole: dict[tuple[float, ...], tuple[Array, float]] = {}
+    size = max((float(np.abs(x).max()) for x, _ in found), default=1.0) or 1.0
     for x, share in found:
-        key = tuple(np.round(x, 9) + 0.0)
+        key = tuple(np.round(x / size, 9) + 0.0)
         whole[key] = (x, share + whole.get(key, (x, 0.0))[1])
     return list(whole.values())
 
