@@ -130,9 +130,14 @@ class Bulk:
             return
         self._data, self._K_is_whole = data, True
         if self._num_growths > MOST_GROWTHS:
+            self.free_garbage()
             self.K.destroy()
             self._create_tangent()
         compat.assemble_matrix(self.K, self._tangent)
+
+    def free_garbage(self) -> None:
+        """Free PETSc objects that are gone, also those made from ``r`` and ``K`` (collective)."""
+        compat.free_petsc_garbage(self.comm, self.r, self.K)
 
     def _create_tangent(self) -> None:
         """Create ``K`` with the pattern of the form."""

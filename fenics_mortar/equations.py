@@ -18,7 +18,6 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, mark_overheld
@@ -280,7 +279,7 @@ class ContactEquations:
         self.tools.move(part * motion)
         increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
         step.destroy()
-        compat.free_petsc_garbage(self.comm)
+        self.bulk.free_garbage()
         return self.step(increment, part, "; ".join(filter(None, remarks)))
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:

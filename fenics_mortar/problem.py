@@ -130,6 +130,7 @@ class ContactProblem(ContactEquations):
         }  # fmt: skip
         contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
+        compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
         check_slave_nodes(contacts)
         check_cells(bulk)
         bulk.check_input()
@@ -227,7 +228,7 @@ class ContactProblem(ContactEquations):
         self._last_converged = True
         for contact in self.contacts:
             contact.accept()
-        compat.free_petsc_garbage(self.comm)
+        self.bulk.free_garbage()
         report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
         violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
         remarks = violations or report.certificate.remarks()
@@ -331,6 +332,7 @@ class ContactProblem(ContactEquations):
         if self._estimator is None:
             self._estimator = Estimator(self.bulk)
         self._evaluate_operators()
+        self.bulk.free_garbage()
         return self._estimator.evaluate(self.contacts)
 
     # For research
@@ -353,6 +355,7 @@ class ContactProblem(ContactEquations):
     @property
     def tangent(self) -> PETSc.Mat:
         """Matrix of the linear system at the present state."""
+        self.bulk.free_garbage()
         self.bulk.assemble_tangent()
         self.bulk.assemble_residual()
         self.system.assemble()

@@ -265,12 +265,15 @@ class LinearSystem(ABC):
             self._run(rhs, solution)
         except MortarError as error:
             return solution, f": {error}"
-        defect, relative = self._defect(matrix, rhs, solution)
+        defect = rhs.duplicate()
+        relative = _defect(matrix, rhs, solution, defect)
         if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
             correction = rhs.duplicate()
             self.ksp.solve(defect, correction)
             solution.axpy(1.0, correction)
-            defect, relative = self._defect(matrix, rhs, solution)
+            correction.destroy()
+            relative = _defect(matrix, rhs, solution, defect)
+        defect.destroy()
         reason = self.ksp.getConvergedReason()
         if reason >= 0 and relative <= LINEAR_TOLERANCE:
             return solution, ""
@@ -293,14 +296,12 @@ class LinearSystem(ABC):
             error = MortarError(f"PETSc's error {of_petsc.ierr}, {what}")
         raise_together(self.comm, error)
 
-    def _defect(
-        self, matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec
-    ) -> tuple[PETSc.Vec, float]:
-        """What is left of the right-hand side, and its part of the whole."""
-        defect = rhs.duplicate()
-        matrix.mult(solution, defect)
-        defect.aypx(-1.0, rhs)
-        return defect, defect.norm() / max(rhs.norm(), np.finfo(float).tiny)
+
+def _defect(matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec, defect: PETSc.Vec) -> float:
+    """Set ``defect`` to what is left of the right-hand side; return its part of the whole."""
+    matrix.mult(solution, defect)
+    defect.aypx(-1.0, rhs)
+    return float(defect.norm() / max(rhs.norm(), np.finfo(float).tiny))
 
 
 class CondensedSystem(LinearSystem):
@@ -408,6 +409,8 @@ class CondensedSystem(LinearSystem):
         R.mult(slave_r, gathered)
         self._rhs.array[:] = -self.bulk.r.array_r[: self.bulk.num_owned]
         self._rhs.array[self._rows.local] -= gathered.array_r
+        slave_r.destroy()
+        gathered.destroy()
         for contact, law in zip(self.contacts, laws, strict=True):
             contact.slave.scatter_add(law.rhs, self._rhs.array)
 
@@ -433,6 +436,7 @@ class CondensedSystem(LinearSystem):
             change = force.array_r.reshape(-1, 2)[self.local(contact, place)]
             dofs = contact.slave.local_dofs
             total[dofs] = r[dofs] + change  # a node may be a slave of several pairs
+        force.destroy()
         return dd, [-self._inverse(c) * c.slave.gather(total) for c in self.contacts]
 
 
@@ -597,6 +601,7 @@ class SaddleSystem(LinearSystem):
             zeta[mine] = solution.array_r[size:].reshape(-1, 2)[self.local(contact, place)]
             self.comm.Allreduce(MPI.IN_PLACE, zeta)
             multipliers.append(zeta * self.scale(contact)[:, None])
+        solution.destroy()
         return dd, multipliers
 
 
