@@ -185,6 +185,23 @@ def input_nodes(V: fem.FunctionSpace) -> npt.NDArray[np.int64]:
     return names if any(number for _, number, _ in found) else names[:, :width]
 
 
+def mesh_by_input_node(mesh: dmesh.Mesh) -> tuple[npt.NDArray[np.int64], Array]:
+    """Return cells and coordinates of a mesh, the same on any number of ranks (collective).
+
+    Returns:
+        Numbers in the input of the nodes of all cells, ascending in a cell and by cells, shape
+        (cells, nodes per cell), and coordinates of all nodes by their numbers, shape (nodes, 2).
+    """
+    geometry, num_cells = mesh.geometry, mesh.topology.index_map(mesh.topology.dim).size_local
+    numbers = np.asarray(geometry.input_global_indices, np.int64)
+    owned = geometry.index_map().size_local
+    cells = np.sort(numbers[geometry_dofmap(mesh)[:num_cells]], axis=1)
+    cells = np.concatenate(mesh.comm.allgather(cells))
+    names = np.concatenate(mesh.comm.allgather(numbers[:owned]))
+    x = np.concatenate(mesh.comm.allgather(geometry.x[:owned, :2]))
+    return cells[np.lexsort(cells.T[::-1])], x[np.argsort(names)]
+
+
 def nodal_gradients(V: fem.FunctionSpace) -> Array:
     """Return the gradients of the Lagrange functions of a cell of ``V`` at its own nodes.
 

@@ -318,6 +318,11 @@ class ContactProblem(ContactEquations):
 
     # What was found
 
+    @property
+    def adequacy(self) -> Any:
+        """The ``AdequacyCheck`` that asks after each solve, or ``None``."""
+        return self._adequacy
+
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())

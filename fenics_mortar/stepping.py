@@ -4,17 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.equations import State
-from fenics_mortar.errors import MortarError, NotConvergedError, call_together
-from fenics_mortar.files import make_folder, try_together, without_suffix
+from fenics_mortar.errors import NotConvergedError, call_together
 from fenics_mortar.newton import NewtonReport
 from fenics_mortar.options import check_flag, check_number
 from fenics_mortar.predictor import Predictor
@@ -31,8 +29,6 @@ HINT = (
     "or a tip slips off an edge: prescribe another displacement, or start beyond"
 )
 Forces = tuple[Array, Array, Array, Array, Array]
-# What of a contact is written to a file.
-KEPT = ("z", "active", "carries", "piece")
 
 
 @dataclass(frozen=True)
@@ -280,59 +276,3 @@ def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
     """Print a line on rank 0."""
     if wanted and problem.comm.rank == 0:
         print(line, flush=True)
-
-
-def save_state(problem: ContactProblem, path: str | Path) -> None:
-    """Write displacement, multipliers, active sets and obstacles' places as .npz (collective).
-
-    It can be read on any number of ranks: nodes are known by their number in the mesh's input.
-
-    Raises:
-        MortarError: On all ranks, if the file cannot be written.
-    """
-    file = _state_file(problem, path)
-    make_folder(problem.comm, file.parent)
-    nodes, values = problem.bulk.by_input_node()
-    data = {"nodes": nodes, "u": values, "places": problem.tools.places}
-    for i, contact in enumerate(problem.contacts):
-        data |= {f"{name}{i}": getattr(contact, name) for name in KEPT}
-    write, first = partial(np.savez, file, **data), problem.comm.rank == 0
-    try_together(problem.comm, first, write, f"cannot write '{file}'")
-
-
-def load_state(problem: ContactProblem, path: str | Path) -> None:
-    """Read what ``save_state`` wrote into a problem on the same mesh (collective).
-
-    Raises:
-        MortarError: On all ranks, if there is no such file, or it is that of another problem.
-    """
-    file = _state_file(problem, path)
-    first, message = problem.comm.rank == 0, f"cannot read '{file}'"
-    data = try_together(problem.comm, first, partial(_read_arrays, file), message)
-    data = problem.comm.bcast(data)
-    expected = {f"{k}{i}": getattr(c, k) for i, c in enumerate(problem.contacts) for k in KEPT}
-    expected["places"] = problem.tools.places
-    for name, mine in expected.items():
-        if name not in data or data[name].shape != mine.shape:
-            raise MortarError(
-                f"'{file}' is the state of a problem with other pairs, or on another mesh or "
-                f"degree: see '{name}'"
-            )
-    problem.bulk.set_by_input_node(data["nodes"], data["u"])
-    kept: dict[str, Any] = {
-        name: [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
-    }
-    problem.restore(replace(problem.state(), **kept, places=data["places"], converged=True))
-    problem.accept()
-
-
-def _state_file(problem: ContactProblem, path: str | Path) -> Path:
-    """Numpy writes to names that end in .npz only (collective)."""
-    stem = without_suffix(problem.comm, path, ".npz")
-    return stem.with_name(f"{stem.name}.npz")
-
-
-def _read_arrays(file: Path) -> dict[str, Array]:
-    """All arrays of an .npz file, without pickled objects."""
-    with np.load(file) as arrays:
-        return dict(arrays)
