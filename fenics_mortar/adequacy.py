@@ -202,6 +202,17 @@ class AdequacyCheck:
         """
         return self._climb.solve() if self._climb else None
 
+    def remember(self) -> Callable[[], None]:
+        """Return a function that makes all forgotten that is learned from now on (local)."""
+        slips, climbed = self._slips.copy(), vars(self._climb).copy() if self._climb else {}
+
+        def forget() -> None:
+            self._slips = slips
+            if self._climb:
+                vars(self._climb).update(climbed)
+
+        return forget
+
     def kept(self, problem: ContactProblem) -> dict[str, Array]:
         """What later solves depend on, as arrays for a file: the climb, and all slip so far."""
         none = np.empty(0)

@@ -98,6 +98,7 @@ class Climb:
         self._problem, self._tolerance, self._quantity = problem, tolerance, quantity
         self._discretisation = discretisation
         self._models = cheaper_models(problem)
+        self._made: list[Model] = []
         self._level, self._leaves_out_rest = -1, False
         self._model: Model | None
         self._checked: tuple[Array, Errors]
@@ -184,8 +185,11 @@ class Climb:
             self._problem.restore(model.state())
 
     def _next_model(self) -> None:
-        self._model = None if self._leaves_out_rest else next(self._models, None)
         self._level += 1
+        if self._level == len(self._made):
+            self._made += [model for model in (next(self._models, None),) if model is not None]
+        nothing = self._leaves_out_rest or self._level >= len(self._made)
+        self._model = None if nothing else self._made[self._level]
         self._checked = np.full(1, np.nan), {}
 
     def _judge(self, model: Model, start: State) -> tuple[State, Summit | None]:

@@ -353,6 +353,11 @@ class ContactEquations:
 
     def restore(self, state: State) -> None:
         """Go back to a state, exactly."""
+        self.put(state)
+        self._evaluate_operators()
+
+    def put(self, state: State) -> None:
+        """Go back to a state, whose operators are not evaluated (local)."""
         self.bulk.u.x.array[:] = state.u
         self.tools.places = state.places
         for i, contact in enumerate(self.contacts):
@@ -360,7 +365,6 @@ class ContactEquations:
             contact.active, contact.piece = state.active[i].copy(), state.piece[i].copy()
             contact.carries = state.carries[i].copy()
             contact.partners, contact.accepted = state.partners[i]
-            contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged
 
     def interface_motion(self, before: State) -> float:

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
@@ -12,12 +13,13 @@ import numpy as np
 
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.equations import State
-from fenics_mortar.errors import NotConvergedError, call_together
+from fenics_mortar.errors import MortarError, NotConvergedError, call_together
 from fenics_mortar.newton import NewtonReport
 from fenics_mortar.options import check_flag, check_number
 from fenics_mortar.predictor import Predictor
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
+from fenics_mortar.undo import Before
 
 # What is left of the path below this part of a step is taken with the step.
 REMAINDER = 1e-6
@@ -194,11 +196,13 @@ def follow_path(
             ``report`` is the ``PathReport``.
         Exception: What ``set_loads`` or ``on_step`` raised; a ``MortarError`` on ranks where they
             did not.
+        BaseException: What interrupted it, as a KeyboardInterrupt. The state is that of the last
+            accepted step then; a note at the error says at which time that was.
     """
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
     predictor = Predictor(problem, start, guesses=options.predict)
-    forces = _forces(problem)
+    forces, kept = _forces(problem), Before(problem)
 
     def load(time: float) -> None:
         call_together(problem.comm, "set_loads", partial(set_loads, time))
@@ -207,25 +211,26 @@ def follow_path(
         step = min(step, stop - time)
         if stop - time - step < REMAINDER * step:
             step = stop - time
-        load(time + step)
         accepted = predictor.last
-        try:
-            report = predictor.solve(time + step, partial(_solve_soundly, problem))
-        except NotConvergedError as failure:
-            path.failures.append(failure.report)
-            problem.restore(accepted)
-            _say(problem, print_steps, f"time {time + step:.6g}: cut, {failure}")
-            if step <= options.smallest:
-                load(min(time + ONWARD * options.step, stop))
-                path.dead_end = why_path_ends(problem)
-                load(time)
-                words = _last_words(time, step, path.dead_end, failure)
-                raise NotConvergedError(words, path) from failure
-            step = max(options.cut * step, options.smallest)
-            continue
-        before_forces, forces = forces, _forces(problem)
-        work = _work(problem, accepted, predictor.last, before_forces, forces)
-        time = stop if step == stop - time else time + step
+        with _kept(kept, time):
+            load(time + step)
+            try:
+                report = predictor.solve(time + step, partial(_solve_soundly, problem))
+            except NotConvergedError as failure:
+                path.failures.append(failure.report)
+                problem.restore(accepted)
+                _say(problem, print_steps, f"time {time + step:.6g}: cut, {failure}")
+                if step <= options.smallest:
+                    load(min(time + ONWARD * options.step, stop))
+                    path.dead_end = why_path_ends(problem)
+                    load(time)
+                    words = _last_words(time, step, path.dead_end, failure)
+                    raise NotConvergedError(words, path) from failure
+                step = max(options.cut * step, options.smallest)
+                continue
+            before_forces, forces = forces, _forces(problem)
+            work = _work(problem, accepted, predictor.last, before_forces, forces)
+        time, kept = (stop if step == stop - time else time + step), Before(problem)
         path.steps.append(PathStep(time, step, report, path.failures, work))
         path.failures = []
         _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
@@ -235,6 +240,19 @@ def follow_path(
             step = min(options.growth * step, largest)
     path.finished = True
     return path
+
+
+@contextmanager
+def _kept(before: Before, time: float) -> Iterator[None]:
+    """A step of which nothing is left if anything but a failed solve ends it."""
+    try:
+        yield
+    except NotConvergedError:
+        raise
+    except BaseException as error:
+        before.take_back(renew=not isinstance(error, MortarError))
+        error.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
+        raise
 
 
 def _last_words(time: float, step: float, why: str, failure: NotConvergedError) -> str:

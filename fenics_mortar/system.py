@@ -73,6 +73,8 @@ MANY = 100_000
 LINEAR_TOLERANCE = 1e-5
 # One that leaves more than this is refined.
 REFINED = 1e-14
+# Prefixes and names of options that are in PETSc's database for a moment.
+_added: set[tuple[str, str]] = set()
 
 
 @contextmanager
@@ -80,13 +82,22 @@ def options_added(prefix: str, options: dict[str, Any]) -> Iterator[None]:
     """Have options in PETSc's database, but for those that the user has there already."""
     database = PETSc.Options(prefix)
     ours = {k: v for k, v in options.items() if not database.hasName(k)}
-    for name, value in ours.items():
-        database.setValue(name, value)
     try:
+        for name, value in ours.items():
+            _added.add((prefix, name))
+            database.setValue(name, value)
         yield
     finally:
         for name in ours:
             database.delValue(name)
+            _added.discard((prefix, name))
+
+
+def drop_added_options() -> None:
+    """Take out of PETSc's database what an interruption has left of ``options_added`` (local)."""
+    for prefix, name in list(_added):
+        PETSc.Options(prefix).delValue(name)
+    _added.clear()
 
 
 class LinearSystem(ABC):
