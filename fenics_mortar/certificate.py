@@ -149,12 +149,12 @@ class PairCertificate:
         """What corners do, as against what friction may do where there is any."""
         most = min(SLANT, max(OF_FRICTION * self.friction, LEAST_SLANT))
         if self.friction > 0.0 and self.misdirected > most:
-            slave, master = self.pair.split(" - ")
+            slave, _, master = self.pair.partition(" - ")
             yield (
                 f"{self.pair}: {self.misdirected:.1%} of the normal forces act along the surface, "
-                f"which adds to a friction of {self.friction:.2g} or takes from it: a corner of the "
-                f"slave presses at {self.slant_at}, along its averaged normal; take '{master}' as "
-                f"slave and '{slave}' as master, or round the corner"
+                f"beside a friction of {self.friction:.2g}: a corner of the slave presses at "
+                f"{self.slant_at}, along its averaged normal; take '{master}' as slave and "
+                f"'{slave}' as master, or round it"
             )
         if self.friction > 0.0 or not self.slant > SLANT:
             return

@@ -434,6 +434,14 @@ class Contact(Interface):
         give = np.where(self.overheld, GIVE * np.sign(row.by_slip), 0.0)
         return row._replace(by_z_tau=row.by_z_tau - give)
 
+    @property
+    def steepness(self) -> float:
+        """See ``Interface``: laws of the package are no steeper than the bulk is stiff."""
+        if self.pair.law.is_of_package:
+            return 0.0
+        force = self.operators.diagonal * np.abs(self.tangential_row().by_slip)
+        return float(force[self.active].max(initial=0.0))
+
     def _law_rows(self) -> tuple[Row, Row]:
         """What the contact law says along tau, and along n of open nodes; each (slave nodes,)."""
         (pull, by_gap), none = self._adhesion, np.zeros(len(self.z))

@@ -209,8 +209,11 @@ class ContactEquations:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
         bulk = np.sqrt(num_dofs) * self._largest_displacement()
-        contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
-        return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
+        noise = self.stiffest * bulk
+        for c in self.contacts:
+            steepest = max(self.stiffest, c.steepness)
+            noise += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
+        return 4.0 * EPSILON * float(noise)
 
     def _largest_displacement(self) -> float:
         return max(self.bulk.largest(self.bulk.u.x.array), self.tools.largest())

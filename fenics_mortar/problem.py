@@ -26,7 +26,7 @@ from fenics_mortar.equations import ContactEquations
 from fenics_mortar.errors import MortarError, NotConvergedError, check_same
 from fenics_mortar.estimate import ErrorEstimate, Estimator
 from fenics_mortar.mortar import LINEARIZATIONS
-from fenics_mortar.newton import NewtonOptions, NewtonReport, solve
+from fenics_mortar.newton import NewtonOptions, NewtonReport, once, solve
 from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.options import check_choice, check_kind, check_lengths
 from fenics_mortar.pair import ContactPair
@@ -253,7 +253,8 @@ class ContactProblem(ContactEquations):
         violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
         remarks = violations or report.certificate.remarks()
         reactions = self.tools.record()
-        report.notes[:0] = [*filter(None, self._starts), *moved, *remarks, *reactions]
+        before = [*filter(None, self._starts), *moved, *remarks, *reactions]
+        report.notes[:] = once([*before, *report.notes])
         self._starts = []
         return report
 

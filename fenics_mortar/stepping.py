@@ -5,16 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from fenics_mortar.contact import Contact
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.equations import State
 from fenics_mortar.errors import MortarError, NotConvergedError, call_together
-from fenics_mortar.newton import NewtonReport
+from fenics_mortar.newton import NewtonOptions, NewtonReport, after
 from fenics_mortar.options import check_flag, check_number
 from fenics_mortar.predictor import Predictor
 from fenics_mortar.problem import ContactProblem
@@ -81,12 +82,15 @@ class Work(NamedTuple):
         supports: Of the reactions.
         contact: Of the contact forces.
         friction: Of their shears: what friction takes up.
+        largest: What contact forces would do if all of them acted along the way that their nodes
+            and obstacles go: the sum of the sizes of forces times those of motions.
     """
 
     bulk: float
     supports: float
     contact: float
     friction: float = 0.0
+    largest: float = 0.0
 
     @property
     def pressure(self) -> float:
@@ -100,7 +104,12 @@ class Work(NamedTuple):
 
     @property
     def defect(self) -> float:
-        """Work of the pressures over the largest of all."""
+        """Work of the pressures over the largest of all.
+
+        Under dead loads on supports at rest nothing but contact does any work that is seen here:
+        what bodies store is what loads do, less that of contact. So it is compared with what its
+        forces could do on the way that they go; in sliding that is the friction that facets add.
+        """
         return abs(self.pressure) / max(*map(abs, self), 1e-300)
 
 
@@ -144,7 +153,10 @@ class PathReport:
         return sum(len(step.failures) for step in self.steps) + len(self.failures)
 
     def table(self) -> str:
-        """Markdown table, one row per accepted step, and why attempts failed."""
+        """Markdown table, one row per accepted step, and why attempts failed.
+
+        The last column is ``Work.defect``.
+        """
         lines = [
             "| step | time | size | iterations | active | cuts | contact work |",
             "|---:|---:|---:|---:|---:|---:|---:|",
@@ -203,6 +215,7 @@ def follow_path(
     largest = options.largest or options.step
     predictor = Predictor(problem, start, guesses=options.predict)
     forces, kept = _forces(problem), Before(problem)
+    solve = partial(_solve_soundly, problem, _Ways(problem))
 
     def load(time: float) -> None:
         call_together(problem.comm, "set_loads", partial(set_loads, time))
@@ -215,7 +228,7 @@ def follow_path(
         with _kept(kept, time):
             load(time + step)
             try:
-                report = predictor.solve(time + step, partial(_solve_soundly, problem))
+                report = predictor.solve(time + step, solve)
             except NotConvergedError as failure:
                 path.failures.append(failure.report)
                 problem.restore(accepted)
@@ -262,9 +275,49 @@ def _last_words(time: float, step: float, why: str, failure: NotConvergedError) 
     return f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {HINT}"
 
 
-def _solve_soundly(problem: ContactProblem) -> NewtonReport:
+class _Ways:
+    """Whole steps and damped ones: the way that led to the end last comes first, then the other.
+
+    Laws of the user's own may be as steep or as little monotonous as they like, and whole steps go
+    to and fro about a kink of theirs. A line search finds the way between, where else only short
+    load steps would. The laws of this package know their pieces, for them it does not pay.
+    """
+
+    def __init__(self, problem: ContactProblem) -> None:
+        self._problem, self._damps_first = problem, False
+        self._has_choice = any(map(_has_own_law, problem.contacts))
+
+    def solve(self) -> NewtonReport:
+        """Solve; if that fails, once more in the other way (collective)."""
+        problem, options = self._problem, self._problem.newton
+        if not self._has_choice or options.damped or options.tentative:
+            return problem.solve()
+        start = problem.state()
+        try:
+            return self._solve(options)
+        except NotConvergedError as failure:
+            problem.restore(start)
+            self._damps_first = not self._damps_first
+            lost, how = failure.report, "damped" if self._damps_first else "whole"
+            lost.notes.append(f"begun anew with {how} steps: {failure}")
+        return after(lost, partial(self._solve, options))
+
+    def _solve(self, options: NewtonOptions) -> NewtonReport:
+        try:
+            self._problem.newton = replace(options, line_search=self._damps_first)
+            return self._problem.solve()
+        finally:
+            self._problem.newton = options
+
+
+def _has_own_law(contact: Any) -> bool:
+    """Whether it is a contact whose law is not one of this package."""
+    return isinstance(contact, Contact) and not contact.pair.law.is_of_package
+
+
+def _solve_soundly(problem: ContactProblem, ways: _Ways) -> NewtonReport:
     """Solve; a state that violates its certificate is not accepted."""
-    report = problem.solve()
+    report = ways.solve()
     violations = "; ".join(report.certificate.violations())
     if violations:
         report.converged, report.reason = False, f"converged to a wrong state: {violations}"
@@ -281,13 +334,17 @@ def _work(problem: ContactProblem, start: State, end: State, before: Forces, aft
     """Work of the mean forces in a step (collective). What holds obstacles counts as a support."""
     means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
     r, contact, on_tools, shear, shear_on_tools = means
-    du, held = (end.u - start.u)[: r.size], problem.bulk.held
-    supports = (r + contact)[held] @ du[held]
+    du, prescribed = (end.u - start.u)[: r.size], problem.bulk.held
+    supports = (r + contact)[prescribed] @ du[prescribed]
     work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
     moved = problem.tools.motions_of(end.places - start.places)
     work[1:3] += (on_tools * moved).sum()
     work[3] += (shear_on_tools * moved).sum()
-    return Work(*map(float, work))
+    dofs = problem.bulk.space.owned_dofs
+    sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)
+    largest = problem.comm.allreduce(float(sizes)) + np.abs(on_tools * moved).sum()
+    of_bulk, of_supports, of_contact, of_friction = map(float, work)
+    return Work(of_bulk, of_supports, of_contact, of_friction, float(largest))
 
 
 def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
