@@ -128,11 +128,24 @@ class Bulk:
         same = self._K_is_whole and all(map(np.array_equal, data, self._data))
         if self.is_linear and self.comm.allreduce(same, MPI.LAND):
             return
-        self._data, self._K_is_whole = data, True
+        self._data, self._K_is_whole = data, False
         if self._num_growths > MOST_GROWTHS:
+            self.free_garbage()
             self.K.destroy()
             self._create_tangent()
         compat.assemble_matrix(self.K, self._tangent)
+        self._K_is_whole = True
+
+    def renew_tangent(self) -> None:
+        """Create ``K`` anew, whatever became of it (collective)."""
+        self._K_is_whole = False
+        self.free_garbage()
+        self.K.destroy()
+        self._create_tangent()
+
+    def free_garbage(self) -> None:
+        """Free PETSc objects that are gone, also those made from ``r`` and ``K`` (collective)."""
+        compat.free_petsc_garbage(self.comm, self.r, self.K)
 
     def _create_tangent(self) -> None:
         """Create ``K`` with the pattern of the form."""

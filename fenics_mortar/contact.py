@@ -268,14 +268,42 @@ class Contact(Interface):
         """The operators of the undeformed mesh, with the gap of the present positions."""
         kept = self._reference
         if kept is None or not np.array_equal(kept.carries, self.carries):
-            X, frozen = (self.slave.X, self.master.X), LINEARIZATIONS["frozen"]
-            operators = self._evaluate(*X, frozen).freeze()
-            place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
-            kept = self._reference = _Reference(operators, self.carries.copy(), place)
+            kept = self._refer()
         if self.obstacle is None:
             return kept.operators.after_small_motion(x, m)
         dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
         return kept.operators.after_small_motion(x, m, dq)
+
+    def _refer(self) -> _Reference:
+        """Evaluate the operators of the undeformed mesh (collective)."""
+        operators = self._evaluate(self.slave.X, self.master.X, LINEARIZATIONS["frozen"]).freeze()
+        place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
+        self._reference = _Reference(operators, self.carries.copy(), place)
+        return self._reference
+
+    @property
+    def reference_place(self) -> Array:
+        """Where the obstacle was for the operators of the undeformed mesh, (3,); nan if none."""
+        return np.full(3, np.nan) if self._reference is None else self._reference.place
+
+    def refer_to(self, place: Array, carries: npt.NDArray[np.bool_]) -> None:
+        """Evaluate the operators of the undeformed mesh as they once were (collective).
+
+        Args:
+            place: ``reference_place`` of then, shape (3,); nan: there were none.
+            carries: Nodes with multipliers of then, shape (slave nodes,).
+        """
+        self._reference, self.carries = None, carries.copy()
+        if np.isnan(place).any():
+            return
+        if self.obstacle is None:
+            self._refer()
+            return
+        now, self.obstacle.place = self.obstacle.place, place.copy()
+        try:
+            self._refer()
+        finally:
+            self.obstacle.place = now
 
     @property
     def as_faced(self) -> MortarOperators:
@@ -419,6 +447,14 @@ class Contact(Interface):
             node.z_tau - self.partners.shear - k * node.slip, zero, -k, zero, zero + 1.0
         )
         return Row(*(np.where(self.overheld, a, b) for a, b in zip(elastic, row, strict=True)))
+
+    @property
+    def steepness(self) -> float:
+        """See ``Interface``: laws of the package are no steeper than the bulk is stiff."""
+        if self.pair.law.is_of_package:
+            return 0.0
+        force = self.operators.diagonal * np.abs(self.tangential_row().by_slip)
+        return float(force[self.active].max(initial=0.0))
 
     def _law_rows(self) -> tuple[Row, Row]:
         """What the contact law says along tau, and along n of open nodes; each (slave nodes,)."""

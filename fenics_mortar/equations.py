@@ -18,7 +18,6 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact
@@ -213,8 +212,11 @@ class ContactEquations:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
         bulk = np.sqrt(num_dofs) * self._largest_displacement()
-        contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
-        return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
+        noise = self.stiffest * bulk
+        for c in self.contacts:
+            steepest = max(self.stiffest, c.steepness)
+            noise += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
+        return 4.0 * EPSILON * float(noise)
 
     def _largest_displacement(self) -> float:
         return max(self.bulk.largest(self.bulk.u.x.array), self.tools.largest())
@@ -282,7 +284,7 @@ class ContactEquations:
         self.tools.move(part * motion)
         increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
         step.destroy()
-        compat.free_petsc_garbage(self.comm)
+        self.bulk.free_garbage()
         return self.step(increment, part, "; ".join(filter(None, remarks)))
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
@@ -356,6 +358,11 @@ class ContactEquations:
 
     def restore(self, state: State) -> None:
         """Go back to a state, exactly."""
+        self.put(state)
+        self._evaluate_operators()
+
+    def put(self, state: State) -> None:
+        """Go back to a state, whose operators are not evaluated (local)."""
         self.bulk.u.x.array[:] = state.u
         self.tools.places = state.places
         for i, contact in enumerate(self.contacts):
@@ -363,7 +370,6 @@ class ContactEquations:
             contact.active, contact.piece = state.active[i].copy(), state.piece[i].copy()
             contact.carries = state.carries[i].copy()
             contact.partners, contact.accepted = state.partners[i]
-            contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged
 
     def interface_motion(self, before: State) -> float:

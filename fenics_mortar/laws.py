@@ -127,6 +127,11 @@ class Law(ABC):
         return type(self).tangential is not Frictionless.tangential
 
     @property
+    def is_of_package(self) -> bool:
+        """Whether it is one of the laws here, whose pieces are known; else the user's own."""
+        return type(self).__module__ == Law.__module__
+
+    @property
     def attracts(self) -> bool:
         """Whether there may be adhesion."""
         return type(self).adhesion is not Law.adhesion

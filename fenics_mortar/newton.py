@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
@@ -18,6 +19,8 @@ UNSETTLED = 12
 # Part of the right-hand side that a linear solve leaves at the most. Measured: from 1e-4 on there
 # are more Newton iterations, which cost more than the linear ones saved.
 LOOSEST = 5e-6
+# How a note may begin and, if it stands for several, end.
+ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,7 @@ class NewtonReport:
         return replace(
             other,
             iterations=self.iterations + other.iterations[1:],
-            notes=self.notes + other.notes,
+            notes=once([*self.notes, *other.notes]),
         )
 
     def total_seconds(self) -> dict[str, float]:
@@ -191,6 +194,22 @@ class NewtonReport:
     def __str__(self) -> str:
         """The table."""
         return self.table()
+
+
+def once(notes: Sequence[str]) -> list[str]:
+    """Notes without those that say the same of another iteration; how often stands at the end."""
+    first, counts = dict[str, str](), dict[str, int]()
+    for note in notes:
+        text, times = ITERATION.sub("", note), 1
+        repeated = TIMES.search(text)
+        if repeated:
+            text, times = text[: repeated.start()], int(repeated[1])
+        first.setdefault(text, TIMES.sub("", note))
+        counts[text] = counts.get(text, 0) + times
+    return [
+        note if counts[text] == 1 else f"{note} ({counts[text]} times)"
+        for text, note in first.items()
+    ]
 
 
 def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
@@ -242,7 +261,8 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         sets = [*sets, status.sets] if status.num_changed else [status.sets]
         period = UNSETTLED if _is_stuck(sets, report.residuals) else period_of(sets)
         if period:
-            report.notes.append(f"iteration {number}: {equations.merge_sets(period)}")
+            note = f"iteration {number}: {equations.merge_sets(period)}"
+            report.notes[:] = once([*report.notes, note])
             sets = []
     missing = "; ".join(_what_is_missing(status, step, report.force, options))
     reason = f"not converged in {options.max_iterations} iterations: {missing}"

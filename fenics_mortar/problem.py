@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, get_args
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import ufl
@@ -25,7 +26,7 @@ from fenics_mortar.equations import ContactEquations
 from fenics_mortar.errors import MortarError, NotConvergedError, check_same
 from fenics_mortar.estimate import ErrorEstimate, Estimator
 from fenics_mortar.mortar import LINEARIZATIONS
-from fenics_mortar.newton import NewtonOptions, NewtonReport, solve
+from fenics_mortar.newton import NewtonOptions, NewtonReport, once, solve
 from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.options import check_choice, check_kind, check_lengths
 from fenics_mortar.pair import ContactPair
@@ -43,6 +44,7 @@ from fenics_mortar.system import (
 )
 from fenics_mortar.tangent import TangentCheck, check_tangent
 from fenics_mortar.tied import TiedPair, bind
+from fenics_mortar.undo import undone_if_interrupted
 
 
 class ContactProblem(ContactEquations):
@@ -130,6 +132,7 @@ class ContactProblem(ContactEquations):
         }  # fmt: skip
         contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
+        compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
         check_slave_nodes(contacts)
         check_cells(bulk)
         bulk.check_input()
@@ -139,13 +142,12 @@ class ContactProblem(ContactEquations):
         automatic = solver == "auto"
         if automatic and not self._is_for_multigrid(linear_bulk, petsc_options):
             solver = "direct"
-        self.system = SYSTEMS[algorithm](
-            bulk,
-            contacts,
-            petsc_options_prefix,
-            (DIRECT if solver == "direct" else ITERATIVE) | (petsc_options or {}),
-        )
-        self.system.may_factor = automatic and solver == "auto"
+        options = (DIRECT if solver == "direct" else ITERATIVE) | (petsc_options or {})
+        system = SYSTEMS[algorithm]
+        self._create_system = partial(system, bulk, contacts, petsc_options_prefix, options)
+        self._may_factor = automatic and solver == "auto"
+        self._renew_system()
+        self.interrupted = False
         if solver == "iterative" and linear_bulk is None:
             linear_bulk = False  # who iterates may lack the memory for factors
         self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
@@ -163,6 +165,21 @@ class ContactProblem(ContactEquations):
         self._evaluate_operators()
         self.accept()
         self._starts = [contact.describe_start() for contact in self.contacts]
+
+    def _renew_system(self) -> None:
+        """Make the linear system and its solver, as they were at the start."""
+        self.system = self._create_system()
+        self.system.may_factor = self._may_factor
+
+    def _renew_if_interrupted(self) -> None:
+        """Make anew what an interruption may have left half made (collective)."""
+        if self.comm.allreduce(self.interrupted, MPI.LOR):
+            self.bulk.renew_tangent()
+            self.bulk.assemble_tangent()
+            self._renew_system()
+            self._linear_bulk.forget()
+            self._estimator = None
+            self.interrupted = False
 
     def _is_for_multigrid(
         self, linear_bulk: bool | None, petsc_options: dict[str, Any] | None
@@ -187,13 +204,17 @@ class ContactProblem(ContactEquations):
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
                 if what is set on all ranks is not the same on all, or if the mesh was moved after
                 set-up.
+            BaseException: What came from elsewhere, as a KeyboardInterrupt or the error of a law of
+                the user. Displacement and multipliers are as before the call then.
         """
-        self.bulk.check_input()
-        self._check_contacts()
-        report = None if self._adequacy is None else self._adequacy.climb()
-        report = report or self._solve_by_this_model()
-        if self._adequacy is not None:
-            report.adequacy = self._adequacy.assess(self)
+        self._renew_if_interrupted()
+        with undone_if_interrupted(self):
+            self.bulk.check_input()
+            self._check_contacts()
+            report = None if self._adequacy is None else self._adequacy.climb()
+            report = report or self._solve_by_this_model()
+            if self._adequacy is not None:
+                report.adequacy = self._adequacy.assess(self)
         return report
 
     def _check_contacts(self) -> None:
@@ -227,12 +248,13 @@ class ContactProblem(ContactEquations):
         self._last_converged = True
         for contact in self.contacts:
             contact.accept()
-        compat.free_petsc_garbage(self.comm)
+        self.bulk.free_garbage()
         report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
         violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
         remarks = violations or report.certificate.remarks()
         reactions = self.tools.record()
-        report.notes[:0] = [*filter(None, self._starts), *moved, *remarks, *reactions]
+        before = [*filter(None, self._starts), *moved, *remarks, *reactions]
+        report.notes[:] = once([*before, *report.notes])
         self._starts = []
         return report
 
@@ -316,8 +338,8 @@ class ContactProblem(ContactEquations):
             given.update(residual=residual, jacobian=None)
         u = self.bulk.u.x.array
         kept = u.copy()
-        u[:] = 0.0
         try:
+            u[:] = 0.0
             return ContactProblem(**given)
         finally:
             u[:] = kept
@@ -331,6 +353,11 @@ class ContactProblem(ContactEquations):
 
     # What was found
 
+    @property
+    def adequacy(self) -> Any:
+        """The ``AdequacyCheck`` that asks after each solve, or ``None``."""
+        return self._adequacy
+
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
@@ -342,9 +369,11 @@ class ContactProblem(ContactEquations):
         Raises:
             MortarError: On all ranks, if the residual has integrals that cannot be read.
         """
+        self._renew_if_interrupted()
         if self._estimator is None:
             self._estimator = Estimator(self.bulk)
         self._evaluate_operators()
+        self.bulk.free_garbage()
         return self._estimator.evaluate(self.contacts)
 
     # For research
@@ -367,6 +396,8 @@ class ContactProblem(ContactEquations):
     @property
     def tangent(self) -> PETSc.Mat:
         """Matrix of the linear system at the present state."""
+        self._renew_if_interrupted()
+        self.bulk.free_garbage()
         self.bulk.assemble_tangent()
         self.bulk.assemble_residual()
         self.system.assemble()
@@ -374,7 +405,9 @@ class ContactProblem(ContactEquations):
 
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""
-        return check_tangent(self, **options)
+        self._renew_if_interrupted()
+        with undone_if_interrupted(self):
+            return check_tangent(self, **options)
 
 
 def _check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any) -> None:

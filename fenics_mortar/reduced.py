@@ -654,6 +654,10 @@ class LinearBulk:
         """Take note of iterations of the general path."""
         self._num_iterations += num_iterations
 
+    def forget(self) -> None:
+        """Factor the bulk anew before it is used again."""
+        self._equations, self._data, self._num_iterations = None, [], 0
+
     @property
     def _slides_little(self) -> bool:
         return all(

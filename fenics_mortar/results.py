@@ -25,7 +25,7 @@ from ufl.algorithms import extract_arguments
 from fenics_mortar import compat
 from fenics_mortar.bulk import AROUND, Bulk
 from fenics_mortar.contact import Contact
-from fenics_mortar.files import make_folder, try_together, without_suffix
+from fenics_mortar.files import make_folder, try_together, without_suffix, write_whole
 from fenics_mortar.obstacles import Obstacle
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array, Indices
@@ -111,7 +111,7 @@ class ResultsWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Do nothing: all files are complete after each step."""
+        """Do nothing: all files are complete at any time, see ``files.write_whole``."""
 
 
 def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
@@ -202,11 +202,11 @@ class _Series:
         """Write a step, then the list of all steps (collective); ``piece`` makes this rank's."""
         mine = self._file(len(self._times), self._comm.rank)
         has_piece = self._comm.rank in self._ranks
-        write_piece = partial(_write_piece, piece, mine)
+        write_piece = partial(write_whole, mine, partial(_write_piece, piece))
         try_together(self._comm, has_piece, write_piece, f"cannot write '{mine}'")
         self._times.append(float(time))
         index = self._path.with_name(f"{self._path.name}.pvd")
-        work = partial(index.write_text, self._index())
+        work = partial(write_whole, index, partial(_write_text, self._index()))
         try_together(self._comm, self._comm.rank == 0, work, f"cannot write '{index}'")
 
     def _file(self, step: int, rank: int) -> Path:
@@ -223,6 +223,10 @@ class _Series:
 
 def _write_piece(piece: Callable[[], Any], path: Path) -> None:
     piece().write(path)
+
+
+def _write_text(text: str, path: Path) -> None:
+    path.write_text(text)
 
 
 class _CellField:
@@ -367,7 +371,8 @@ def plot(
         axes.spines[["top", "right"]].set_visible(False)
         axes.spines[["left", "bottom"]].set_color(GREY)
         axes.tick_params(color=GREY, labelsize=8)
-        figure.savefig(f"{path}.png", dpi=200, bbox_inches="tight")
+        draw_to = partial(figure.savefig, dpi=200, bbox_inches="tight")
+        write_whole(path.with_name(f"{path.name}.png"), draw_to)
 
     try_together(comm, comm.rank == 0, draw, f"cannot draw '{path}.png'")
 

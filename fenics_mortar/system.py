@@ -73,6 +73,8 @@ MANY = 100_000
 LINEAR_TOLERANCE = 1e-5
 # One that leaves more than this is refined.
 REFINED = 1e-14
+# Prefixes and names of options that are in PETSc's database for a moment.
+_added: set[tuple[str, str]] = set()
 
 
 @contextmanager
@@ -80,13 +82,22 @@ def options_added(prefix: str, options: dict[str, Any]) -> Iterator[None]:
     """Have options in PETSc's database, but for those that the user has there already."""
     database = PETSc.Options(prefix)
     ours = {k: v for k, v in options.items() if not database.hasName(k)}
-    for name, value in ours.items():
-        database.setValue(name, value)
     try:
+        for name, value in ours.items():
+            _added.add((prefix, name))
+            database.setValue(name, value)
         yield
     finally:
         for name in ours:
             database.delValue(name)
+            _added.discard((prefix, name))
+
+
+def drop_added_options() -> None:
+    """Take out of PETSc's database what an interruption has left of ``options_added`` (local)."""
+    for prefix, name in list(_added):
+        PETSc.Options(prefix).delValue(name)
+    _added.clear()
 
 
 class LinearSystem(ABC):
@@ -265,12 +276,15 @@ class LinearSystem(ABC):
             self._run(rhs, solution)
         except MortarError as error:
             return solution, f": {error}"
-        defect, relative = self._defect(matrix, rhs, solution)
+        defect = rhs.duplicate()
+        relative = _defect(matrix, rhs, solution, defect)
         if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
             correction = rhs.duplicate()
             self.ksp.solve(defect, correction)
             solution.axpy(1.0, correction)
-            defect, relative = self._defect(matrix, rhs, solution)
+            correction.destroy()
+            relative = _defect(matrix, rhs, solution, defect)
+        defect.destroy()
         reason = self.ksp.getConvergedReason()
         if reason >= 0 and relative <= LINEAR_TOLERANCE:
             return solution, ""
@@ -293,14 +307,12 @@ class LinearSystem(ABC):
             error = MortarError(f"PETSc's error {of_petsc.ierr}, {what}")
         raise_together(self.comm, error)
 
-    def _defect(
-        self, matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec
-    ) -> tuple[PETSc.Vec, float]:
-        """What is left of the right-hand side, and its part of the whole."""
-        defect = rhs.duplicate()
-        matrix.mult(solution, defect)
-        defect.aypx(-1.0, rhs)
-        return defect, defect.norm() / max(rhs.norm(), np.finfo(float).tiny)
+
+def _defect(matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec, defect: PETSc.Vec) -> float:
+    """Set ``defect`` to what is left of the right-hand side; return its part of the whole."""
+    matrix.mult(solution, defect)
+    defect.aypx(-1.0, rhs)
+    return float(defect.norm() / max(rhs.norm(), np.finfo(float).tiny))
 
 
 class CondensedSystem(LinearSystem):
@@ -408,6 +420,8 @@ class CondensedSystem(LinearSystem):
         R.mult(slave_r, gathered)
         self._rhs.array[:] = -self.bulk.r.array_r[: self.bulk.num_owned]
         self._rhs.array[self._rows.local] -= gathered.array_r
+        slave_r.destroy()
+        gathered.destroy()
         for contact, law in zip(self.contacts, laws, strict=True):
             contact.slave.scatter_add(law.rhs, self._rhs.array)
 
@@ -433,6 +447,7 @@ class CondensedSystem(LinearSystem):
             change = force.array_r.reshape(-1, 2)[self.local(contact, place)]
             dofs = contact.slave.local_dofs
             total[dofs] = r[dofs] + change  # a node may be a slave of several pairs
+        force.destroy()
         return dd, [-self._inverse(c) * c.slave.gather(total) for c in self.contacts]
 
 
@@ -597,6 +612,7 @@ class SaddleSystem(LinearSystem):
             zeta[mine] = solution.array_r[size:].reshape(-1, 2)[self.local(contact, place)]
             self.comm.Allreduce(MPI.IN_PLACE, zeta)
             multipliers.append(zeta * self.scale(contact)[:, None])
+        solution.destroy()
         return dd, multipliers
 
 
