@@ -31,6 +31,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.asking import Asker, raise_noted
 from fenics_mortar.carriers import Carriers, normals_on_planes
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
@@ -109,6 +110,7 @@ class Contact(Interface):
             held, nor while it is hardly covered.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, shape (slave nodes,), bool.
+        asker: Asks the law of the pair.
     """
 
     def __init__(
@@ -148,7 +150,10 @@ class Contact(Interface):
         none = np.zeros(self.slave.num_nodes)
         self._nothing = none, none
         start = Nodal(none, none, none, none, none + 1.0, none)
-        self.piece: Pieces = pair.law.piece(start, np.zeros(none.size, np.int64))
+        self.asker = Asker(pair.slave_name)
+        at_rest = np.zeros(none.size, np.int64)
+        self.piece: Pieces = self.asker.piece(pair.law, start, at_rest, self.slave.X)
+        raise_noted(self.slave.comm, [self])
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
@@ -204,7 +209,8 @@ class Contact(Interface):
         if not self.pair.law.attracts:
             return self._nothing
         gap, on = self._mean_gap, self.covered
-        pull, by_gap = self.pair.law.adhesion(np.maximum(gap, 0.0))
+        open_gap = np.maximum(gap, 0.0)
+        pull, by_gap = self.asker.adhesion(self.pair.law, open_gap, self.operators.x)
         pull = pull + by_gap * np.minimum(gap, 0.0)
         return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
 
@@ -397,11 +403,10 @@ class Contact(Interface):
         The derivative of overheld nodes is that of a spring that gives way to the change of their
         shear; what the row makes zero stays the slip.
         """
-        node = self.nodal
-        ours, without = (
-            law.tangential(node, self.piece) for law in (self.pair.law, Frictionless())
-        )
-        rubs = self._rubs & ~self.attracted
+        node, rubs = self.nodal, self._rubs & ~self.attracted
+        law, x = self.pair.law, self.operators.x
+        ours = self.asker.tangential(law, node, self.piece, rubs, x)
+        without = Frictionless().tangential(node, self.piece)
         row = Row(*(np.where(rubs, a, b) for a, b in zip(ours, without, strict=True)))
         give = np.where(self.overheld, GIVE * np.sign(row.by_slip), 0.0)
         return row._replace(by_z_tau=row.by_z_tau - give)
@@ -508,7 +513,8 @@ class Contact(Interface):
         changed = active != self.active
         self.active = active
         self.z[~active] = -self._adhesion[0][~active, None] * self.operators.n[~active]
-        piece = self.pair.law.piece(self.nodal, self.piece)
+        law, x = self.pair.law, self.operators.x
+        piece = self.asker.piece(law, self.nodal, self.piece, x)
         changed |= active & self._rubs & (piece != self.piece)
         self.piece = piece
         return int(changed.sum())

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar import compat
+from fenics_mortar.asking import raise_noted
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, mark_overheld
@@ -38,6 +39,9 @@ LESS_WEIGHT = 1e-3
 # A node wavers if it was both open and closed in so many iterations.
 WAVERING = 4
 EPSILON = float(np.finfo(float).eps)
+# Squared norms of what all ranks know may differ by this part; a spread that is found as the root
+# of a difference of squares has the root of rounding.
+ALIKE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -124,6 +128,11 @@ class ContactEquations:
                 f"the bulk tangent is not finite at the initial displacement: {reason}"
             )
         dofs = self.bulk.space.owned_dofs
+        if self.comm.allreduce(float(diagonal[dofs].max(initial=-np.inf)), MPI.MAX) < 0.0:
+            raise MortarError(
+                "all stiffnesses are negative: check the signs of the residual, which is internal "
+                "less applied forces, of the jacobian, and of Young's modulus"
+            )
         loose = np.zeros(diagonal.size, bool)
         loose[dofs] = (diagonal[dofs] == 0.0) & ~self.bulk.prescribed[dofs]
         count, where = self.bulk.count_nodes(loose)
@@ -182,6 +191,7 @@ class ContactEquations:
             if handed:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
             changed += handed + contact.update_active(start=start and not self._last_converged)
+        raise_noted(self.comm, self.contacts)
         return changed
 
     def _evaluate_forces(self) -> tuple[Array, Array]:
@@ -198,13 +208,33 @@ class ContactEquations:
         size, held = self.bulk.num_owned, self.bulk.held
         contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
         rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
+        raise_noted(self.comm, self.contacts)
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = self.bulk.to_force * total
         reactions = free[held]
         free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
         mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
-        free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
-        return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
+        sums = self.comm.allreduce(np.array([*mine, rows, rows**2]))
+        free2, contact2, reaction2 = sums[:3]
+        force2 = max(contact2, reaction2)
+        self._check_alike(float(sums[3]), float(sums[4]), force2)
+        return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
+
+    def _check_alike(self, total: float, squares: float, force2: float) -> None:
+        """Refuse contact rows, known on all ranks, of which one rank has others (local).
+
+        Args:
+            total: Sum over the ranks of each one's squared norm of these rows.
+            squares: Sum of the squares of that.
+            force2: Squared force that they are compared with.
+        """
+        mean = total / self.comm.size
+        spread = np.sqrt(max(squares / self.comm.size - mean**2, 0.0))
+        if spread > ALIKE * max(mean, force2):
+            raise MortarError(
+                "the equations of contact are not the same on all ranks: a law, a distance or "
+                "something set of a contact or obstacle is another one on some of them"
+            )
 
     def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
@@ -242,7 +272,8 @@ class ContactEquations:
                 continue
             active = np.array([sets[i][0] for sets in recent])
             wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-            if wavers.size and 0.0 < contact.pair.law.bound(np.zeros(1))[0] < np.inf:
+            bound = contact.asker.bound(contact.pair.law, np.zeros(1), contact.slave.X)
+            if wavers.size and 0.0 < bound[0] < np.inf:
                 return (
                     f"{wavers.size} nodes of '{contact.slave.name}' go on closing and opening, one "
                     f"at {place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} lets them "
@@ -267,6 +298,7 @@ class ContactEquations:
         mark_overheld(self.contacts)
         with clock("assembly"):
             self.system.assemble()
+        raise_noted(self.comm, self.contacts)
         goal = self.newton.residual_tolerance * self._force
         self.system.forcing = forcing(self._residuals, goal)
         with clock("solve"):

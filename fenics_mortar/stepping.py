@@ -13,10 +13,16 @@ import numpy as np
 
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.equations import State
-from fenics_mortar.errors import MortarError, NotConvergedError, call_together
+from fenics_mortar.errors import (
+    MortarError,
+    NotConvergedError,
+    call_together,
+    check_same_words,
+    together,
+)
 from fenics_mortar.files import make_folder, try_together, without_suffix
 from fenics_mortar.newton import NewtonReport
-from fenics_mortar.options import check_flag, check_number
+from fenics_mortar.options import check_flag, check_kind, check_number
 from fenics_mortar.predictor import Predictor
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
@@ -198,7 +204,15 @@ def follow_path(
             ``report`` is the ``PathReport``.
         Exception: What ``set_loads`` or ``on_step`` raised; a ``MortarError`` on ranks where they
             did not.
+        ValueError: If an argument is of another kind, or ``start`` is beyond ``stop``. Where they
+            are equal, as at the end of a path that is taken up again, there is no step to take.
+        MortarError: On all ranks, if options differ between them.
     """
+    check_kind("problem", problem, ContactProblem, "a ContactProblem")
+    with together(problem.comm, "follow_path"):
+        _check_path(set_loads, options, start, stop, on_step)
+    given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
+    check_same_words(problem.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
     predictor = Predictor(problem, start, guesses=options.predict)
@@ -239,6 +253,23 @@ def follow_path(
             step = min(options.growth * step, largest)
     path.finished = True
     return path
+
+
+def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: Any) -> None:
+    """Refuse arguments of ``follow_path`` (local)."""
+    if not callable(set_loads):
+        raise ValueError(f"set_loads={set_loads!r}: a function of the time")
+    right = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    check_kind("options", options, SteppingOptions, right)
+    for name, value in (("start", start), ("stop", stop)):
+        check_number(name, value, "a finite number", np.isfinite)
+    if start > stop:
+        raise ValueError(
+            f"start={start!r} is beyond stop={stop!r}: times grow; to unload, let set_loads lessen "
+            "the loads with time"
+        )
+    if on_step is not None and not callable(on_step):
+        raise ValueError(f"on_step={on_step!r}: a function of the time and the record, or None")
 
 
 def _last_words(time: float, step: float, why: str, failure: NotConvergedError) -> str:
