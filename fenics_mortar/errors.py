@@ -194,7 +194,7 @@ def in_words(value: Any) -> str:
         return f"{{{', '.join(f'{in_words(k)}: {in_words(v)}' for k, v in value.items())}}}"
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(in_words, value))}]"
-    plain = (bool, int, float, str, np.generic)
+    plain = (bool, int, float, str, np.generic, type(None))
     shown = {k: v for k, v in getattr(value, "__dict__", {}).items() if isinstance(v, plain)}
     numbers = ", ".join(f"{k}={in_words(v)}" for k, v in shown.items() if not k.startswith("_"))
     return f"{type(value).__name__}({numbers})"

@@ -63,8 +63,7 @@ class MeshData:
     boundaries: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse a mesh that is none, and names without whole numbers (local)."""
-        check_kind("mesh", self.mesh, dmesh.Mesh, "a mesh of dolfinx")
+        """Refuse names without whole numbers (local)."""
         for what in ("bodies", "boundaries"):
             names = getattr(self, what)
             check_kind(what, names, dict, "a dictionary of tags by name")

@@ -124,12 +124,13 @@ class Obstacle(ABC):
 
     def evaluate(self, x: Array) -> Fields:
         """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at the points ``x`` (n, 2)."""
-        phi, gradient, hessian = self._checked(self.local(self.to_own_frame(x)), x)
+        own = self.to_own_frame(x)
+        phi, gradient, hessian = self._checked(self.local(own), own)
         turn = self.turn
         return phi, gradient @ turn.T, turn @ hessian @ turn.T
 
     def _checked(self, fields: Fields, x: Array) -> Fields:
-        """What ``local`` returned, if that is a distance and its derivatives at ``x`` (n, 2)."""
+        """What ``local`` returned at ``x`` (n, 2), if that is a distance and its derivatives."""
         if not isinstance(fields, (tuple, list)) or len(fields) != 3:
             raise ValueError(
                 f"the distance of '{self.name}' returned {type(fields).__name__}; right are three "
@@ -138,24 +139,29 @@ class Obstacle(ABC):
         shapes, right = [np.shape(field) for field in fields], [x.shape[:1], x.shape, (*x.shape, 2)]
         if shapes != right:
             raise ValueError(f"'{self.name}' returned shapes {shapes}; right are {right}")
-        kinds = [np.asarray(field).dtype.kind for field in fields]
-        if not set(kinds) <= set("iuf"):
+        phi, gradient, hessian = (np.asarray(field) for field in fields)
+        kinds = {field.dtype.kind for field in (phi, gradient, hessian)}
+        if not kinds <= set("iufc" if np.iscomplexobj(x) else "iuf"):
             raise ValueError(f"the distance of '{self.name}' returned no real numbers")
-        phi, gradient, hessian = (np.asarray(field, float) for field in fields)
         total = phi + gradient.sum(axis=1) + hessian.sum(axis=(1, 2))  # nan and inf stay
         bad = ~np.isfinite(total) & np.isfinite(x).all(axis=1)
         if bad.any():
             raise NotFiniteError(
                 f"the distance of '{self.name}', or a derivative of it, is not finite at "
-                f"{bad.sum()} points, one at {place(x[np.argmax(bad)])}"
+                f"{bad.sum()} points, one at {self._where(x, bad)}"
             )
         flat = ~gradient.any(axis=1)
         if flat.any():
             raise NotFiniteError(
                 f"the distance of '{self.name}' has no gradient at {flat.sum()} points, one at "
-                f"{place(x[np.argmax(flat)])}; right is one of length 1, about"
+                f"{self._where(x, flat)}; right is one of length 1, about"
             )
         return phi, gradient, hessian
+
+    def _where(self, x: Array, marked: npt.NDArray[np.bool_]) -> str:
+        """The first of the marked points of the obstacle's own frame, in words."""
+        first = int(np.argmax(marked))
+        return place(np.real(self.to_space(x[first : first + 1])[0]))
 
     @property
     def turn(self) -> Array:

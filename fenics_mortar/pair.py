@@ -110,7 +110,6 @@ class ContactPair:
         slip: Measure = "partners",
         c_n: float = 1e-3,
     ) -> None:
-        check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data = data
         self.slave_name, self.master_name = str(slave), str(master)
         self.master = master
@@ -122,6 +121,8 @@ class ContactPair:
         self.sliding: Sliding = sliding
         self.slip: Measure = slip
         self.law: Law = Frictionless() if law is None else law
+        if getattr(data, "mesh", None) is None:  # and no communicator
+            self.check()
         with together(data.mesh.comm, "ContactPair"):
             self.check()
             self.slave_tag = data.boundary_tag(slave)
@@ -138,6 +139,7 @@ class ContactPair:
         Raises:
             ValueError: If an option is not one of those named.
         """
+        check_kind("data", self.data, MeshData, "the MeshData of the mesh")
         for what, allowed in (
             ("basis", get_args(Basis)),
             ("normals", get_args(Weighting)),

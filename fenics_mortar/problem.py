@@ -30,6 +30,7 @@ from fenics_mortar.damping import Damped
 from fenics_mortar.equations import ContactEquations
 from fenics_mortar.errors import NotConvergedError, check_same_words, together
 from fenics_mortar.estimate import ErrorEstimate, Estimator
+from fenics_mortar.folds import check_folds
 from fenics_mortar.inputs import Inputs, check_roles
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, solve
@@ -147,6 +148,7 @@ class ContactProblem(ContactEquations):
         check_slave_nodes(contacts)
         check_roles(contacts)
         check_cells(bulk)
+        check_folds(space.V, contacts)
         bulk.check_input()
         super().__init__(bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions())
         if algorithm is None:
