@@ -38,7 +38,7 @@ class NotConvergedError(MortarError):
         self.report = report
 
 
-class RaisedElsewhere(MortarError):
+class RaisedElsewhereError(MortarError):
     """What a user handed in raised on another rank.
 
     That rank is on its way out of the call, so nothing may catch this and go on.
@@ -95,11 +95,11 @@ def leave_together(comm: MPI.Comm, what: str, error: Exception | None) -> None:
     Raises:
         Exception: ``error``, where there is one.
         MortarError: On the other ranks; the same one if it is the package's own, else a
-            ``RaisedElsewhere`` that says where and what it was.
+            ``RaisedElsewhereError`` that says where and what it was.
     """
     ours = isinstance(error, MortarError) and not isinstance(error, NotConvergedError)
     words = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
-    told = error if ours or error is None else RaisedElsewhere(words)
+    told = error if ours or error is None else RaisedElsewhereError(words)
     everywhere = [other for other in comm.allgather(told) if other is not None]
     if error is not None and not ours:
         raise error
@@ -131,7 +131,7 @@ def going_on() -> Iterator[None]:
     """Context after whose errors work goes on, unless another rank has left with one of its own."""
     try:
         yield
-    except RaisedElsewhere:
+    except RaisedElsewhereError:
         raise
     except MortarError:
         pass

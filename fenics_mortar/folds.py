@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from dolfinx import mesh as dmesh
 
@@ -65,16 +66,16 @@ def check_folds(V: Any, contacts: Sequence[Any]) -> None:
     mesh = V.mesh
     mesh.topology.create_connectivity(1, 2)
     count = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
-    cells = compat.geometry_dofmap(mesh)[:, :count]
+    cells = compat.geometry_dofmap(mesh)[:, :count].astype(np.int64)
     x = mesh.geometry.x[:, :2]
+    sides = _sides(mesh, x, cells, mesh.topology.index_map(2).size_local)
     _refuse(mesh, "cells are turned over in themselves", _twisted(x, cells))
     _refuse(
         mesh,
         "facets have the cells of both sides on the same side: the mesh is folded there",
-        _folded(mesh, x, cells),
+        _folded(mesh, sides),
     )
-    outline = _outline(V, x, cells)
-    _check_outline(outline, contacts)
+    _check_outline(_outline(V, x, cells, sides), contacts)
 
 
 def _refuse(mesh: Any, what: str, places: Array) -> None:
@@ -126,14 +127,12 @@ def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
     return _Sides(facets.ravel().astype(np.int64), ends, side, np.repeat(np.arange(owned), count))
 
 
-def _folded(mesh: Any, x: Array, cells: Indices) -> Array:
+def _folded(mesh: Any, sides: _Sides) -> Array:
     """Middles of the owned facets whose two cells lie on the same side (n, 2) (collective).
 
     A rank without ghost cells sees one cell only of a facet between two ranks: those that it sees
     once are looked at together.
     """
-    owned = mesh.topology.index_map(2).size_local
-    sides = _sides(mesh, x, cells, owned)
     index_map = mesh.topology.index_map(1)
     sums, count = np.zeros((2, index_map.size_local + index_map.num_ghosts))
     np.add.at(sums, sides.facet, sides.side)
@@ -157,12 +156,10 @@ def _folded(mesh: Any, x: Array, cells: Indices) -> Array:
     return np.concatenate([wrong, middles[mine]])
 
 
-def _outline(V: Any, x: Array, cells: Indices) -> _Outline:
+def _outline(V: Any, x: Array, cells: Indices, sides: _Sides) -> _Outline:
     """The outlines of all bodies, on all ranks (collective)."""
     mesh = V.mesh
     labels, _ = label_bodies(V)
-    owned = mesh.topology.index_map(2).size_local
-    sides = _sides(mesh, x, cells, owned)
     outer = np.isin(sides.facet, dmesh.exterior_facet_indices(mesh.topology))
     ends = np.where(sides.side[:, None, None] > 0.0, sides.ends, sides.ends[:, ::-1])[outer]
     body = labels[compat.dofmap(V)[sides.cell[outer], 0]]
@@ -187,11 +184,14 @@ def _check_outline(outline: _Outline, contacts: Sequence[Any]) -> None:
             f"the mesh fills a place twice: two facets of outlines lie on each other at "
             f"{place(where)}, with their bodies on the same side; remove the copy"
         )
-    paired = _on_surfaces(middles, contacts)
+    paired = _on_surfaces(outline, contacts)
     pairs = pairs[(body[i] == body[j]) & ~(paired[i] & paired[j])]
     crosses = cross(start, end, pairs, BEYOND)
-    touches = np.flatnonzero(cross(start, end, pairs, touching=True) & ~crosses)
-    crosses[touches] = _cross_at_nodes(outline, pairs[touches])
+    after = _following(outline)
+    i, j = pairs.T
+    apart = (after[i] != j) & (after[j] != i) & ~crosses
+    touches = np.flatnonzero(apart)[cross(start, end, pairs[apart], touching=True)]
+    crosses[touches] = _cross_at_nodes(outline, after, pairs[touches])
     if crosses.any():
         where = middles[pairs[np.argmax(crosses), 0]]
         raise MeshError(
@@ -200,19 +200,26 @@ def _check_outline(outline: _Outline, contacts: Sequence[Any]) -> None:
     _check_nested(outline)
 
 
-def _cross_at_nodes(outline: _Outline, pairs: Indices) -> npt.NDArray[np.bool_]:
+def _following(outline: _Outline) -> Indices:
+    """The facet that begins where each one ends, of the same body; itself if there is none."""
+    keys = [
+        [(*x, body) for x, body in zip(ends.tolist(), outline.body.tolist(), strict=True)]
+        for ends in (outline.start, outline.end)
+    ]
+    first = {key: i for i, key in enumerate(keys[0])}
+    return np.array([first.get(key, i) for i, key in enumerate(keys[1])], np.int64)
+
+
+def _cross_at_nodes(outline: _Outline, after: Indices, pairs: Indices) -> npt.NDArray[np.bool_]:
     """Whether the outline crosses itself at a node of one of two facets that touch, (k,) (local).
 
-    Then the facet and the next one together, as one line, cross the other facet, or its like.
+    Then the facet and the one before or after it together, as one line, cross the other facet, or
+    its like.
     """
     start, end = outline.start, outline.end
-    first = {(*np.round(x, 12), b): i for i, (x, b) in enumerate(zip(start, outline.body))}
-    follows = [first.get((*np.round(x, 12), b), i) for i, (x, b) in enumerate(zip(end, outline.body))]
-    after = np.array(follows, np.int64)
     before = np.arange(len(after))
     before[after] = np.arange(len(after))
     i, j = pairs.T
-    apart = (after[i] != j) & (after[j] != i)
     found = np.zeros(len(pairs), bool)
     for one in ((i, i), (i, after[i]), (before[i], i)):
         for other in ((j, j), (j, after[j]), (before[j], j)):
@@ -220,17 +227,18 @@ def _cross_at_nodes(outline: _Outline, pairs: Indices) -> npt.NDArray[np.bool_]:
             ends = np.concatenate([end[one[1]], end[other[1]]])
             both = np.arange(2 * len(pairs)).reshape(2, -1).T
             found |= cross(lines, ends, both, BEYOND)
-    return found & apart
+    return found
 
 
-def _on_surfaces(middles: Array, contacts: Sequence[Any]) -> npt.NDArray[np.bool_]:
+def _on_surfaces(outline: _Outline, contacts: Sequence[Any]) -> npt.NDArray[np.bool_]:
     """Which facets of the outline belong to a surface of a pair, (n,) (local)."""
-    known = [np.zeros((0, 2))]
-    for contact in contacts:
-        for side in (contact.slave, contact.master):
-            known.append(side.X[side.facets[:, [0, -1]]].mean(axis=1))
-    keys = {tuple(np.round(x, 12)) for x in np.concatenate(known)}
-    return np.array([tuple(np.round(x, 12)) in keys for x in middles], bool)
+    sides = [side for contact in contacts for side in (contact.slave, contact.master)]
+    known = [side.X[side.facets[:, [0, -1]]].mean(axis=1) for side in sides if len(side.facets)]
+    if not known or not len(outline.start):
+        return np.zeros(len(outline.start), bool)
+    middles = 0.5 * (outline.start + outline.end)
+    distance, _ = cKDTree(np.concatenate(known)).query(middles)
+    return np.asarray(distance <= SAME_PLACE * np.linalg.norm(outline.end - outline.start, axis=1))
 
 
 def _check_nested(outline: _Outline) -> None:

@@ -102,21 +102,20 @@ class Inputs:
     def _check_distances(self) -> None:
         """Refuse obstacles that the slave lies in, and distances that differ (collective)."""
         comm = self._bulk.comm
-        on_obstacles = [c for c in self._contacts if isinstance(c, Contact) and c.obstacle]
-        positions = [c.slave.X + c.slave.gather(self._bulk.u.x.array) for c in on_obstacles]
+        contacts = [contact for contact in self._contacts if isinstance(contact, Contact)]
+        obstacles = [(c, c.obstacle) for c in contacts if c.obstacle is not None]
+        positions = [c.slave.X + c.slave.gather(self._bulk.u.x.array) for c, _ in obstacles]
         sums: list[tuple[float, float]] = []
         with together(comm, "the distance of an obstacle"):
-            for contact, x in zip(on_obstacles, positions, strict=True):
-                phi, gradient, _ = contact.obstacle.evaluate(x)
+            for (contact, obstacle), x in zip(obstacles, positions, strict=True):
+                phi, gradient, _ = obstacle.evaluate(x)
                 _check_side(contact, x, phi, gradient)
                 of_all = np.concatenate([phi, contact.arm * gradient.ravel()])
                 sums.append((float(of_all.sum()), float(np.abs(of_all).sum())))
-        for contact, (total, size) in zip(on_obstacles, sums, strict=True):
+        for (_, obstacle), (total, size) in zip(obstacles, sums, strict=True):
             low, high = comm.allreduce(total, MPI.MIN), comm.allreduce(total, MPI.MAX)
             if high - low > ALIKE * comm.allreduce(size, MPI.MAX):
-                raise MortarError(
-                    f"the distance of '{contact.obstacle.name}' is not the same on all ranks"
-                )
+                raise MortarError(f"the distance of '{obstacle.name}' is not the same on all ranks")
 
 
 class Conflicts:

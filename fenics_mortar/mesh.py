@@ -103,7 +103,7 @@ class MeshData:
         if self.facet_tags is None or self.facet_tags.dim != 1:
             given = "missing" if self.facet_tags is None else f"of dimension {self.facet_tags.dim}"
             raise MeshError(f"facet_tags are {given}; right are tags of dimension 1")
-        names = names if isinstance(names, (list, tuple)) else [names]
+        names = _listed(names)
         if len(names) == 0:
             raise MeshError(f"no boundary is given; the mesh has {self._tagged()}")
         facets = [self.facet_tags.find(self.boundary_tag(name)) for name in names]
@@ -117,6 +117,12 @@ class MeshData:
         name_of = {tag: name for name, tag in self.boundaries.items()}
         tags = set().union(*self.mesh.comm.allgather({int(tag) for tag in self.facet_tags.values}))
         return [name_of.get(tag, tag) for tag in sorted(tags)]
+
+
+def _listed(names: Any) -> list[str | int]:
+    """One name, or several, as a list."""
+    several = isinstance(names, Sequence) and not isinstance(names, str)
+    return list(names) if several else [names]
 
 
 def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:
@@ -353,12 +359,11 @@ def dirichlet(
     check_kind("V", V, fem.FunctionSpace, "a space of dolfinx, as vector_space(mesh, 1)")
     part = component is None and compat.is_sub_space(V)
     with together(data.mesh.comm, "dirichlet"):
-        if np.ndim(component) or component not in (None, 0, 1):
+        if isinstance(component, (Sequence, np.ndarray)) or component not in (None, 0, 1):
             raise MeshError(f"component is {component!r}; right is 0, 1 or None for both")
         if V.mesh is not data.mesh:
             raise MeshError("the space belongs to another mesh than the boundaries")
-        names = boundary if isinstance(boundary, (list, tuple)) else [boundary]
-        tags = [data.boundary_tag(name) for name in names]
+        tags = [data.boundary_tag(name) for name in _listed(boundary)]
         value = value if part else _boundary_value(V, value, component)
     check_same_words(data.mesh.comm, "dirichlet", {"boundary": tags, "component": component})
     facets = data.boundary_facets(boundary)
@@ -407,7 +412,7 @@ def _boundary_value(
         try:
             value = np.array(value, dtype=PETSc.ScalarType)
         except (TypeError, ValueError):
-            right = "numbers, a Constant or a Function of the space"
+            right = "numbers, a Constant or a Function"
             raise MeshError(f"the prescribed value is {value!r}; right are {right}") from None
     shape = value.ufl_shape if isinstance(value, fem.Constant) else value.shape
     right = ufl.TestFunction(V).ufl_shape if component is None else ()

@@ -13,7 +13,7 @@ from fenics_mortar.errors import (
     MortarError,
     NotConvergedError,
     NotFiniteError,
-    RaisedElsewhere,
+    RaisedElsewhereError,
 )
 from fenics_mortar.options import check_flag, check_number
 
@@ -219,7 +219,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         if number:
             try:
                 step = equations.advance()
-            except RaisedElsewhere:
+            except RaisedElsewhereError:
                 raise
             except MortarError as error:
                 raise _failure(equations, report, f"iteration {number}: {error}") from error

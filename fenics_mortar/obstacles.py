@@ -701,8 +701,8 @@ def _check_simple(what: str, chain: Array, *, closed: bool) -> None:
     if meets.any():
         i, j = pairs[np.argmax(meets)]
         raise ValueError(
-            f"the {what} meets itself: its edges from {place(start[i])} to {place(end[i])} and from "
-            f"{place(start[j])} to {place(end[j])}; give the points in their order along it"
+            f"the {what} meets itself: its edges from {place(start[i])} to {place(end[i])} and "
+            f"from {place(start[j])} to {place(end[j])}; give the points in their order along it"
         )
 
 

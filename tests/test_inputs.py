@@ -613,7 +613,9 @@ def folded(kind):
         radius = 1.0 + 0.2 * x[:, 1] + grows * x[:, 0]
         x = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
     elif kind == "in an arc":
-        x = np.stack([(2.0 + x[:, 1]) * np.cos(6 * x[:, 0]), (2 + x[:, 1]) * np.sin(6 * x[:, 0])], 1)
+        x = np.stack(
+            [(2.0 + x[:, 1]) * np.cos(6 * x[:, 0]), (2 + x[:, 1]) * np.sin(6 * x[:, 0])], 1
+        )
     elif kind == "side by side":
         more, again = grid(8, 4, (1.0, 0.0), first=len(x))
         cells, x = np.concatenate([cells, more]), np.concatenate([x, again])
@@ -884,8 +886,14 @@ def refused_words(kind, words):
         (lambda d, V: fm.dirichlet(None, d, "base", (0.0, 0.0)), "V=None: a space of dolfinx"),
         (lambda d, V: fm.vector_space(d.mesh, 0), "degree=0: a whole number, at least 1"),
         (lambda d, V: fm.vector_space(d, 1), "mesh=.*: a mesh of dolfinx"),
-        (lambda d, V: fm.MeshData(d.mesh, None, d.facet_tags, {}, ["a"]), "boundaries=.*dictionary"),
-        (lambda d, V: fm.MeshData(d.mesh, None, d.facet_tags, {}, {"a": 1.5}), r"\['a'\]=1.5: a wh"),
+        (
+            lambda d, V: fm.MeshData(d.mesh, None, d.facet_tags, {}, ["a"]),
+            "boundaries=.*dictionary",
+        ),
+        (
+            lambda d, V: fm.MeshData(d.mesh, None, d.facet_tags, {}, {"a": 1.5}),
+            r"\['a'\]=1.5: a wh",
+        ),
         (lambda d, V: fm.read_gmsh("x.msh", None), "comm=None: a communicator"),
         (lambda d, V: fm.read_gmsh("x.msh", COMM, rank=0.5), "rank=0.5: a whole number"),
         (lambda d, V: fm.contact_table(None), "problem=None: a ContactProblem"),
@@ -963,7 +971,11 @@ def tool_of(**more):
         ({"data": lambda d, u: blocks_of_arrays()}, fm.MeshError, "another mesh than u"),
         ({"residual": lambda d, u: ufl.inner(u, u) * ufl.dx}, ValueError, "one test function"),
         (
-            {"residual": lambda d, u: u[0] * ufl.TestFunction(compat.scalar_space(d.mesh, 1)) * ufl.dx},
+            {
+                "residual": lambda d, u: (
+                    u[0] * ufl.TestFunction(compat.scalar_space(d.mesh, 1)) * ufl.dx
+                )
+            },
             ValueError,
             "test function of the residual is of another space",
         ),
@@ -1012,7 +1024,9 @@ def test_value_that_petsc_refuses_is_told_in_words(options, words):
 
 def test_linear_solver_that_stops_too_early_is_not_called_singular():
     problem = solved_with({"ksp_type": "gmres", "pc_type": "jacobi", "ksp_rtol": 1e-3})
-    words = r"stopped too early: PETSc's reason 2 \(CONVERGED_RTOL\), a smaller tolerance .*ksp_rtol"
+    words = (
+        r"stopped too early: PETSc's reason 2 \(CONVERGED_RTOL\), a smaller tolerance .*ksp_rtol"
+    )
     with refused(fm.NotConvergedError, f"^(?!.*singular).*{words}"):
         problem.solve()
 
