@@ -412,8 +412,8 @@ def _boundary_value(
         try:
             value = np.array(value, dtype=PETSc.ScalarType)
         except (TypeError, ValueError):
-            right = "numbers, a Constant or a Function"
-            raise MeshError(f"the prescribed value is {value!r}; right are {right}") from None
+            allowed = "numbers, a Constant or a Function"
+            raise MeshError(f"the prescribed value is {value!r}; right are {allowed}") from None
     shape = value.ufl_shape if isinstance(value, fem.Constant) else value.shape
     right = ufl.TestFunction(V).ufl_shape if component is None else ()
     if component is None and right != (2,):
