@@ -35,7 +35,7 @@ from fenics_mortar.inputs import Inputs, check_roles
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, solve
 from fenics_mortar.operators import OperatorMatrices
-from fenics_mortar.options import check_choice, check_kind, check_number
+from fenics_mortar.options import check_choice, check_flag, check_kind, check_number
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
@@ -194,28 +194,38 @@ class ContactProblem(ContactEquations):
 
     # Solving
 
-    def solve(self) -> NewtonReport:
+    def solve(self, *, accept_violations: bool = False) -> NewtonReport:
         """Solve for the present loads and prescribed values; move ``u`` and the multipliers.
+
+        Args:
+            accept_violations: Whether a state that violates its certificate is returned like any
+                other, for who looks at ``report.certificate`` himself. It is asked for with the
+                solve, not among the options of Newton's method, which knows no contact.
 
         Returns:
             The record of the Newton iterations.
 
         Raises:
-            NotConvergedError: On all ranks; holds the record. ``u`` and the multipliers are left
-                at the last iterate; to solve again, reset ``u`` and mend what was wrong.
+            NotConvergedError: On all ranks; holds the record. So it is if Newton's method does not
+                converge, and if it converges to a state that violates its certificate. ``u`` and
+                the multipliers are left at the last iterate, or at that state, to be looked at,
+                and slip goes on to count from the last state that was accepted; to solve again,
+                reset ``u`` and mend what was wrong, or ``restore`` a copy made by ``state``.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
                 if what is set on all ranks is not the same on all, or if the mesh was moved after
                 set-up.
         """
+        with together(self.comm, "solve"):
+            check_flag("accept_violations", accept_violations)
         self.bulk.check_input()
         self._remarks = self._inputs.check(self.newton)
         report = None if self._adequacy is None else self._adequacy.climb()
-        report = report or self._solve_by_this_model()
+        report = report or self._solve_by_this_model(accept_violations)
         if self._adequacy is not None:
             report.adequacy = self._adequacy.assess(self)
         return report
 
-    def _solve_by_this_model(self) -> NewtonReport:
+    def _solve_by_this_model(self, accept_violations: bool) -> NewtonReport:
         """Solve, whatever the model's adequacy."""
         clock.read()
         for contact in self.contacts:
@@ -234,16 +244,23 @@ class ContactProblem(ContactEquations):
             self.hold(None)
             raise
         self._last_converged = True
+        accepted = [contact.accepted for contact in self.contacts]
         for contact in self.contacts:
             contact.accept()
         compat.free_petsc_garbage(self.comm)
         report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
-        violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
-        remarks = violations or report.certificate.remarks()
+        violations = report.certificate.violations()
+        told = [f"VIOLATED: {violation}" for violation in violations]
+        remarks = told or report.certificate.remarks()
         reactions = self.tools.record()
         begun = [*self._remarks, *filter(None, self._starts)]
         report.notes[:0] = [*begun, *moved, *remarks, *reactions]
         self._starts, self._remarks = [], []
+        if violations and not accept_violations:
+            self._last_converged = False
+            for contact, before in zip(self.contacts, accepted, strict=True):
+                contact.accepted = before
+            raise _wrong_state(report, violations)
         return report
 
     def _solve(self) -> NewtonReport:
@@ -371,6 +388,16 @@ class ContactProblem(ContactEquations):
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""
         return check_tangent(self, **options)
+
+
+def _wrong_state(report: NewtonReport, violations: Sequence[str]) -> NotConvergedError:
+    """The error that says that a state violates its certificate, and what helps."""
+    report.reason = f"converged to a wrong state: {'; '.join(violations)}"
+    report.converged = False
+    smaller = any("smaller steps" in words or "inverted" in words for words in violations)
+    advice = "follow_path takes such a step back and cuts it; " * smaller
+    words = f"{report.reason}; {advice}solve(accept_violations=True) returns it"
+    return NotConvergedError(words, report)
 
 
 def _check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any) -> None:
