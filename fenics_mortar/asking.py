@@ -42,7 +42,8 @@ class Asker:
             return law.piece(node, before)
 
         def ask() -> Pieces:
-            (piece,) = self._numbers(law, "piece", (law.piece(node, before),), before.size)
+            answer = law.piece(_protected(node), _read_only(before))
+            (piece,) = self._numbers(law, "piece", (answer,), before.size)
             self._check_finite(law, "piece", (piece,), _all_finite(node), x)
             whole = np.rint(np.nan_to_num(piece))
             if (whole != np.nan_to_num(piece)).any():
@@ -57,7 +58,7 @@ class Asker:
             return law.tangential(node, piece)
 
         def ask() -> Row:
-            row = law.tangential(node, piece)
+            row = law.tangential(_protected(node), _read_only(piece))
             if not isinstance(row, tuple) or len(row) != len(Row._fields):
                 raise ValueError(f"{law!r}: tangential returned {row!r}; right is a Row")
             row = Row(*self._numbers(law, "tangential", row, piece.size))
@@ -73,7 +74,9 @@ class Asker:
             return law.bound(pressure)
 
         def ask() -> Array:
-            (bound,) = self._numbers(law, "bound", (law.bound(pressure),), pressure.size)
+            (bound,) = self._numbers(
+                law, "bound", (law.bound(_read_only(pressure)),), pressure.size
+            )
             wrong = (np.isnan(bound) | (bound < 0.0)) & (pressure >= 0.0)
             if wrong.any():
                 j = int(np.argmax(wrong))
@@ -91,7 +94,7 @@ class Asker:
             return law.adhesion(gap)
 
         def ask() -> tuple[Array, Array]:
-            answer = law.adhesion(gap)
+            answer = law.adhesion(_read_only(gap))
             if not isinstance(answer, tuple) or len(answer) != 2:
                 raise ValueError(
                     f"{law!r}: adhesion returned {answer!r}; right are two arrays, the pull and "
@@ -163,3 +166,15 @@ def raise_noted(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
 def _all_finite(node: Nodal) -> Marks:
     """Where all that a law is told is finite."""
     return np.all([np.isfinite(values) for values in vars(node).values()], axis=0)
+
+
+def _protected(node: Nodal) -> Nodal:
+    """The same, for a law that might write into it."""
+    return Nodal(**{name: _read_only(values) for name, values in vars(node).items()})
+
+
+def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """A view that cannot be written into: what is in there is the state."""
+    view = array.view()
+    view.flags.writeable = False
+    return view

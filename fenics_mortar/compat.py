@@ -97,6 +97,9 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
             bcs = [dirichlet(W.sub(0), data, "base", (0.0, 0.0))]
             problem = ContactProblem(residual, w, pairs, bcs=bcs, petsc_options_prefix="rubber_")
     """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, as the attribute mesh of MeshData")
+    if not parts:
+        raise ValueError("no parts: each is a family, a degree and, of vectors, the shape")
     if hasattr(ufl, "MixedElement"):
         cell = mesh.ufl_cell()
         elements = [

@@ -30,7 +30,7 @@ from fenics_mortar.bodies import find_floating_bodies, label_bodies
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.checks import check_residual, check_space
 from fenics_mortar.contact import Contact
-from fenics_mortar.errors import MeshError, together
+from fenics_mortar.errors import MeshError, check_same_words, together
 from fenics_mortar.facing import nearest_facets, points_of
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.obstacles import Obstacle
@@ -90,6 +90,7 @@ class ElasticTool:
             data.boundary_tag(surface)
             if data.mesh is not u.function_space.mesh:
                 raise MeshError("data is of another mesh than u")
+        check_same_words(data.mesh.comm, "ElasticTool", {"surface": surface, "bcs": len(bcs)})
         check_space(u.function_space, ())
         self.obstacle = obstacle
         space = DisplacementSpace(u.function_space)

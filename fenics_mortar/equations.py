@@ -24,11 +24,12 @@ from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact, mark_overheld
 from fenics_mortar.driven import DrivenObstacles
-from fenics_mortar.errors import MortarError, place
+from fenics_mortar.errors import MortarError, place, together
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import Linearization
 from fenics_mortar.newton import NewtonOptions, Status, Step, forcing
+from fenics_mortar.options import check_kind
 from fenics_mortar.slip import Partners
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import LinearSystem
@@ -385,7 +386,13 @@ class ContactEquations:
         )
 
     def restore(self, state: State) -> None:
-        """Go back to a state, exactly."""
+        """Go back to a state, exactly.
+
+        Raises:
+            MortarError: On all ranks, if it is none, or one of another problem.
+        """
+        with together(self.comm, "restore"):
+            self._check_state(state)
         self.bulk.u.x.array[:] = state.u
         self.tools.places = state.places
         for i, contact in enumerate(self.contacts):
@@ -395,6 +402,15 @@ class ContactEquations:
             contact.partners, contact.accepted = state.partners[i]
             contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged
+
+    def _check_state(self, state: State) -> None:
+        """Refuse what is no state of these equations (local)."""
+        check_kind("state", state, State, "what state() of the same problem returned")
+        same = state.u.shape == self.bulk.u.x.array.shape and len(state.z) == len(self.contacts)
+        if not same or any(
+            z.shape != contact.z.shape for z, contact in zip(state.z, self.contacts, strict=True)
+        ):
+            raise MortarError("the state is one of another problem: right is what state() returned")
 
     def interface_motion(self, before: State) -> float:
         """Largest motion of a surface since a state, in its shortest facets (collective)."""

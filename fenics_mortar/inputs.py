@@ -30,7 +30,7 @@ from fenics_mortar.laws import Law
 from fenics_mortar.mortar import evaluate_normals
 from fenics_mortar.newton import NewtonOptions
 from fenics_mortar.obstacles import Obstacle
-from fenics_mortar.options import check_kind, check_lengths, check_number
+from fenics_mortar.options import check_flag, check_kind, check_lengths, check_number
 from fenics_mortar.surfaces import Array
 from fenics_mortar.tied import Tie
 
@@ -58,11 +58,12 @@ class Inputs:
         self._as_bound = [_options(contact.pair) for contact in contacts]
         self._conflicts = Conflicts(bulk)
 
-    def check(self, newton: Any) -> list[str]:
+    def check(self, newton: Any, accept_violations: Any) -> list[str]:
         """Refuse what cannot be right; remarks on what may be (collective).
 
         Args:
             newton: Options of the solve to come.
+            accept_violations: Another one of its options.
 
         Raises:
             MortarError, ValueError: On all ranks.
@@ -70,6 +71,7 @@ class Inputs:
         comm = self._bulk.comm
         with together(comm, "what was set of the problem"):
             check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
+            check_flag("accept_violations", accept_violations)
             for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
                 _check_contact(contact, as_bound)
             for obstacle in self._obstacles:
@@ -78,7 +80,8 @@ class Inputs:
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
             check_lengths(name, contact.offset, contact.slave.num_nodes)
-        check_same_words(comm, "what was set of the problem", dict(self._words(newton)))
+        words = {**dict(self._words(newton)), "accept_violations": accept_violations}
+        check_same_words(comm, "what was set of the problem", words)
         self._check_distances()
         return self._conflicts.describe()
 
@@ -177,10 +180,19 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
                 "set up a new problem (its law may be set, and contact.c_n and contact.offset)"
             )
     count = contact.slave.num_nodes
-    for name, shape in (("z", (count, 2)), ("active", (count,)), ("piece", (count,))):
-        if np.shape(getattr(contact, name)) != shape:
-            given = np.shape(getattr(contact, name))
-            raise MortarError(f"{name} of {pair!r} has shape {given}; right is {shape}")
+    for name, shape, kind in (
+        ("z", (count, 2), float),
+        ("active", (count,), bool),
+        ("carries", (count,), bool),
+        ("piece", (count,), int),
+    ):
+        given = getattr(contact, name)
+        check_kind(f"{name} of {pair!r}", given, np.ndarray, "an array")
+        if given.shape != shape or not np.can_cast(given.dtype, kind, "same_kind"):
+            raise MortarError(
+                f"{name} of {pair!r} has shape {given.shape} and type {given.dtype}; right are "
+                f"{shape} and {kind.__name__}"
+            )
     if isinstance(contact, Contact):
         right = "an instance of Frictionless, Coulomb, Tresca or Law"
         check_kind(f"law of {pair!r}", pair.law, Law, right)

@@ -127,6 +127,8 @@ def _listed(names: Any) -> list[str | int]:
 
 def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:
     if isinstance(name, (int, np.integer)) and not isinstance(name, bool):
+        if not abs(int(name)) < 2**31:
+            raise MeshError(f"no {kind} {name!r}; tags have 32 bits")
         return int(name)
     if not isinstance(name, str) or name not in tags:
         raise MeshError(f"no {kind} {name!r}; the mesh has {sorted(map(str, tags))}")

@@ -139,7 +139,7 @@ class Obstacle(ABC):
         shapes, right = [np.shape(field) for field in fields], [x.shape[:1], x.shape, (*x.shape, 2)]
         if shapes != right:
             raise ValueError(f"'{self.name}' returned shapes {shapes}; right are {right}")
-        phi, gradient, hessian = (np.asarray(field) for field in fields)
+        phi, gradient, hessian = map(np.array, fields)  # copies: a function may use them again
         kinds = {field.dtype.kind for field in (phi, gradient, hessian)}
         if not kinds <= set("iufc" if np.iscomplexobj(x) else "iuf"):
             raise ValueError(f"the distance of '{self.name}' returned no real numbers")

@@ -35,7 +35,7 @@ from fenics_mortar.inputs import Inputs, check_roles
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.newton import NewtonOptions, NewtonReport, solve
 from fenics_mortar.operators import OperatorMatrices
-from fenics_mortar.options import check_choice, check_flag, check_kind, check_number
+from fenics_mortar.options import check_choice, check_kind, check_number
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
@@ -215,10 +215,8 @@ class ContactProblem(ContactEquations):
                 if what is set on all ranks is not the same on all, or if the mesh was moved after
                 set-up.
         """
-        with together(self.comm, "solve"):
-            check_flag("accept_violations", accept_violations)
         self.bulk.check_input()
-        self._remarks = self._inputs.check(self.newton)
+        self._remarks = self._inputs.check(self.newton, accept_violations)
         report = None if self._adequacy is None else self._adequacy.climb()
         report = report or self._solve_by_this_model(accept_violations)
         if self._adequacy is not None:
@@ -323,6 +321,8 @@ class ContactProblem(ContactEquations):
         for pair in pairs:
             if isinstance(pair, ContactPair):
                 for name, new in pair_options.items():
+                    if name not in vars(pair):
+                        raise ValueError(f"{name}={new!r}: a pair has {', '.join(vars(pair))}")
                     setattr(pair, name, new(getattr(pair, name)) if callable(new) else new)
         given = {**self._given, "pairs": pairs}
         if residual is not None:

@@ -413,6 +413,28 @@ def test_law_whose_parameter_differs_on_one_rank_is_refused():
         scene.problem.solve()
 
 
+def test_law_cannot_write_into_the_state():
+    class Careless(fm.Coulomb):
+        def tangential(self, node, piece):
+            node.z_tau[:] = 0.0
+            return super().tangential(node, piece)
+
+    with refused(ValueError, "read-only"):
+        rubbing_blocks(Careless(0.3)).problem.solve()
+
+
+def test_distance_may_use_its_arrays_again():
+    store = np.zeros(1000)
+
+    def again(x, phi, g, H):
+        store[: len(x)] = phi
+        return store[: len(x)], g, H
+
+    usual, reused = (on_obstacle(Floor(f).obstacle) for f in (lambda x, *fields: fields, again))
+    reports = [problem.solve() for problem in (usual, reused)]
+    assert str(reports[0].certificate) == str(reports[1].certificate)
+
+
 # Attributes that are set later
 
 
@@ -460,6 +482,38 @@ def test_state_of_a_contact_of_another_shape_is_refused(name, shape):
     setattr(scene.contact, name, np.zeros(shape))
     with refused(fm.MortarError, f"{name} of ContactPair.* has shape"):
         scene.problem.solve()
+
+
+@pytest.mark.parametrize("value", [[[0.0, 0.0]] * 5, np.zeros((5, 2), complex)])
+def test_multipliers_of_another_kind_are_refused(value):
+    scene = small_blocks()
+    scene.contact.z = value
+    with pytest.raises((ValueError, fm.MortarError), match="z of ContactPair"):
+        scene.problem.solve()
+
+
+def test_state_of_another_problem_is_refused_and_nothing_changes():
+    scene, other = small_blocks(), small_blocks(degree=2)
+    before = scene.u.x.array.copy()
+    with refused(fm.MortarError, "the state is one of another problem"):
+        scene.problem.restore(other.problem.state())
+    with refused(ValueError, r"state=None: what state\(\) of the same problem returned"):
+        scene.problem.restore(None)
+    assert np.array_equal(scene.u.x.array, before)
+
+
+def test_variant_by_an_unknown_option_is_refused():
+    with refused_words(ValueError, "slidin='small': a pair has .*sliding"):
+        small_blocks().problem.variant(slidin="small")
+
+
+@pytest.mark.parametrize("part", [0.0, 2.0, "half"])
+def test_part_of_the_error_to_mark_is_checked(part):
+    scene = small_blocks()
+    scene.loads["push"].value[1] = -0.02
+    scene.problem.solve()
+    with refused(ValueError, "part=.*: a number above 0 and up to 1"):
+        scene.problem.estimate().mark(part)
 
 
 @pytest.mark.parametrize("newton", [None, {"max_iterations": 3}, fm.NewtonOptions])
