@@ -36,6 +36,7 @@ import ufl
 from fenics_mortar.climb import Climb
 from fenics_mortar.contact import Contact
 from fenics_mortar.elastic_tool import ElasticTool
+from fenics_mortar.errors import check_same_words
 from fenics_mortar.laws import Coulomb, Law, Stick
 from fenics_mortar.model_error import (
     ENERGY,
@@ -191,6 +192,13 @@ class AdequacyCheck:
 
     def prepare(self, problem: ContactProblem) -> None:
         """Set up the models below a problem, if it is to climb (collective)."""
+        given = {
+            "tolerance": self._tolerance, "quantity": self._quantity, "climb": self._climbs,
+            "stiffness_ratio": self._stiffness_ratio, "friction": self._friction,
+            "discretisation": self._discretisation, "tools": len(self._tools),
+            "finite_strain": self._finite_strain is not None,
+        }  # fmt: skip
+        check_same_words(problem.comm, "AdequacyCheck", given)
         if self._climbs:
             self._climb = Climb(problem, self._tolerance, self._quantity, self._discretisation)
 

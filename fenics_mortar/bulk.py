@@ -58,6 +58,7 @@ class Bulk:
         units: Amount of each unknown owned here that counts like a displacement of one, shape
             (num_owned,); see ``set_units``.
         to_force: What turns the residual of each equation into a force, shape (num_owned,).
+        stiffness: Force of a displacement of one, once ``set_units`` has been called [stress].
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         num_patterns: How many matrices ``K`` has been so far.
@@ -102,6 +103,7 @@ class Bulk:
         self._nodes = self.V.mesh.geometry.x.copy()
         self.num_owned, self.first = space.num_owned, space.first
         self.units, self.to_force = np.ones((2, self.num_owned))
+        self.stiffness = 0.0
 
     @cached_property
     def held(self) -> npt.NDArray[np.int32]:
@@ -224,6 +226,7 @@ class Bulk:
         Args:
             stiffness: Force of a displacement of one [stress].
         """
+        self.stiffness = stiffness
         if not self.space.is_mixed:
             return
         units, to_force = np.zeros((2, self.num_owned))

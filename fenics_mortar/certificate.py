@@ -29,6 +29,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fenics_mortar.asking import raise_noted
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import place
@@ -277,6 +278,7 @@ def certify(
         _certify_tie(c) if isinstance(c, Tie) else _certify_pair(bulk, c, labels, paired)
         for c in contacts
     ]
+    raise_noted(bulk.comm, contacts)
     return Certificate(pairs, _balance(bulk, contacts, labels, unbalanced), inverted)
 
 
@@ -301,7 +303,7 @@ def _balance(
     sums = [np.bincount(body, component, num_bodies) for component in total[dofs].T]
     defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r[dofs]).sum()))
     motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
-    stiffness = max((float(c.stiffness.max()) for c in contacts), default=0.0)
+    stiffness = max((float(c.stiffness.max()) for c in contacts), default=bulk.stiffness)
     extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)
     rounding = FORCE_ROUNDING * stiffness * max(motion, STILL * extent)
     defect = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
@@ -313,7 +315,8 @@ def _certify_pair(
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes that have a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
-    bound = np.where(contact.active, contact.pair.law.bound(pressure), 0.0)
+    bound = contact.asker.bound(contact.pair.law, pressure, contact.operators.x)
+    bound = np.where(contact.active, bound, 0.0)
     excess, tension = np.abs(contact.z_tau) - bound, contact.tension
     largest = max(float(np.abs(pressure).max()), ROUNDING * float(contact.stiffness.max()))
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths

@@ -14,7 +14,6 @@ again: errors grow as the indicators do, at the most with their square.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +24,7 @@ from dolfinx import fem
 
 from fenics_mortar.contact import Contact
 from fenics_mortar.equations import State
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import going_on
 from fenics_mortar.model_error import (
     ENERGY,
     QUANTITIES,
@@ -122,7 +121,7 @@ class Climb:
         self.summit, self._has_looked = None, False
         while self._model is not None:
             self._model.problem.adopt(problem)
-            with suppress(MortarError):
+            with going_on():
                 report = self._model.problem.solve()
                 solved = self._model.problem.state()
                 start, self.summit = self._judge(self._model, start)
@@ -223,7 +222,7 @@ class Climb:
         error, known = errors[self._quantity], self._discretisation is not None
         decides = min(2.0 * self._mesh_seen_at, self._mesh_seen) < error < FAR
         if decides and error > self._tolerance and self._quantity == ENERGY and not known:
-            with suppress(MortarError):
+            with going_on():
                 if not self._has_looked:
                     self._mesh_seen_at, self._mesh_seen = error, self._problem.estimate().relative
             self._has_looked = True

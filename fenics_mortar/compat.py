@@ -8,6 +8,7 @@ docstrings name the release that made the difference. No other module knows of a
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import importlib.util
 import inspect
@@ -26,6 +27,8 @@ import dolfinx.fem.petsc  # must be explicit in every release
 import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
+
+from fenics_mortar.options import check_kind, check_number
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -64,7 +67,13 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     """Create the Lagrange space of plane vectors (collective).
 
     ``VectorFunctionSpace`` was removed in 0.8; the shape went into the element.
+
+    Raises:
+        ValueError: If ``mesh`` or ``degree`` is none.
     """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, as the attribute mesh of MeshData")
+    right = "a whole number, at least 1"
+    check_number("degree", degree, right, lambda number: number >= 1, whole=True)
     if hasattr(fem, "functionspace"):
         return fem.functionspace(mesh, ("Lagrange", degree, (2,)))
     return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
@@ -88,6 +97,9 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
             bcs = [dirichlet(W.sub(0), data, "base", (0.0, 0.0))]
             problem = ContactProblem(residual, w, pairs, bcs=bcs, petsc_options_prefix="rubber_")
     """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, as the attribute mesh of MeshData")
+    if not parts:
+        raise ValueError("no parts: each is a family, a degree and, of vectors, the shape")
     if hasattr(ufl, "MixedElement"):
         cell = mesh.ufl_cell()
         elements = [
@@ -375,6 +387,21 @@ def evaluate_expression(expression: fem.Expression, mesh: dmesh.Mesh, cells: Ind
     """
     takes_mesh = "mesh" in inspect.signature(expression.eval).parameters
     return expression.eval(mesh, cells) if takes_mesh else expression.eval(cells)
+
+
+def option_is_used(name: str) -> bool:
+    """Tell whether PETSc has asked for an option of its database, prefix and all (local).
+
+    ``PETSc.Options.used`` is not there in 3.18; then PETSc's own function is called.
+    """
+    database = PETSc.Options()
+    if hasattr(database, "used"):
+        return bool(database.used(name))
+    used = ctypes.c_int(0)
+    ask = ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
+    ask.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_int)]
+    ask(None, name.encode(), ctypes.byref(used))
+    return bool(used.value)
 
 
 def free_petsc_garbage(comm: MPI.Comm, *objects: Any) -> None:

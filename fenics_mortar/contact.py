@@ -32,6 +32,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.asking import Asker, raise_noted
 from fenics_mortar.carriers import Carriers, normals_on_planes
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
@@ -111,6 +112,7 @@ class Contact(Interface):
             held, nor while it is hardly covered.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, shape (slave nodes,), bool.
+        asker: Asks the law of the pair.
     """
 
     def __init__(
@@ -151,7 +153,10 @@ class Contact(Interface):
         none = np.zeros(self.slave.num_nodes)
         self._nothing = none, none
         start = Nodal(none, none, none, none, none + 1.0, none)
-        self.piece: Pieces = pair.law.piece(start, np.zeros(none.size, np.int64))
+        self.asker = Asker(pair.slave_name)
+        at_rest = np.zeros(none.size, np.int64)
+        self.piece: Pieces = self.asker.piece(pair.law, start, at_rest, self.slave.X)
+        raise_noted(self.slave.comm, [self])
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
@@ -207,7 +212,8 @@ class Contact(Interface):
         if not self.pair.law.attracts:
             return self._nothing
         gap, on = self._mean_gap, self.covered
-        pull, by_gap = self.pair.law.adhesion(np.maximum(gap, 0.0))
+        open_gap = np.maximum(gap, 0.0)
+        pull, by_gap = self.asker.adhesion(self.pair.law, open_gap, self.operators.x)
         pull = pull + by_gap * np.minimum(gap, 0.0)
         return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
 
@@ -434,11 +440,10 @@ class Contact(Interface):
 
         Overheld nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
         """
-        node = self.nodal
-        ours, without = (
-            law.tangential(node, self.piece) for law in (self.pair.law, Frictionless())
-        )
-        rubs = self._rubs & ~self.attracted
+        node, rubs = self.nodal, self._rubs & ~self.attracted
+        law, x = self.pair.law, self.operators.x
+        ours = self.asker.tangential(law, node, self.piece, rubs, x)
+        without = Frictionless().tangential(node, self.piece)
         row = Row(*(np.where(rubs, a, b) for a, b in zip(ours, without, strict=True)))
         if not self.overheld.any():
             return row
@@ -594,7 +599,8 @@ class Contact(Interface):
         changed = active != self.active
         self.active = active
         self.z[~active] = -self._adhesion[0][~active, None] * self.operators.n[~active]
-        piece = self.pair.law.piece(self.nodal, self.piece)
+        law, x = self.pair.law, self.operators.x
+        piece = self.asker.piece(law, self.nodal, self.piece, x)
         changed |= active & self._rubs & (piece != self.piece)
         self.piece = piece
         return int(changed.sum())

@@ -10,7 +10,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from fenics_mortar.errors import MortarError, NotConvergedError
+from fenics_mortar.errors import (
+    MortarError,
+    NotConvergedError,
+    NotFiniteError,
+    RaisedElsewhereError,
+)
 from fenics_mortar.options import check_flag, check_number
 
 # Sets that change in so many iterations in a row will not settle by themselves, unless the residual
@@ -224,6 +229,8 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
 
     Raises:
         NotConvergedError: On all ranks, with the record so far.
+        MortarError: On all ranks, if what a user handed in is not finite at the very start, or
+            raised on one of them.
     """
     report = NewtonReport()
     step, sets, noted = Step(np.inf, 1.0), list[bytes](), set[str]()
@@ -231,12 +238,19 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         if number:
             try:
                 step = equations.advance()
+            except RaisedElsewhereError:
+                raise
             except MortarError as error:
                 raise _failure(equations, report, f"iteration {number}: {error}") from error
             if step.note and step.note not in noted:
                 noted.add(step.note)
                 report.notes.append(f"iteration {number}: {step.note}")
-        status = equations.evaluate(start=number == 0)
+        try:
+            status = equations.evaluate(start=number == 0)
+        except NotFiniteError as error:
+            if not number:  # no way of ours led here
+                raise
+            raise _failure(equations, report, f"iteration {number}: {error}") from error
         step = step._replace(part=step.part * status.part)
         report.force = max(report.force, status.force)
         report.iterations.append(

@@ -21,12 +21,15 @@ import numpy as np
 
 import ufl
 from ufl.algorithms import extract_arguments
+from ufl.domain import extract_domains
 
 from fenics_mortar import compat
 from fenics_mortar.bulk import AROUND, Bulk
 from fenics_mortar.contact import Contact
+from fenics_mortar.errors import check_same_words, together
 from fenics_mortar.files import make_folder, try_together, without_suffix, write_whole
 from fenics_mortar.obstacles import Obstacle
+from fenics_mortar.options import check_kind, check_number
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.tied import Tie
@@ -72,7 +75,14 @@ class ResultsWriter:
         self, path: str | Path, problem: ContactProblem, fields: dict[str, Any] | None = None
     ) -> None:
         """Compile the fields and make the folder (collective)."""
+        _check_problem(problem)
         self._problem, comm = problem, problem.comm
+        with together(comm, "ResultsWriter"):
+            check_kind("path", path, (str, Path), "the name of a file")
+            if fields is not None:
+                check_kind("fields", fields, dict, "a dictionary of UFL expressions by name")
+        names = {str(number): name for number, name in enumerate(fields or {})}
+        check_same_words(comm, "ResultsWriter", {"number of fields": len(names), **names})
         self._fields = {name: _CellField(problem, e, name) for name, e in (fields or {}).items()}
         path = _prepare(comm, path, ".pvd")
         cells = _owned_cells(problem)
@@ -94,6 +104,8 @@ class ResultsWriter:
     def write(self, time: float) -> None:
         """Write the present state as that of ``time`` (collective)."""
         problem = self._problem
+        with together(problem.comm, "write"):
+            check_number("time", time, "a finite number", np.isfinite)
         u, dofs = problem.bulk.u.x.array, problem.bulk.space.dofs
         cell_data = {name: _pad(field.evaluate()) for name, field in self._fields.items()}
         data = {"displacement": _pad(u[dofs[self._nodes]])}
@@ -112,6 +124,11 @@ class ResultsWriter:
 
     def __exit__(self, *_: object) -> None:
         """Do nothing: all files are complete at any time, see ``files.write_whole``."""
+
+
+def _check_problem(problem: Any) -> None:
+    """Refuse what is no problem (local)."""
+    check_kind("problem", problem, ContactProblem, "a ContactProblem")
 
 
 def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
@@ -247,6 +264,8 @@ class _CellField:
                 raise ValueError(f"its shape is {self._shape}; right is {right}")
             if extract_arguments(ufl.as_ufl(expression)):
                 raise ValueError("it holds a test or trial function")
+            if any(domain != V.ufl_domain() for domain in extract_domains(ufl.as_ufl(expression))):
+                raise ValueError("it holds a function or constant of another mesh")
             midpoint = MIDPOINT[compat.cell_name(V.mesh)]
             self._compiled = compat.create_expression(expression, midpoint)
 
@@ -289,6 +308,7 @@ def contact_table(problem: ContactProblem) -> str:
     The forces are those that act on the bodies, [stress length]; the last column is the smallest
     mean gap of a slave node by the length of the node.
     """
+    _check_problem(problem)
     head = "pair|force on slave|force on master|sum|active|max pressure|min gap/length".split("|")
     rows = [f"| {' | '.join(head)} |", "|---|---:|---:|---:|---:|---:|---:|"]
     for contact in problem.contacts:
@@ -331,7 +351,11 @@ def plot(
     Raises:
         MortarError: On all ranks, if the expression or the path is of no use.
     """
+    _check_problem(problem)
     comm = problem.comm
+    with together(comm, "plot"):
+        check_kind("path", path, (str, Path), "the name of a file")
+        check_number("scale", scale, "a finite number", np.isfinite)
     field = None if stress is None else _CellField(problem, stress, label, rank=0)
     path = _prepare(comm, path, ".png")
     cells = _owned_cells(problem)

@@ -14,9 +14,15 @@ import numpy as np
 from fenics_mortar.contact import Contact
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.equations import State
-from fenics_mortar.errors import MortarError, NotConvergedError, call_together
+from fenics_mortar.errors import (
+    MortarError,
+    NotConvergedError,
+    call_together,
+    check_same_words,
+    together,
+)
 from fenics_mortar.newton import NewtonOptions, NewtonReport, after
-from fenics_mortar.options import check_flag, check_number
+from fenics_mortar.options import check_flag, check_kind, check_number
 from fenics_mortar.predictor import Predictor
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
@@ -210,7 +216,15 @@ def follow_path(
             did not.
         BaseException: What interrupted it, as a KeyboardInterrupt. The state is that of the last
             accepted step then; a note at the error says at which time that was.
+        ValueError: If an argument is of another kind, or ``start`` is beyond ``stop``. Where they
+            are equal, as at the end of a path that is taken up again, there is no step to take.
+        MortarError: On all ranks, if options differ between them.
     """
+    check_kind("problem", problem, ContactProblem, "a ContactProblem")
+    with together(problem.comm, "follow_path"):
+        _check_path(set_loads, options, start, stop, on_step)
+    given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
+    check_same_words(problem.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
     predictor = Predictor(problem, start, guesses=options.predict)
@@ -255,6 +269,23 @@ def follow_path(
     return path
 
 
+def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: Any) -> None:
+    """Refuse arguments of ``follow_path`` (local)."""
+    if not callable(set_loads):
+        raise ValueError(f"set_loads={set_loads!r}: a function of the time")
+    right = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    check_kind("options", options, SteppingOptions, right)
+    for name, value in (("start", start), ("stop", stop)):
+        check_number(name, value, "a finite number", np.isfinite)
+    if start > stop:
+        raise ValueError(
+            f"start={start!r} is beyond stop={stop!r}: times grow; to unload, let set_loads lessen "
+            "the loads with time"
+        )
+    if on_step is not None and not callable(on_step):
+        raise ValueError(f"on_step={on_step!r}: a function of the time and the record, or None")
+
+
 @contextmanager
 def _kept(before: Before, time: float) -> Iterator[None]:
     """A step of which nothing is left if anything but a failed solve ends it."""
@@ -291,7 +322,7 @@ class _Ways:
         """Solve; if that fails, once more in the other way (collective)."""
         problem, options = self._problem, self._problem.newton
         if not self._has_choice or options.damped or options.tentative:
-            return problem.solve()
+            return problem.solve(accept_violations=True)
         start = problem.state()
         try:
             return self._solve(options)
@@ -305,7 +336,7 @@ class _Ways:
     def _solve(self, options: NewtonOptions) -> NewtonReport:
         try:
             self._problem.newton = replace(options, line_search=self._damps_first)
-            return self._problem.solve()
+            return self._problem.solve(accept_violations=True)
         finally:
             self._problem.newton = options
 
