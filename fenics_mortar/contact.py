@@ -448,9 +448,7 @@ class Contact(Interface):
         if not self.overheld.any():
             return row
         k, zero = ELASTIC * node.stiffness, np.zeros_like(node.slip)
-        elastic = Row(
-            node.z_tau - self.partners.shear - k * node.slip, zero, -k, zero, zero + 1.0
-        )
+        elastic = Row(node.z_tau - self.partners.shear - k * node.slip, zero, -k, zero, zero + 1.0)
         return Row(*(np.where(self.overheld, a, b) for a, b in zip(elastic, row, strict=True)))
 
     @property

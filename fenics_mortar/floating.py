@@ -354,8 +354,8 @@ class FloatingBodies:
         driven = [(body, drive) for body, drive in driven if drive.any()]
         if not driven:
             return [], []
-        moving = self._not_held(bulk)
-        driven = [(body, drive) for body, drive in driven if body.label in moving]
+        not_held = self._not_held(bulk)
+        driven = [(body, drive) for body, drive in driven if body.label in not_held]
         if not driven:
             return [], []
         wanted = np.concatenate([LARGEST_MOVE * body.size * drive for body, drive in driven])

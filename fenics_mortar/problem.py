@@ -12,6 +12,8 @@ from typing import Any, get_args
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import numpy as np
+
 import ufl
 from dolfinx import fem
 
@@ -159,9 +161,10 @@ class ContactProblem(ContactEquations):
         automatic = solver == "auto"
         if automatic and not self._is_for_multigrid(linear_bulk, petsc_options):
             solver = "direct"
-        options = (DIRECT if solver == "direct" else ITERATIVE) | (petsc_options or {})
+        defaults: dict[str, Any] = DIRECT if solver == "direct" else ITERATIVE
+        solving = defaults | (petsc_options or {})
         system = SYSTEMS[algorithm]
-        self._create_system = partial(system, bulk, contacts, petsc_options_prefix, options)
+        self._create_system = partial(system, bulk, contacts, petsc_options_prefix, solving)
         self._may_factor = automatic and solver == "auto"
         self._renew_system()
         self.interrupted = False
@@ -333,11 +336,11 @@ class ContactProblem(ContactEquations):
         """
         touched = iter(self.floating.touched)
         for contact in self.contacts:
-            before = next(touched, None) if isinstance(contact, Contact) else None
-            if before is None:
-                contact.accept()
+            if isinstance(contact, Contact):
+                before = next(touched, np.zeros_like(contact.active))
+                contact.accept(slid=before & contact.active)
             else:
-                contact.accept(before & contact.active)
+                contact.accept()
             contact.start_step()
 
     # Other models
