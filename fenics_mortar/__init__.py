@@ -2,6 +2,7 @@
 """Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D."""
 
 from fenics_mortar.adequacy import AdequacyCheck
+from fenics_mortar.checkpoint import load_state, save_state
 from fenics_mortar.compat import mixed_space, vector_space
 from fenics_mortar.elastic_tool import ElasticTool
 from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError
@@ -12,7 +13,7 @@ from fenics_mortar.obstacles import Circle, Obstacle, Plane, Polygon, SignedDist
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.results import ResultsWriter, contact_table, plot
-from fenics_mortar.stepping import SteppingOptions, follow_path, load_state, save_state
+from fenics_mortar.stepping import SteppingOptions, follow_path
 from fenics_mortar.tied import TiedPair
 
 __all__ = [

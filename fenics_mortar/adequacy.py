@@ -24,7 +24,7 @@ A check that climbs begins each solve on a cheaper model, see ``climb``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -36,6 +36,7 @@ import ufl
 from fenics_mortar.climb import Climb
 from fenics_mortar.contact import Contact
 from fenics_mortar.elastic_tool import ElasticTool
+from fenics_mortar.errors import check_same_words
 from fenics_mortar.laws import Coulomb, Law, Stick
 from fenics_mortar.model_error import (
     ENERGY,
@@ -191,6 +192,13 @@ class AdequacyCheck:
 
     def prepare(self, problem: ContactProblem) -> None:
         """Set up the models below a problem, if it is to climb (collective)."""
+        given = {
+            "tolerance": self._tolerance, "quantity": self._quantity, "climb": self._climbs,
+            "stiffness_ratio": self._stiffness_ratio, "friction": self._friction,
+            "discretisation": self._discretisation, "tools": len(self._tools),
+            "finite_strain": self._finite_strain is not None,
+        }  # fmt: skip
+        check_same_words(problem.comm, "AdequacyCheck", given)
         if self._climbs:
             self._climb = Climb(problem, self._tolerance, self._quantity, self._discretisation)
 
@@ -201,6 +209,34 @@ class AdequacyCheck:
             Its record; ``None`` if the problem's own model is to be solved.
         """
         return self._climb.solve() if self._climb else None
+
+    def remember(self) -> Callable[[], None]:
+        """Return a function that makes all forgotten that is learned from now on (local)."""
+        slips, climbed = self._slips.copy(), vars(self._climb).copy() if self._climb else {}
+
+        def forget() -> None:
+            self._slips = slips
+            if self._climb:
+                vars(self._climb).update(climbed)
+
+        return forget
+
+    def kept(self, problem: ContactProblem) -> dict[str, Array]:
+        """What later solves depend on, as arrays for a file: the climb, and all slip so far."""
+        none = np.empty(0)
+        slips = [self._slips.get(c, none) for c in problem.contacts if isinstance(c, Contact)]
+        return {f"slips{i}": slip for i, slip in enumerate(slips)} | (
+            self._climb.kept() if self._climb else {}
+        )
+
+    def take(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
+        """Go on from what ``kept`` gave, if it is in a file (collective)."""
+        contacts = [c for c in problem.contacts if isinstance(c, Contact)]
+        for i, contact in enumerate(contacts):
+            if data.get(f"slips{i}", np.empty(0)).shape == (contact.slave.num_nodes,):
+                self._slips[contact] = data[f"slips{i}"]
+        if self._climb and "climb" in data:
+            self._climb.take(data)
 
     def assess(self, problem: ContactProblem) -> Adequacy:
         """Estimate the errors of the present solution; it stays as it is (collective)."""

@@ -58,6 +58,7 @@ class Bulk:
         units: Amount of each unknown owned here that counts like a displacement of one, shape
             (num_owned,); see ``set_units``.
         to_force: What turns the residual of each equation into a force, shape (num_owned,).
+        stiffness: Force of a displacement of one, once ``set_units`` has been called [stress].
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         num_patterns: How many matrices ``K`` has been so far.
@@ -102,6 +103,7 @@ class Bulk:
         self._nodes = self.V.mesh.geometry.x.copy()
         self.num_owned, self.first = space.num_owned, space.first
         self.units, self.to_force = np.ones((2, self.num_owned))
+        self.stiffness = 0.0
 
     @cached_property
     def held(self) -> npt.NDArray[np.int32]:
@@ -128,11 +130,24 @@ class Bulk:
         same = self._K_is_whole and all(map(np.array_equal, data, self._data))
         if self.is_linear and self.comm.allreduce(same, MPI.LAND):
             return
-        self._data, self._K_is_whole = data, True
+        self._data, self._K_is_whole = data, False
         if self._num_growths > MOST_GROWTHS:
+            self.free_garbage()
             self.K.destroy()
             self._create_tangent()
         compat.assemble_matrix(self.K, self._tangent)
+        self._K_is_whole = True
+
+    def renew_tangent(self) -> None:
+        """Create ``K`` anew, whatever became of it (collective)."""
+        self._K_is_whole = False
+        self.free_garbage()
+        self.K.destroy()
+        self._create_tangent()
+
+    def free_garbage(self) -> None:
+        """Free PETSc objects that are gone, also those made from ``r`` and ``K`` (collective)."""
+        compat.free_petsc_garbage(self.comm, self.r, self.K)
 
     def _create_tangent(self) -> None:
         """Create ``K`` with the pattern of the form."""
@@ -211,6 +226,7 @@ class Bulk:
         Args:
             stiffness: Force of a displacement of one [stress].
         """
+        self.stiffness = stiffness
         if not self.space.is_mixed:
             return
         units, to_force = np.zeros((2, self.num_owned))

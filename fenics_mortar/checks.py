@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 
+import ufl
+
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.errors import MeshError, MortarError, SurfaceError, place
 from fenics_mortar.interface import Interface
 from fenics_mortar.mesh import check_plane
+from fenics_mortar.options import check_kind
 
 
 def check_space(V: Any, pairs: Sequence[Any]) -> None:
@@ -69,6 +72,54 @@ def check_slave_nodes(contacts: Sequence[Interface]) -> None:
                     f"'{one.slave.name}' and '{other.slave.name}', one at {place(where)}; give "
                     "both sides one name, or make one of the two a master there"
                 )
+
+
+def check_residual(name: str, residual: Any, u: Any) -> None:
+    """Refuse what is no residual in the space of ``u`` (local).
+
+    Raises:
+        ValueError: If the form has another number of test functions, one of another space, or does
+            not hold ``u``.
+    """
+    right = (
+        "the residual has to hold one test function and no trial function; of an energy, "
+        "it is ufl.derivative(energy, u, v)"
+    )
+    _check_form(name, residual, 1, u, right)
+    if u not in residual.coefficients():
+        raise ValueError(f"the {name} does not hold u, the function that is to be solved for")
+
+
+def check_jacobian(jacobian: Any, u: Any) -> None:
+    """Refuse what is no tangent in the space of ``u`` (local).
+
+    Raises:
+        ValueError: If the form has another number of arguments, or one of another space.
+    """
+    right = "the jacobian has to hold one test and one trial function"
+    _check_form("jacobian", jacobian, 2, u, right)
+
+
+def _check_form(name: str, form: Any, count: int, u: Any, right: str) -> None:
+    """Refuse a form with another number of arguments than ``count``, or of another space."""
+    check_kind(name, form, ufl.Form, "a UFL form")
+    try:
+        arguments = form.arguments()
+    except Exception as error:  # UFL's, of a name that changes
+        raise ValueError(f"the {name} holds test functions of several spaces: {error}") from error
+    if len(arguments) != count:
+        raise ValueError(right)
+    V = u.function_space
+    for argument in arguments:
+        space = argument.ufl_function_space()
+        if space.ufl_domain() != V.ufl_domain() or space.ufl_element() != V.ufl_element():
+            kind = "test" if argument.number() == 0 else "trial"
+            raise ValueError(
+                f"the {kind} function of the {name} is of another space than u: it is of "
+                f"{space.ufl_element()}, u of {V.ufl_element()}"
+                + " on another mesh" * (space.ufl_domain() != V.ufl_domain())
+                + f"; right is ufl.{kind.capitalize()}Function(u.function_space)"
+            )
 
 
 def check_cells(bulk: Bulk) -> None:

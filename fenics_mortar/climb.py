@@ -13,8 +13,7 @@ again: errors grow as the indicators do, at the most with their square.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,9 +24,10 @@ from dolfinx import fem
 
 from fenics_mortar.contact import Contact
 from fenics_mortar.equations import State
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import going_on
 from fenics_mortar.model_error import (
     ENERGY,
+    QUANTITIES,
     Errors,
     Snapshot,
     correct,
@@ -45,6 +45,8 @@ from fenics_mortar.surfaces import Array
 FAR = 0.5
 # A state is checked where an indicator is above so many times that of the last one checked.
 NEAR = 2.0
+# Indicators of a model that assumes all there is.
+MOST_INDICATORS = 4
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,10 @@ class Climb:
         self._problem, self._tolerance, self._quantity = problem, tolerance, quantity
         self._discretisation = discretisation
         self._models = cheaper_models(problem)
+        self._made: list[Model] = []
+        self._level, self._leaves_out_rest = -1, False
+        self._model: Model | None
+        self._checked: tuple[Array, Errors]
         self._next_model()
         self._mesh_seen_at, self._mesh_seen, self._has_looked = 0.0, 0.0, False
         self.summit: Summit | None = None
@@ -115,7 +121,7 @@ class Climb:
         self.summit, self._has_looked = None, False
         while self._model is not None:
             self._model.problem.adopt(problem)
-            with suppress(MortarError):
+            with going_on():
                 report = self._model.problem.solve()
                 solved = self._model.problem.state()
                 start, self.summit = self._judge(self._model, start)
@@ -126,9 +132,64 @@ class Climb:
             self._next_model()
         return None
 
+    def kept(self) -> dict[str, Array]:
+        """How far it has come, as numbers for a file; nan where there is nothing.
+
+        ``climb``: models left behind (inf: all), whether those in between are left out, whether the
+        last solve ended on a cheaper model, where the error of the mesh was looked for and found;
+        ``climb_checked``: indicators, then errors, of the state last checked; ``climb_places``: of
+        each contact of the present model, see ``Contact.reference_place``.
+        """
+        before, errors = self._checked
+        checked = np.full(MOST_INDICATORS + len(QUANTITIES), np.nan)
+        checked[: before.size] = before
+        checked[MOST_INDICATORS:] = [errors.get(name, np.nan) for name in QUANTITIES]
+        places = np.full((len(self._problem.contacts), 3), np.nan)
+        contacts = [] if self._model is None else list(self._model.problem.contacts)
+        for i, contact in enumerate(contacts):
+            if isinstance(contact, Contact):
+                places[i] = contact.reference_place
+        left = self._level if self._model is not None else np.inf
+        flags = [left, self._leaves_out_rest, self.summit is not None]
+        numbers = np.array([*flags, self._mesh_seen_at, self._mesh_seen], float)
+        return {"climb": numbers, "climb_checked": checked, "climb_places": places}
+
+    def take(self, data: Mapping[str, Array]) -> None:
+        """Go on from what ``kept`` gave, with the problem at the state of then (collective).
+
+        Slip counts from what nodes faced by the operators of the model that the solve ended on.
+        """
+        numbers = map(float, data["climb"])
+        level, leaves_out_rest, on_model, self._mesh_seen_at, self._mesh_seen = numbers
+        if np.isinf(level):
+            self._model, self._models = None, iter(())
+        while self._model is not None and self._level < level:
+            self._next_model()
+        self._leaves_out_rest = bool(leaves_out_rest)
+        if self._model is None:
+            return
+        before, errors = np.split(data["climb_checked"], [MOST_INDICATORS])
+        if np.isfinite(before).any():
+            count = 2 * (self._model.is_linear + self._model.is_small)
+            self._checked = before[:count], dict(zip(QUANTITIES, errors.tolist(), strict=True))
+        model = self._model.problem
+        for contact, mine, reference in zip(
+            model.contacts, self._problem.contacts, data["climb_places"], strict=True
+        ):
+            if isinstance(contact, Contact):
+                contact.refer_to(reference, mine.carries)
+        if on_model:
+            model.adopt(self._problem)
+            model.accept()
+            self._problem.restore(model.state())
+
     def _next_model(self) -> None:
-        self._model = next(self._models, None)
-        self._checked: tuple[Array, Errors] = np.full(1, np.nan), {}
+        self._level += 1
+        if self._level == len(self._made):
+            self._made += [model for model in (next(self._models, None),) if model is not None]
+        nothing = self._leaves_out_rest or self._level >= len(self._made)
+        self._model = None if nothing else self._made[self._level]
+        self._checked = np.full(1, np.nan), {}
 
     def _judge(self, model: Model, start: State) -> tuple[State, Summit | None]:
         """Where to go on from, and whether a solved model is enough."""
@@ -148,7 +209,7 @@ class Climb:
             alone = what_bulk_is_worth(model.problem, problem)
             problem.restore(corrected)
             if not self._is_enough(alone):
-                self._models = iter(())
+                self._leaves_out_rest = True
         return start, None
 
     def _is_enough(self, errors: Errors) -> bool:
@@ -161,7 +222,7 @@ class Climb:
         error, known = errors[self._quantity], self._discretisation is not None
         decides = min(2.0 * self._mesh_seen_at, self._mesh_seen) < error < FAR
         if decides and error > self._tolerance and self._quantity == ENERGY and not known:
-            with suppress(MortarError):
+            with going_on():
                 if not self._has_looked:
                     self._mesh_seen_at, self._mesh_seen = error, self._problem.estimate().relative
             self._has_looked = True

@@ -32,6 +32,15 @@ class Clock:
             self._share_out()
             self._running.pop()
 
+    @property
+    def depth(self) -> int:
+        """How many phases have been entered, one within the other."""
+        return len(self._running)
+
+    def leave(self, depth: int) -> None:
+        """Leave all but so many phases, as after an interruption."""
+        del self._running[depth:]
+
     def read(self) -> dict[str, float]:
         """Seconds of all ``PHASES`` since the last call."""
         self._share_out()

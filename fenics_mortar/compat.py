@@ -8,6 +8,7 @@ docstrings name the release that made the difference. No other module knows of a
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import importlib.util
 import inspect
@@ -27,12 +28,14 @@ import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
+from fenics_mortar.options import check_kind, check_number
+
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
 # Communicators of earlier problems, by the ranks in them, whose garbage is looked through.
 MOST_KEPT = 8
-_kept: dict[tuple[int, ...], deque[PETSc.IS]] = {}
+_kept: dict[tuple[int, ...], deque[list[PETSc.IS]]] = {}
 
 
 def scalar_is_complex() -> bool:
@@ -64,7 +67,13 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     """Create the Lagrange space of plane vectors (collective).
 
     ``VectorFunctionSpace`` was removed in 0.8; the shape went into the element.
+
+    Raises:
+        ValueError: If ``mesh`` or ``degree`` is none.
     """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, as the attribute mesh of MeshData")
+    right = "a whole number, at least 1"
+    check_number("degree", degree, right, lambda number: number >= 1, whole=True)
     if hasattr(fem, "functionspace"):
         return fem.functionspace(mesh, ("Lagrange", degree, (2,)))
     return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
@@ -88,6 +97,9 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
             bcs = [dirichlet(W.sub(0), data, "base", (0.0, 0.0))]
             problem = ContactProblem(residual, w, pairs, bcs=bcs, petsc_options_prefix="rubber_")
     """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, as the attribute mesh of MeshData")
+    if not parts:
+        raise ValueError("no parts: each is a family, a degree and, of vectors, the shape")
     if hasattr(ufl, "MixedElement"):
         cell = mesh.ufl_cell()
         elements = [
@@ -183,6 +195,23 @@ def input_nodes(V: fem.FunctionSpace) -> npt.NDArray[np.int64]:
         names[dofs[:, dof], : len(around)] = np.sort(vertices[:, around], axis=1)
         names[dofs[:, dof], width] = number
     return names if any(number for _, number, _ in found) else names[:, :width]
+
+
+def mesh_by_input_node(mesh: dmesh.Mesh) -> tuple[npt.NDArray[np.int64], Array]:
+    """Return cells and coordinates of a mesh, the same on any number of ranks (collective).
+
+    Returns:
+        Numbers in the input of the nodes of all cells, ascending in a cell and by cells, shape
+        (cells, nodes per cell), and coordinates of all nodes by their numbers, shape (nodes, 2).
+    """
+    geometry, num_cells = mesh.geometry, mesh.topology.index_map(mesh.topology.dim).size_local
+    numbers = np.asarray(geometry.input_global_indices, np.int64)
+    owned = geometry.index_map().size_local
+    cells = np.sort(numbers[geometry_dofmap(mesh)[:num_cells]], axis=1)
+    cells = np.concatenate(mesh.comm.allgather(cells))
+    names = np.concatenate(mesh.comm.allgather(numbers[:owned]))
+    x = np.concatenate(mesh.comm.allgather(geometry.x[:owned, :2]))
+    return cells[np.lexsort(cells.T[::-1])], x[np.argsort(names)]
 
 
 def nodal_gradients(V: fem.FunctionSpace) -> Array:
@@ -360,23 +389,60 @@ def evaluate_expression(expression: fem.Expression, mesh: dmesh.Mesh, cells: Ind
     return expression.eval(mesh, cells) if takes_mesh else expression.eval(cells)
 
 
-def free_petsc_garbage(comm: MPI.Comm) -> None:
+def option_is_used(name: str) -> bool:
+    """Tell whether PETSc has asked for an option of its database, prefix and all (local).
+
+    ``PETSc.Options.used`` is not there in 3.18; then PETSc's own function is called.
+    """
+    database = PETSc.Options()
+    if hasattr(database, "used"):
+        return bool(database.used(name))
+    used = ctypes.c_int(0)
+    ask = ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
+    ask.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_int)]
+    ask(None, name.encode(), ctypes.byref(used))
+    return bool(used.value)
+
+
+def free_petsc_garbage(comm: MPI.Comm, *objects: Any) -> None:
     """Free the PETSc objects that Python has let go of on all ranks (collective).
 
     petsc4py keeps them until then, since to destroy them is collective: in each iteration of a long
-    run some vectors, and with a problem its matrices and factors.
+    run some vectors, and with a problem its matrices and factors. They are kept by communicator,
+    and each vector and matrix that dolfinx makes has one of its own, which its duplicates share.
+
+    Args:
+        comm: A communicator whose garbage is freed.
+        objects: PETSc objects whose communicators are looked through as well.
     """
-    PETSc.garbage_cleanup(comm)
+    for each in (comm, *(some.comm for some in objects)):
+        PETSc.garbage_cleanup(each)
 
 
 def free_petsc_garbage_of_earlier(comm: MPI.Comm) -> None:
-    """The same for the last communicators of the same ranks (collective).
+    """The same for the last communicators that were kept by the same ranks (collective)."""
+    for earlier in _kept.get(_world_ranks(comm), ()):
+        free_petsc_garbage(comm, *earlier)
 
-    Each mesh has a communicator of its own; what is left when mesh and problem are gone can be
-    reached only through an object that was made with it, which is kept here.
+
+def keep_communicators(comm: MPI.Comm, *objects: Any) -> None:
+    """Let the garbage on some communicators be found by later problems (collective).
+
+    Each mesh, vector and matrix of dolfinx has a communicator of its own; what is left when they
+    are gone can be reached only through an object that was made with it, which is kept here.
+
+    Args:
+        comm: That of a mesh.
+        objects: PETSc objects of the problem on it.
     """
-    ranks = tuple(comm.allgather(MPI.COMM_WORLD.rank))
-    kept = _kept.setdefault(ranks, deque(maxlen=MOST_KEPT))
-    for earlier in kept:
-        PETSc.garbage_cleanup(earlier.comm)
-    kept.append(PETSc.IS().createGeneral(np.empty(0, PETSc.IntType), comm))
+    kept = _kept.setdefault(_world_ranks(comm), deque())
+    if len(kept) == MOST_KEPT:
+        for oldest in kept.popleft():
+            oldest.destroy()
+    none = np.empty(0, PETSc.IntType)
+    kept.append([PETSc.IS().createGeneral(none, c) for c in (comm, *(o.comm for o in objects))])
+
+
+def _world_ranks(comm: MPI.Comm) -> tuple[int, ...]:
+    """The ranks of a communicator in the world (collective)."""
+    return tuple(comm.allgather(MPI.COMM_WORLD.rank))

@@ -32,6 +32,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.asking import Asker, raise_noted
 from fenics_mortar.carriers import Carriers, normals_on_planes
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
@@ -67,7 +68,8 @@ TOUCHING = 1e-8
 # A node lies on the other surface, up to facets that stand for curves, within this part of its
 # length.
 NEAR = 0.5
-# Stiffness of the elastic stick of overheld nodes over that of the bulk.
+# Stiffness of the elastic stick of overheld nodes over that of the bulk. The slip that curvature
+# leaves is of second order in the strains e: it makes a shear of 1000 e of the pressure.
 ELASTIC = 1e3
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
@@ -110,6 +112,7 @@ class Contact(Interface):
             held, nor while it is hardly covered.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, shape (slave nodes,), bool.
+        asker: Asks the law of the pair.
     """
 
     def __init__(
@@ -150,7 +153,10 @@ class Contact(Interface):
         none = np.zeros(self.slave.num_nodes)
         self._nothing = none, none
         start = Nodal(none, none, none, none, none + 1.0, none)
-        self.piece: Pieces = pair.law.piece(start, np.zeros(none.size, np.int64))
+        self.asker = Asker(pair.slave_name)
+        at_rest = np.zeros(none.size, np.int64)
+        self.piece: Pieces = self.asker.piece(pair.law, start, at_rest, self.slave.X)
+        raise_noted(self.slave.comm, [self])
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
@@ -206,7 +212,8 @@ class Contact(Interface):
         if not self.pair.law.attracts:
             return self._nothing
         gap, on = self._mean_gap, self.covered
-        pull, by_gap = self.pair.law.adhesion(np.maximum(gap, 0.0))
+        open_gap = np.maximum(gap, 0.0)
+        pull, by_gap = self.asker.adhesion(self.pair.law, open_gap, self.operators.x)
         pull = pull + by_gap * np.minimum(gap, 0.0)
         return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
 
@@ -267,14 +274,42 @@ class Contact(Interface):
         """The operators of the undeformed mesh, with the gap of the present positions."""
         kept = self._reference
         if kept is None or not np.array_equal(kept.carries, self.carries):
-            X, frozen = (self.slave.X, self.master.X), LINEARIZATIONS["frozen"]
-            operators = self._evaluate(*X, frozen).freeze()
-            place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
-            kept = self._reference = _Reference(operators, self.carries.copy(), place)
+            kept = self._refer()
         if self.obstacle is None:
             return kept.operators.after_small_motion(x, m)
         dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
         return kept.operators.after_small_motion(x, m, dq)
+
+    def _refer(self) -> _Reference:
+        """Evaluate the operators of the undeformed mesh (collective)."""
+        operators = self._evaluate(self.slave.X, self.master.X, LINEARIZATIONS["frozen"]).freeze()
+        place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
+        self._reference = _Reference(operators, self.carries.copy(), place)
+        return self._reference
+
+    @property
+    def reference_place(self) -> Array:
+        """Where the obstacle was for the operators of the undeformed mesh, (3,); nan if none."""
+        return np.full(3, np.nan) if self._reference is None else self._reference.place
+
+    def refer_to(self, place: Array, carries: npt.NDArray[np.bool_]) -> None:
+        """Evaluate the operators of the undeformed mesh as they once were (collective).
+
+        Args:
+            place: ``reference_place`` of then, shape (3,); nan: there were none.
+            carries: Nodes with multipliers of then, shape (slave nodes,).
+        """
+        self._reference, self.carries = None, carries.copy()
+        if np.isnan(place).any():
+            return
+        if self.obstacle is None:
+            self._refer()
+            return
+        now, self.obstacle.place = self.obstacle.place, place.copy()
+        try:
+            self._refer()
+        finally:
+            self.obstacle.place = now
 
     @property
     def as_faced(self) -> MortarOperators:
@@ -405,19 +440,24 @@ class Contact(Interface):
 
         Overheld nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
         """
-        node = self.nodal
-        ours, without = (
-            law.tangential(node, self.piece) for law in (self.pair.law, Frictionless())
-        )
-        rubs = self._rubs & ~self.attracted
+        node, rubs = self.nodal, self._rubs & ~self.attracted
+        law, x = self.pair.law, self.operators.x
+        ours = self.asker.tangential(law, node, self.piece, rubs, x)
+        without = Frictionless().tangential(node, self.piece)
         row = Row(*(np.where(rubs, a, b) for a, b in zip(ours, without, strict=True)))
         if not self.overheld.any():
             return row
         k, zero = ELASTIC * node.stiffness, np.zeros_like(node.slip)
-        elastic = Row(
-            node.z_tau - self.partners.shear - k * node.slip, zero, -k, zero, zero + 1.0
-        )
+        elastic = Row(node.z_tau - self.partners.shear - k * node.slip, zero, -k, zero, zero + 1.0)
         return Row(*(np.where(self.overheld, a, b) for a, b in zip(elastic, row, strict=True)))
+
+    @property
+    def steepness(self) -> float:
+        """See ``Interface``: laws of the package are no steeper than the bulk is stiff."""
+        if self.pair.law.is_of_package:
+            return 0.0
+        force = self.operators.diagonal * np.abs(self.tangential_row().by_slip)
+        return float(force[self.active].max(initial=0.0))
 
     def _law_rows(self) -> tuple[Row, Row]:
         """What the contact law says along tau, and along n of open nodes; each (slave nodes,)."""
@@ -557,7 +597,8 @@ class Contact(Interface):
         changed = active != self.active
         self.active = active
         self.z[~active] = -self._adhesion[0][~active, None] * self.operators.n[~active]
-        piece = self.pair.law.piece(self.nodal, self.piece)
+        law, x = self.pair.law, self.operators.x
+        piece = self.asker.piece(law, self.nodal, self.piece, x)
         changed |= active & self._rubs & (piece != self.piece)
         self.piece = piece
         return int(changed.sum())

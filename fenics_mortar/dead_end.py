@@ -18,7 +18,7 @@ import numpy as np
 
 from fenics_mortar.contact import Contact
 from fenics_mortar.equations import State
-from fenics_mortar.errors import MortarError, place
+from fenics_mortar.errors import MortarError, RaisedElsewhereError, place
 from fenics_mortar.laws import STICK
 from fenics_mortar.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
@@ -42,6 +42,8 @@ def why_path_ends(problem: ContactProblem) -> str:
     start = problem.state()
     try:
         return "; ".join(_slipping_off(problem)) or _deadlock(problem, start)
+    except RaisedElsewhereError:
+        raise
     except MortarError:
         return ""
     finally:

@@ -23,12 +23,18 @@ from mpi4py import MPI
 
 import numpy as np
 
+import ufl
+from dolfinx import fem
+
 from fenics_mortar.bodies import find_floating_bodies, label_bodies
 from fenics_mortar.bulk import Bulk
+from fenics_mortar.checks import check_residual, check_space
 from fenics_mortar.contact import Contact
+from fenics_mortar.errors import MeshError, check_same_words, together
 from fenics_mortar.facing import nearest_facets, points_of
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.obstacles import Obstacle
+from fenics_mortar.options import check_kind
 from fenics_mortar.reduced import factored_bulk
 from fenics_mortar.segments import gauss_rule
 from fenics_mortar.space import DisplacementSpace
@@ -74,6 +80,18 @@ class ElasticTool:
         *,
         bcs: Sequence[Any] = (),
     ) -> None:
+        check_kind("obstacle", obstacle, Obstacle, "a rigid obstacle, as Circle(...)")
+        check_kind("u", u, fem.Function, "a function of dolfinx")
+        check_kind("data", data, MeshData, "the MeshData of the mesh of the tool")
+        with together(data.mesh.comm, "ElasticTool"):
+            check_kind("bcs", bcs, (list, tuple), "a list of Dirichlet conditions")
+            check_kind("residual", residual, ufl.Form, "a UFL form")
+            check_residual("residual", residual, u)
+            data.boundary_tag(surface)
+            if data.mesh is not u.function_space.mesh:
+                raise MeshError("data is of another mesh than u")
+        check_same_words(data.mesh.comm, "ElasticTool", {"surface": surface, "bcs": len(bcs)})
+        check_space(u.function_space, ())
         self.obstacle = obstacle
         space = DisplacementSpace(u.function_space)
         self._bulk = Bulk(residual, u, list(bcs), None, space)

@@ -18,16 +18,17 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar import compat
+from fenics_mortar.asking import raise_noted
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact
 from fenics_mortar.driven import DrivenObstacles
-from fenics_mortar.errors import MortarError, place
+from fenics_mortar.errors import MortarError, place, together
 from fenics_mortar.floating import FloatingBodies
 from fenics_mortar.laws import STICK, Pieces
 from fenics_mortar.mortar import Linearization
 from fenics_mortar.newton import NewtonOptions, Status, Step, forcing
+from fenics_mortar.options import check_kind
 from fenics_mortar.redundancy import Redundancy
 from fenics_mortar.slip import Partners
 from fenics_mortar.surfaces import Array
@@ -39,6 +40,9 @@ LESS_WEIGHT = 1e-3
 # A node wavers if it was both open and closed in so many iterations.
 WAVERING = 4
 EPSILON = float(np.finfo(float).eps)
+# Squared norms of what all ranks know may differ by this part; a spread that is found as the root
+# of a difference of squares has the root of rounding.
+ALIKE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -126,6 +130,11 @@ class ContactEquations:
                 f"the bulk tangent is not finite at the initial displacement: {reason}"
             )
         dofs = self.bulk.space.owned_dofs
+        if self.comm.allreduce(float(diagonal[dofs].max(initial=-np.inf)), MPI.MAX) < 0.0:
+            raise MortarError(
+                "all stiffnesses are negative: check the signs of the residual, which is internal "
+                "less applied forces, of the jacobian, and of Young's modulus"
+            )
         loose = np.zeros(diagonal.size, bool)
         loose[dofs] = (diagonal[dofs] == 0.0) & ~self.bulk.prescribed[dofs]
         count, where = self.bulk.count_nodes(loose)
@@ -185,6 +194,7 @@ class ContactEquations:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
             changed += handed + contact.update_active(start=start and not self._last_converged)
         self._redundancy.mark()
+        raise_noted(self.comm, self.contacts)
         return changed
 
     def _evaluate_forces(self) -> tuple[Array, Array]:
@@ -201,20 +211,43 @@ class ContactEquations:
         size, held = self.bulk.num_owned, self.bulk.held
         contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
         rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
+        raise_noted(self.comm, self.contacts)
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = self.bulk.to_force * total
         reactions = free[held]
         free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
         mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
-        free2, contact2, reaction2 = self.comm.allreduce(np.array(mine))
-        return float(np.sqrt(free2 + rows)), float(np.sqrt(max(contact2, reaction2)))
+        sums = self.comm.allreduce(np.array([*mine, rows, rows**2]))
+        free2, contact2, reaction2 = sums[:3]
+        force2 = max(contact2, reaction2)
+        self._check_alike(float(sums[3]), float(sums[4]), force2)
+        return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
+
+    def _check_alike(self, total: float, squares: float, force2: float) -> None:
+        """Refuse contact rows, known on all ranks, of which one rank has others (local).
+
+        Args:
+            total: Sum over the ranks of each one's squared norm of these rows.
+            squares: Sum of the squares of that.
+            force2: Squared force that they are compared with.
+        """
+        mean = total / self.comm.size
+        spread = np.sqrt(max(squares / self.comm.size - mean**2, 0.0))
+        if spread > ALIKE * max(mean, force2):
+            raise MortarError(
+                "the equations of contact are not the same on all ranks: a law, a distance or "
+                "something set of a contact or obstacle is another one on some of them"
+            )
 
     def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         num_dofs = self.bulk.r.getSize()
         bulk = np.sqrt(num_dofs) * self._largest_displacement()
-        contact = sum(np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max() for c in self.contacts)
-        return 4.0 * EPSILON * self.stiffest * float(bulk + contact)
+        noise = self.stiffest * bulk
+        for c in self.contacts:
+            steepest = max(self.stiffest, c.steepness)
+            noise += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
+        return 4.0 * EPSILON * float(noise)
 
     def _largest_displacement(self) -> float:
         return max(self.bulk.largest(self.bulk.u.x.array), self.tools.largest())
@@ -245,7 +278,8 @@ class ContactEquations:
                 continue
             active = np.array([sets[i][0] for sets in recent])
             wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-            if wavers.size and 0.0 < contact.pair.law.bound(np.zeros(1))[0] < np.inf:
+            bound = contact.asker.bound(contact.pair.law, np.zeros(1), contact.slave.X)
+            if wavers.size and 0.0 < bound[0] < np.inf:
                 return (
                     f"{wavers.size} nodes of '{contact.slave.name}' go on closing and opening, one "
                     f"at {place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} lets them "
@@ -269,6 +303,7 @@ class ContactEquations:
         self.floating.add_springs(loose, self._total, self._force)
         with clock("assembly"):
             self.system.assemble()
+        raise_noted(self.comm, self.contacts)
         goal = self.newton.residual_tolerance * self._force
         self.system.forcing = forcing(self._residuals, goal)
         with clock("solve"):
@@ -282,7 +317,7 @@ class ContactEquations:
         self.tools.move(part * motion)
         increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
         step.destroy()
-        compat.free_petsc_garbage(self.comm)
+        self.bulk.free_garbage()
         return self.step(increment, part, "; ".join(filter(None, remarks)))
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
@@ -355,7 +390,18 @@ class ContactEquations:
         )
 
     def restore(self, state: State) -> None:
-        """Go back to a state, exactly."""
+        """Go back to a state, exactly.
+
+        Raises:
+            MortarError: On all ranks, if it is none, or one of another problem.
+        """
+        with together(self.comm, "restore"):
+            self._check_state(state)
+        self.put(state)
+        self._evaluate_operators()
+
+    def put(self, state: State) -> None:
+        """Go back to a state, whose operators are not evaluated (local)."""
         self.bulk.u.x.array[:] = state.u
         self.tools.places = state.places
         for i, contact in enumerate(self.contacts):
@@ -363,8 +409,16 @@ class ContactEquations:
             contact.active, contact.piece = state.active[i].copy(), state.piece[i].copy()
             contact.carries = state.carries[i].copy()
             contact.partners, contact.accepted = state.partners[i]
-            contact.evaluate(state.u, self.linearization)
         self._last_converged = state.converged
+
+    def _check_state(self, state: State) -> None:
+        """Refuse what is no state of these equations (local)."""
+        check_kind("state", state, State, "what state() of the same problem returned")
+        same = state.u.shape == self.bulk.u.x.array.shape and len(state.z) == len(self.contacts)
+        if not same or any(
+            z.shape != contact.z.shape for z, contact in zip(state.z, self.contacts, strict=True)
+        ):
+            raise MortarError("the state is one of another problem: right is what state() returned")
 
     def interface_motion(self, before: State) -> float:
         """Largest motion of a surface since a state, in its shortest facets (collective)."""

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 T = TypeVar("T")
+# So many numbers of an array are told in a message.
+MOST_NUMBERS = 6
 
 
 class MortarError(Exception):
@@ -33,6 +36,17 @@ class NotConvergedError(MortarError):
     def __init__(self, message: str, report: Any) -> None:
         super().__init__(message)
         self.report = report
+
+
+class RaisedElsewhereError(MortarError):
+    """What a user handed in raised on another rank.
+
+    That rank is on its way out of the call, so nothing may catch this and go on.
+    """
+
+
+class NotFiniteError(MortarError):
+    """A law or a distance of the user gave nan or infinity for finite arguments."""
 
 
 def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
@@ -66,13 +80,61 @@ def call_together(comm: MPI.Comm, what: str, call: Callable[[], T]) -> T:
         result = call()
     except Exception as exception:  # no rank may leave alone, whatever it is
         error = exception
-    words = error and f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
-    everywhere = list(filter(None, comm.allgather(words)))
-    if error:
+    leave_together(comm, what, error)
+    return result
+
+
+def leave_together(comm: MPI.Comm, what: str, error: Exception | None) -> None:
+    """Raise on all ranks if any rank has an error, of whatever kind (collective).
+
+    Args:
+        comm: Communicator of the call.
+        what: What raised it, in words.
+        error: The error of this rank, or ``None``.
+
+    Raises:
+        Exception: ``error``, where there is one.
+        MortarError: On the other ranks; the same one if it is the package's own, else a
+            ``RaisedElsewhereError`` that says where and what it was.
+    """
+    ours = isinstance(error, MortarError) and not isinstance(error, NotConvergedError)
+    words = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
+    told = error if ours or error is None else RaisedElsewhereError(words)
+    everywhere = [other for other in comm.allgather(told) if other is not None]
+    if error is not None and not ours:
         raise error
     if everywhere:
-        raise MortarError(everywhere[0])
-    return result
+        raise everywhere[0]
+
+
+@contextmanager
+def together(comm: MPI.Comm, what: str) -> Iterator[None]:
+    """Context of local checks: what one rank refuses, all refuse (collective).
+
+    Args:
+        comm: Communicator of the call.
+        what: What is checked, in words.
+
+    Raises:
+        Exception: See ``leave_together``.
+    """
+    error = None
+    try:
+        yield
+    except Exception as exception:  # no rank may leave alone, whatever it is
+        error = exception
+    leave_together(comm, what, error)
+
+
+@contextmanager
+def going_on() -> Iterator[None]:
+    """Context after whose errors work goes on, unless another rank has left with one of its own."""
+    try:
+        yield
+    except RaisedElsewhereError:
+        raise
+    except MortarError:
+        pass
 
 
 def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> None:
@@ -95,6 +157,47 @@ def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> N
                 f"{comm.rank}; all ranks need the same value"
             )
     raise_together(comm, error)
+
+
+def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> None:
+    """Refuse options of any kind that are not the same on all ranks (collective).
+
+    Args:
+        comm: Communicator of the call.
+        what: What has the options, in words.
+        values: The options by name. Of objects their kind and public numbers and words count.
+
+    Raises:
+        MortarError: On all ranks.
+    """
+    mine, error = [(name, in_words(value)) for name, value in values.items()], None
+    first = comm.bcast(mine)
+    for (name, here), (_, there) in zip(mine, first, strict=False):
+        if here != there and error is None:
+            error = MortarError(
+                f"{what}: {name} is {there} on rank 0 and {here} on rank {comm.rank}; all ranks "
+                "need the same"
+            )
+    raise_together(comm, error)
+
+
+def in_words(value: Any) -> str:
+    """A value in words that are equal for equal values, without addresses in memory."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, (bool, int, float, complex, str)):
+        return repr(value)
+    if isinstance(value, np.ndarray):
+        numbers = ", ".join(map(str, value.ravel()[:MOST_NUMBERS].tolist()))
+        return f"[{numbers}] of shape {value.shape}, with a sum of {value.sum():.17g}"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{in_words(k)}: {in_words(v)}' for k, v in value.items())}}}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(in_words, value))}]"
+    plain = (bool, int, float, str, np.generic, type(None))
+    shown = {k: v for k, v in getattr(value, "__dict__", {}).items() if isinstance(v, plain)}
+    numbers = ", ".join(f"{k}={in_words(v)}" for k, v in shown.items() if not k.startswith("_"))
+    return f"{type(value).__name__}({numbers})"
 
 
 def place(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:

@@ -45,10 +45,12 @@ from scipy.sparse.linalg import splu
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
+from fenics_mortar.errors import together
 from fenics_mortar.facing import GAUSS, Points, Rule, face, points_behind, points_of
 from fenics_mortar.fluxes import Fluxes, ReferenceCell
 from fenics_mortar.interface import Interface
 from fenics_mortar.obstacles import ObstacleOperators
+from fenics_mortar.options import check_number
 from fenics_mortar.segments import Segments, gauss_rule
 from fenics_mortar.surfaces import Array, Indices, Surface
 
@@ -96,7 +98,13 @@ class ErrorEstimate:
 
         Returns:
             Their numbers on this rank. Cells with equal indicators are marked together.
+
+        Raises:
+            ValueError: If ``part`` is no number above 0 and up to 1.
         """
+        right = "a number above 0 and up to 1"
+        with together(self.mesh.comm, "mark"):
+            check_number("part", part, right, lambda number: 0.0 < number <= 1.0)
         mine = self.cells**2
         squares = np.sort(np.concatenate(self.mesh.comm.allgather(mine)))[::-1]
         enough = np.cumsum(squares) >= part * (1 - 1e-12) * squares.sum()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -40,3 +41,36 @@ def try_together(comm: MPI.Comm, here: bool, work: Callable[[], T], message: str
         error.__cause__ = exception
     raise_together(comm, error)
     return done
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Make a file beside ``path`` and put it in its place once it is whole and on the disk (local).
+
+    What was at ``path`` before stays if writing fails or the process is killed.
+
+    Args:
+        path: Where the file is to be; of a link, what it leads to.
+        write: Writes to a path, which ends as ``path`` does.
+
+    Raises:
+        OSError: If it cannot be written, and whatever ``write`` raises.
+    """
+    path = Path(os.path.realpath(path))
+    beside = path.with_name(f".unfinished-{path.name}")
+    try:
+        write(beside)
+        _flush(beside)
+        os.replace(beside, path)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
+    _flush(path.parent)
+
+
+def _flush(path: Path) -> None:
+    """Have the disk hold a file, or the names in a folder."""
+    number = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)

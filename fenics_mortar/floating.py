@@ -152,9 +152,10 @@ class FloatingBodies:
         """
         found = []
         for body in self.bodies:
-            held = [self._closing(c, body)[:, c.active] for c in self._contacts]
+            contacts = self._contacts_of(body)
+            held = [self._closing(c, body)[:, c.active] for c in contacts]
             if sticking:
-                rubbing = [c for c in self._contacts if c.sticking.any()]
+                rubbing = [c for c in contacts if c.sticking.any()]
                 held += [self._slipping(c, body)[:, c.sticking] for c in rubbing]
             none = np.zeros((len(body.motions), 0))
             norms, combinations = resistance(np.hstack([none, *held]), MPI.COMM_SELF)
@@ -353,8 +354,8 @@ class FloatingBodies:
         driven = [(body, drive) for body, drive in driven if drive.any()]
         if not driven:
             return [], []
-        moving = self._not_held(bulk)
-        driven = [(body, drive) for body, drive in driven if body.label in moving]
+        not_held = self._not_held(bulk)
+        driven = [(body, drive) for body, drive in driven if body.label in not_held]
         if not driven:
             return [], []
         wanted = np.concatenate([LARGEST_MOVE * body.size * drive for body, drive in driven])
@@ -462,6 +463,15 @@ class FloatingBodies:
         """Slip of the nodes by the free motions, shape (motions, slave nodes)."""
         return self._responses(contact, body, contact.slip_rate)
 
+    def _contacts_of(self, body: FloatingBody) -> list[Contact]:
+        """The pairs that a body takes part in."""
+        return [
+            contact
+            for contact in self._contacts
+            if (self.labels_of(contact.slave) == body.label).any()
+            or (self.labels_of(contact.master) == body.label).any()
+        ]
+
     def _responses(
         self, contact: Contact, body: FloatingBody, response: Callable[[Array, Array], Array]
     ) -> Array:
@@ -486,7 +496,7 @@ class FloatingBodies:
 
     def _is_loaded(self, body: FloatingBody) -> bool:
         """Whether any contact force acts on a body."""
-        for contact in self._contacts:
+        for contact in self._contacts_of(body):
             loaded = np.abs(contact.pressure) > LOADED * contact.stiffness
             on_slave = self.labels_of(contact.slave) == body.label
             on_master = bool((self.labels_of(contact.master) == body.label).any())

@@ -73,10 +73,7 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
         (-slip, 1.0),
     ]
     rows = vstack(
-        [
-            hstack([csr_array(row), -by_rate * _unit(len(row), count)])
-            for row, by_rate in resisted
-        ]
+        [hstack([csr_array(row), -by_rate * _unit(len(row), count)]) for row, by_rate in resisted]
     )
     costs = np.concatenate([-work, touching.shear[bounded] / size])
     bounds = [(-1.0, 1.0)] * loads.size + [(0.0, None)] * count

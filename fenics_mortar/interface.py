@@ -130,6 +130,11 @@ class Interface(ABC):
         """
         self.z = self.z + part * (z - self.z) if part < 1.0 else z
 
+    @property
+    def steepness(self) -> float:
+        """Largest force by slip of a node, where that may be more than the bulk's [stress]."""
+        return 0.0
+
     def take(self, z: Array) -> None:
         """Go to the multipliers of a state, shape (slave nodes, 2) [stress]."""
         self.z = z.copy()

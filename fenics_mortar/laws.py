@@ -44,7 +44,9 @@ and one with adhesion that fades away as surfaces part, and Coulomb's friction, 
 ...         pull = 2.0 * np.exp(-gap / 0.01)
 ...         return pull, -pull / 0.01
 
-``ContactProblem.check_tangent`` proves the derivatives.
+``ContactProblem.check_tangent`` proves the derivatives. What a law returns has to be finite, of
+ranks alike, and one number a node; ``Law.check`` may refuse parameters before each solve. A law
+that does otherwise, or raises, ends the solve with an error on all ranks, see ``asking``.
 """
 
 from __future__ import annotations
@@ -121,10 +123,24 @@ class Law(ABC):
         """
         return np.zeros_like(gap), np.zeros_like(gap)
 
+    def check(self) -> None:  # noqa: B027
+        """Refuse parameters that are not allowed; asked before each solve (local).
+
+        To be overridden by laws with parameters.
+
+        Raises:
+            ValueError: If one is not allowed.
+        """
+
     @property
     def rubs(self) -> bool:
         """Whether there may be a shear."""
         return type(self).tangential is not Frictionless.tangential
+
+    @property
+    def is_of_package(self) -> bool:
+        """Whether it is one of the laws here, whose pieces are known; else the user's own."""
+        return type(self).__module__ == Law.__module__
 
     @property
     def attracts(self) -> bool:
@@ -183,8 +199,11 @@ class Friction(Law):
     """
 
     def __init__(self, c_t: float) -> None:
-        check_number("c_t", c_t, "a positive number", lambda c: 0.0 < c < np.inf)
         self.c_t = c_t
+
+    def check(self) -> None:
+        """Refuse a weight that is not positive."""
+        check_number("c_t", self.c_t, "a positive number", lambda c: 0.0 < c < np.inf)
 
     @abstractmethod
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
@@ -235,10 +254,17 @@ class Coulomb(Friction):
         limit_by: Literal["trial", "pressure"] = "trial",
     ) -> None:
         super().__init__(c_t)
-        check_number("mu", mu, "zero or a positive number", lambda mu: 0.0 <= mu < np.inf)
-        check_number("most", most, "a positive stress, or infinity", lambda most: most > 0.0)
-        check_choice("limit_by", limit_by, ("trial", "pressure"))
         self.mu, self.most, self.limit_by = mu, most, limit_by
+        Coulomb.check(self)
+
+    def check(self) -> None:
+        """Refuse a negative coefficient, a bound that is not positive, and other words."""
+        super().check()
+        right = "zero or a positive number"
+        check_number("mu", self.mu, right, lambda mu: 0.0 <= mu < np.inf)
+        right = "a positive stress, or infinity"
+        check_number("most", self.most, right, lambda most: most > 0.0)
+        check_choice("limit_by", self.limit_by, ("trial", "pressure"))
 
     def __repr__(self) -> str:
         """The coefficient."""
@@ -276,8 +302,14 @@ class Tresca(Friction):
 
     def __init__(self, stress: float, *, c_t: float = 0.1) -> None:
         super().__init__(c_t)
-        check_number("stress", stress, "zero or a positive number", lambda s: 0.0 <= s < np.inf)
         self.stress = stress
+        Tresca.check(self)
+
+    def check(self) -> None:
+        """Refuse a bound that is negative or infinite."""
+        super().check()
+        right = "zero or a positive number"
+        check_number("stress", self.stress, right, lambda stress: 0.0 <= stress < np.inf)
 
     def __repr__(self) -> str:
         """The bound."""
@@ -290,3 +322,7 @@ class Tresca(Friction):
     def bound(self, pressure: Array) -> Array:
         """The bound, which nothing changes."""
         return np.full_like(pressure, self.stress)
+
+
+# Laws that return what they should.
+BUILT_IN = (Frictionless, Stick, Coulomb, Tresca)

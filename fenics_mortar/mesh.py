@@ -24,7 +24,8 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from fenics_mortar import compat
-from fenics_mortar.errors import MeshError, raise_together
+from fenics_mortar.errors import MeshError, check_same_words, place, raise_together, together
+from fenics_mortar.options import check_kind, check_number
 
 # gmsh's numbers of the cells that dolfinx can read: triangles and quadrilaterals of order 1, 2, 3
 CELL_TYPES = (2, 3, 9, 10, 21, 36)
@@ -61,6 +62,14 @@ class MeshData:
     bodies: dict[str, int] = field(default_factory=dict)
     boundaries: dict[str, int] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Refuse names without whole numbers (local)."""
+        for what in ("bodies", "boundaries"):
+            names = getattr(self, what)
+            check_kind(what, names, dict, "a dictionary of tags by name")
+            for name, tag in names.items():
+                check_number(f"{what}[{name!r}]", tag, "a whole number", np.isfinite, whole=True)
+
     def body_tag(self, name: str | int) -> int:
         """Return the tag of a body (local); integers are taken as they are.
 
@@ -94,7 +103,7 @@ class MeshData:
         if self.facet_tags is None or self.facet_tags.dim != 1:
             given = "missing" if self.facet_tags is None else f"of dimension {self.facet_tags.dim}"
             raise MeshError(f"facet_tags are {given}; right are tags of dimension 1")
-        names = [names] if isinstance(names, (str, int, np.integer)) else names
+        names = _listed(names)
         if len(names) == 0:
             raise MeshError(f"no boundary is given; the mesh has {self._tagged()}")
         facets = [self.facet_tags.find(self.boundary_tag(name)) for name in names]
@@ -110,11 +119,19 @@ class MeshData:
         return [name_of.get(tag, tag) for tag in sorted(tags)]
 
 
+def _listed(names: Any) -> list[str | int]:
+    """One name, or several, as a list."""
+    several = isinstance(names, Sequence) and not isinstance(names, str)
+    return list(names) if several else [names]
+
+
 def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:
-    if isinstance(name, (int, np.integer)):
+    if isinstance(name, (int, np.integer)) and not isinstance(name, bool):
+        if not abs(int(name)) < 2**31:
+            raise MeshError(f"no {kind} {name!r}; tags have 32 bits")
         return int(name)
     if not isinstance(name, str) or name not in tags:
-        raise MeshError(f"no {kind} {name!r}; the mesh has {sorted(tags)}")
+        raise MeshError(f"no {kind} {name!r}; the mesh has {sorted(map(str, tags))}")
     return tags[name]
 
 
@@ -151,8 +168,13 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
     Note:
         If the nodes of a live model are not numbered from 1 to their number, they are renumbered.
     """
-    if not 0 <= rank < comm.size:
-        raise MeshError(f"rank {rank} should read, but there are the ranks 0 to {comm.size - 1}")
+    check_kind("comm", comm, MPI.Comm, "a communicator of mpi4py, as MPI.COMM_WORLD")
+    with together(comm, "read_gmsh"):
+        check_number("rank", rank, "a whole number", lambda _: True, whole=True)
+        if not 0 <= rank < comm.size:
+            ranks = f"the ranks 0 to {comm.size - 1}"
+            raise MeshError(f"rank {rank} should read, but there are {ranks}")
+    check_same_words(comm, "read_gmsh", {"rank": rank})
     with ExitStack() as stack:
         model, names, error = None, None, None
         if comm.rank == rank:
@@ -218,6 +240,7 @@ def _check_model(model: Any) -> tuple[dict[str, int], dict[str, int]]:
         _check_dimension(model)
         _check_cell_type(model)
         _check_nodes(model)
+        _check_elements(model)
         for dim in (2, 1):
             _check_groups(model, dim)
         return _physical_names(model, 2), _physical_names(model, 1)
@@ -256,6 +279,23 @@ def _check_nodes(model: Any) -> None:
         raise MeshError(f"z varies by {extent[2]:.3g}; right is a mesh of the x-y plane")
     if not np.array_equal(np.sort(tags), np.arange(1, len(tags) + 1)):
         model.mesh.renumberNodes()
+
+
+def _check_elements(model: Any) -> None:
+    """Refuse elements that are there twice: dolfinx ends in a crash."""
+    _, (elements,), (nodes,) = model.mesh.getElements(2)
+    nodes = np.reshape(nodes, (len(elements), -1))
+    known, number = np.unique(nodes, return_inverse=True)
+    # A sum of random numbers of its nodes names an element, whatever their order.
+    names = np.random.default_rng(0).integers(0, 2**62, known.size, dtype=np.uint64)
+    sums = names[number.reshape(nodes.shape)].sum(axis=1)
+    _, first, count = np.unique(sums, return_index=True, return_counts=True)
+    if (count > 1).any():
+        twice = first[np.argmax(count > 1)]
+        x = np.mean([model.mesh.getNode(node)[0] for node in nodes[twice]], axis=0)
+        raise MeshError(
+            f"{(count - 1).sum()} elements are there twice, one at {place(x)}: remove the copies"
+        )
 
 
 def _check_groups(model: Any, dim: int) -> None:
@@ -317,17 +357,23 @@ def dirichlet(
         MeshError: If a boundary is unknown or empty, the space is another than a displacement's on
             this mesh, or the value does not fit.
     """
-    if component not in (None, 0, 1):
-        raise MeshError(f"component is {component!r}; right is 0, 1 or None for both")
-    if V.mesh is not data.mesh:
-        raise MeshError("the space belongs to another mesh than the boundaries")
+    check_kind("data", data, MeshData, "the MeshData of the mesh")
+    check_kind("V", V, fem.FunctionSpace, "a space of dolfinx, as vector_space(mesh, 1)")
+    part = component is None and compat.is_sub_space(V)
+    with together(data.mesh.comm, "dirichlet"):
+        if isinstance(component, (Sequence, np.ndarray)) or component not in (None, 0, 1):
+            raise MeshError(f"component is {component!r}; right is 0, 1 or None for both")
+        if V.mesh is not data.mesh:
+            raise MeshError("the space belongs to another mesh than the boundaries")
+        tags = [data.boundary_tag(name) for name in _listed(boundary)]
+        value = value if part else _boundary_value(V, value, component)
+    check_same_words(data.mesh.comm, "dirichlet", {"boundary": tags, "component": component})
     facets = data.boundary_facets(boundary)
     data.mesh.topology.create_connectivity(1, 2)
-    if component is None and compat.is_sub_space(V):
+    if part:
         return _dirichlet_of_part(V, facets, value)
     space = V if component is None else V.sub(int(component))
     dofs = fem.locate_dofs_topological(space, 1, facets)
-    value = _boundary_value(V, value, component)
     if isinstance(value, fem.Function):
         return fem.dirichletbc(value, dofs)
     return fem.dirichletbc(value, dofs, space)
@@ -365,7 +411,11 @@ def _boundary_value(
             raise MeshError("a function prescribes both components and has to be of the same space")
         return value
     if not isinstance(value, fem.Constant):
-        value = np.array(value, dtype=PETSc.ScalarType)
+        try:
+            value = np.array(value, dtype=PETSc.ScalarType)
+        except (TypeError, ValueError):
+            allowed = "numbers, a Constant or a Function"
+            raise MeshError(f"the prescribed value is {value!r}; right are {allowed}") from None
     shape = value.ufl_shape if isinstance(value, fem.Constant) else value.shape
     right = ufl.TestFunction(V).ufl_shape if component is None else ()
     if component is None and right != (2,):

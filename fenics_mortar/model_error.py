@@ -25,7 +25,7 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact import Contact
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import MortarError, RaisedElsewhereError
 from fenics_mortar.laws import Stick
 from fenics_mortar.mortar import evaluate_normals
 from fenics_mortar.pair import ContactPair
@@ -89,6 +89,8 @@ def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
             model.adopt(last)
             errors = go_on(problem, cheap, model)
             last = model
+    except RaisedElsewhereError:
+        raise
     except MortarError:
         return dict.fromkeys(QUANTITIES, np.inf)
     return errors

@@ -3,13 +3,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from fenics_mortar.errors import MortarError, NotConvergedError
+from fenics_mortar.errors import (
+    MortarError,
+    NotConvergedError,
+    NotFiniteError,
+    RaisedElsewhereError,
+)
 from fenics_mortar.options import check_flag, check_number
 
 # Sets that change in so many iterations in a row will not settle by themselves, unless the residual
@@ -18,6 +24,8 @@ UNSETTLED = 12
 # Part of the right-hand side that a linear solve leaves at the most. Measured: from 1e-4 on there
 # are more Newton iterations, which cost more than the linear ones saved.
 LOOSEST = 5e-6
+# How a note may begin and, if it stands for several, end.
+ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
 
 
 @dataclass(frozen=True)
@@ -162,7 +170,7 @@ class NewtonReport:
         return replace(
             other,
             iterations=self.iterations + other.iterations[1:],
-            notes=self.notes + other.notes,
+            notes=once([*self.notes, *other.notes]),
         )
 
     def total_seconds(self) -> dict[str, float]:
@@ -193,6 +201,22 @@ class NewtonReport:
         return self.table()
 
 
+def once(notes: Sequence[str]) -> list[str]:
+    """Notes without those that say the same of another iteration; how often stands at the end."""
+    first, counts = dict[str, str](), dict[str, int]()
+    for note in notes:
+        text, times = ITERATION.sub("", note), 1
+        repeated = TIMES.search(text)
+        if repeated:
+            text, times = text[: repeated.start()], int(repeated[1])
+        first.setdefault(text, TIMES.sub("", note))
+        counts[text] = counts.get(text, 0) + times
+    return [
+        note if counts[text] == 1 else f"{note} ({counts[text]} times)"
+        for text, note in first.items()
+    ]
+
+
 def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
     """Iterate until residual and increment are small and the sets stay (collective).
 
@@ -205,6 +229,8 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
 
     Raises:
         NotConvergedError: On all ranks, with the record so far.
+        MortarError: On all ranks, if what a user handed in is not finite at the very start, or
+            raised on one of them.
     """
     report = NewtonReport()
     step, sets, noted = Step(np.inf, 1.0), list[bytes](), set[str]()
@@ -212,12 +238,19 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         if number:
             try:
                 step = equations.advance()
+            except RaisedElsewhereError:
+                raise
             except MortarError as error:
                 raise _failure(equations, report, f"iteration {number}: {error}") from error
             if step.note and step.note not in noted:
                 noted.add(step.note)
                 report.notes.append(f"iteration {number}: {step.note}")
-        status = equations.evaluate(start=number == 0)
+        try:
+            status = equations.evaluate(start=number == 0)
+        except NotFiniteError as error:
+            if not number:  # no way of ours led here
+                raise
+            raise _failure(equations, report, f"iteration {number}: {error}") from error
         step = step._replace(part=step.part * status.part)
         report.force = max(report.force, status.force)
         report.iterations.append(
@@ -242,7 +275,8 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         sets = [*sets, status.sets] if status.num_changed else [status.sets]
         period = UNSETTLED if _is_stuck(sets, report.residuals) else period_of(sets)
         if period:
-            report.notes.append(f"iteration {number}: {equations.merge_sets(period)}")
+            note = f"iteration {number}: {equations.merge_sets(period)}"
+            report.notes[:] = once([*report.notes, note])
             sets = []
     missing = "; ".join(_what_is_missing(status, step, report.force, options))
     reason = f"not converged in {options.max_iterations} iterations: {missing}"

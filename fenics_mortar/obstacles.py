@@ -29,7 +29,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 from mpi4py import MPI
 
@@ -38,9 +38,10 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
 from fenics_mortar.clock import clock
-from fenics_mortar.errors import call_together
+from fenics_mortar.errors import NotFiniteError, call_together, place
 from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
 from fenics_mortar.kernels.curved import tabulate_shapes
+from fenics_mortar.lines import cross, near_pairs
 from fenics_mortar.mortar import (
     Linearization,
     MortarOperators,
@@ -49,12 +50,15 @@ from fenics_mortar.mortar import (
     share_of,
     sum_over_facets,
 )
+from fenics_mortar.options import check_flag, check_kind, check_number
 from fenics_mortar.segments import Segments, facet_rule
 from fenics_mortar.surfaces import Array, Indices, Surface
 
 Fields = tuple[Array, Array, Array]
 # Samples of a spline per piece, from the nearest of which Newton's method starts.
 SAMPLES = 16
+# Of these every so manieth is looked at for where the curve meets itself.
+DRAWN = 4
 NEWTON_STEPS = 30
 # What is left after a step below this part of the curve is its square, rounding.
 LAST_STEP = 1e-9
@@ -78,6 +82,7 @@ class Obstacle(ABC):
 
     def __init__(self, name: str, pivot: npt.ArrayLike = (0.0, 0.0)) -> None:
         """Put the obstacle where it was made."""
+        check_kind("name", name, str, "a text")
         self.name = name
         self.pivot = _vector("pivot", pivot)
         self.place: Array = np.zeros(3)
@@ -119,9 +124,44 @@ class Obstacle(ABC):
 
     def evaluate(self, x: Array) -> Fields:
         """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at the points ``x`` (n, 2)."""
-        phi, gradient, hessian = self.local(self.to_own_frame(x))
+        own = self.to_own_frame(x)
+        phi, gradient, hessian = self._checked(self.local(own), own)
         turn = self.turn
         return phi, gradient @ turn.T, turn @ hessian @ turn.T
+
+    def _checked(self, fields: Fields, x: Array) -> Fields:
+        """What ``local`` returned at ``x`` (n, 2), if that is a distance and its derivatives."""
+        if not isinstance(fields, (tuple, list)) or len(fields) != 3:
+            raise ValueError(
+                f"the distance of '{self.name}' returned {type(fields).__name__}; right are three "
+                "arrays: phi, gradient and Hessian"
+            )
+        shapes, right = [np.shape(field) for field in fields], [x.shape[:1], x.shape, (*x.shape, 2)]
+        if shapes != right:
+            raise ValueError(f"'{self.name}' returned shapes {shapes}; right are {right}")
+        phi, gradient, hessian = map(np.array, fields)  # copies: a function may use them again
+        kinds = {field.dtype.kind for field in (phi, gradient, hessian)}
+        if not kinds <= set("iufc" if np.iscomplexobj(x) else "iuf"):
+            raise ValueError(f"the distance of '{self.name}' returned no real numbers")
+        total = phi + gradient.sum(axis=1) + hessian.sum(axis=(1, 2))  # nan and inf stay
+        bad = ~np.isfinite(total) & np.isfinite(x).all(axis=1)
+        if bad.any():
+            raise NotFiniteError(
+                f"the distance of '{self.name}', or a derivative of it, is not finite at "
+                f"{bad.sum()} points, one at {self._where(x, bad)}"
+            )
+        flat = ~gradient.any(axis=1)
+        if flat.any():
+            raise NotFiniteError(
+                f"the distance of '{self.name}' has no gradient at {flat.sum()} points, one at "
+                f"{self._where(x, flat)}; right is one of length 1, about"
+            )
+        return phi, gradient, hessian
+
+    def _where(self, x: Array, marked: npt.NDArray[np.bool_]) -> str:
+        """The first of the marked points of the obstacle's own frame, in words."""
+        first = int(np.argmax(marked))
+        return place(np.real(self.to_space(x[first : first + 1])[0]))
 
     @property
     def turn(self) -> Array:
@@ -192,8 +232,8 @@ class Circle(Obstacle):
     ) -> None:
         """Check the radius."""
         super().__init__(name, _vector("centre", centre))
-        if not 0.0 < radius < np.inf:
-            raise ValueError(f"radius={radius}: a positive length")
+        check_number("radius", radius, "a positive length", lambda r: 0.0 < r < np.inf)
+        check_flag("inside", inside)
         self._radius, self._sign = float(radius), -1.0 if inside else 1.0
 
     def local(self, x: Array) -> Fields:
@@ -240,7 +280,10 @@ class Spline(Obstacle):
         parts = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
         starts = (knots[:-1, None] + chords[:, None] * parts).ravel()
         self._samples = np.append(starts, self._end)
-        self._points = self._curve(self._samples) - self.pivot
+        drawn = self._curve(self._samples)
+        some = drawn[::DRAWN]
+        _check_simple("spline", some[:-1] if closed else some, closed=closed)
+        self._points = drawn - self.pivot
         self._squares = (self._points**2).sum(axis=1)
 
     def local(self, x: Array) -> Fields:
@@ -300,8 +343,8 @@ class Polygon(Obstacle):
         """Move the edges inwards by the radius."""
         corners = _chain(points)
         super().__init__(name, corners.mean(axis=0) if pivot is None else pivot)
-        if not 0.0 < rounding < np.inf:
-            raise ValueError(f"rounding={rounding}: a positive length")
+        check_number("rounding", rounding, "a positive length", lambda r: 0.0 < r < np.inf)
+        _check_simple("polygon", corners, closed=True)
         after = np.roll(corners, -1, axis=0)
         if (corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]).sum() < 0.0:
             corners = corners[::-1]
@@ -312,10 +355,13 @@ class Polygon(Obstacle):
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths
         before = np.roll(normals, 1, axis=0)
         half = 1.0 + (normals * before).sum(axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inner = corners - rounding * (normals + before) / half[:, None]
+        back = int(np.argmin(half))
+        if half[back] <= EPSILON:
+            raise ValueError(f"the polygon goes back on itself at {place(corners[back])}")
+        inner = corners - rounding * (normals + before) / half[:, None]
         if not ((_edges(inner) * edges).sum(axis=1) > 0.0).all():
             raise ValueError(f"rounding={rounding}: less than the edges of the polygon bear")
+        _check_simple(f"polygon less its rounding={rounding:g}", inner, closed=True)
         self._corners, self._normals, self._radius = inner, normals, float(rounding)
 
     def local(self, x: Array) -> Fields:
@@ -365,19 +411,15 @@ class SignedDistance(Obstacle):
     ) -> None:
         """Keep the function."""
         super().__init__(name, pivot)
+        if not callable(function):
+            raise ValueError(f"function={function!r}: a function of points (n, 2)")
         self._function = function
 
     def local(self, x: Array) -> Fields:
         """What the user's function says, if it has the right shape."""
         if not len(x):
             return np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 2))
-        fields = self._function(x)
-        shapes = [np.shape(field) for field in fields]
-        right = [(len(x),), (len(x), 2), (len(x), 2, 2)]
-        if shapes != right:
-            raise ValueError(f"'{self.name}' returned shapes {shapes}; right are {right}")
-        phi, gradient, hessian = (np.asarray(field, float) for field in fields)
-        return phi, gradient, hessian
+        return self._function(x)
 
 
 @dataclass(frozen=True)
@@ -487,22 +529,23 @@ def evaluate_obstacle(
     Returns:
         The operators.
     """
-    phi, n, dn, dn_dq = obstacle_normals(obstacle, arm, x, slave.degree)
-    given = np.isfinite(prescribed_normals[:, 0])
-    n[given], dn[given], dn_dq[given] = prescribed_normals[given], 0.0, 0.0
-    if not linearization.normals:
-        dn, dn_dq = np.zeros_like(dn), np.zeros_like(dn_dq)
+    distance = f"the distance of '{obstacle.name}'"  # of each rank at points of its own
     rule = facet_rule(options.integration, slave.degree + 1, options.points)
 
     def of_share():
+        normals = obstacle_normals(obstacle, arm, x, slave.degree)
         facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
         facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
         nodes = slave.facets[facets]
         weights = hand_over(carries[nodes])
-        return facets, integrate_facets(obstacle, arm, x[nodes], weights, rule, options)
+        return normals, facets, integrate_facets(obstacle, arm, x[nodes], weights, rule, options)
 
-    distance = f"the distance of '{obstacle.name}'"  # of each rank at points of its own
-    facets, integrals = call_together(slave.comm, distance, of_share)
+    normals, facets, integrals = call_together(slave.comm, distance, of_share)
+    phi, n, dn, dn_dq = normals
+    given = np.isfinite(prescribed_normals[:, 0])
+    n[given], dn[given], dn_dq[given] = prescribed_normals[given], 0.0, 0.0
+    if not linearization.normals:
+        dn, dn_dq = np.zeros_like(dn), np.zeros_like(dn_dq)
     D, dD, gap, dgap, by_motions, cover = integrals
     nodes, V = slave.facets[facets], obstacle.motions(x, arm)
     if linearization.frozen:
@@ -642,22 +685,44 @@ def _edges(corners: Array) -> Array:
 
 def _chain(points: npt.ArrayLike) -> Array:
     """Three or more points of the plane."""
-    chain = np.asarray(points, float)
+    chain = _floats("points", points)
     if chain.ndim != 2 or chain.shape[1] != 2 or len(chain) < 3 or not np.isfinite(chain).all():
         raise ValueError(f"points of shape {chain.shape}: at least three finite points (k, 2)")
     return chain
 
 
+def _check_simple(what: str, chain: Array, *, closed: bool) -> None:
+    """Refuse a chain of points (k, 2) of which two edges that are no neighbours meet."""
+    start, end = (chain, np.roll(chain, -1, axis=0)) if closed else (chain[:-1], chain[1:])
+    pairs = near_pairs(start, end)
+    after = (pairs[:, 1] - pairs[:, 0]) % (len(start) if closed else len(start) + 1)
+    pairs = pairs[(after > 1) & (after < len(start) - 1 if closed else after > 1)]
+    meets = cross(start, end, pairs, touching=True)
+    if meets.any():
+        i, j = pairs[np.argmax(meets)]
+        raise ValueError(
+            f"the {what} meets itself: its edges from {place(start[i])} to {place(end[i])} and "
+            f"from {place(start[j])} to {place(end[j])}; give the points in their order along it"
+        )
+
+
+def _floats(name: str, values: Any) -> Array:
+    """Real numbers, as a copy."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name}={values!r}: real numbers")
+    return np.array(array, float)
+
+
 def _number(name: str, value: float) -> float:
     """A finite number."""
-    if not np.isscalar(value) or not np.isfinite(value):
-        raise ValueError(f"{name}={value!r}: a finite number")
+    check_number(name, value, "a finite number", np.isfinite)
     return float(value)
 
 
 def _vector(name: str, value: npt.ArrayLike) -> Array:
     """A finite vector of the plane, as a copy."""
-    vector = np.array(value, float)
+    vector = _floats(name, value)
     if vector.shape != (2,) or not np.isfinite(vector).all():
         raise ValueError(f"{name}={value!r}: two finite numbers")
     return vector

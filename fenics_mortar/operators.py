@@ -72,6 +72,7 @@ class OperatorMatrices:
 
     def _assemble(self, blocks: list[Block], rows: int | None, columns: int | None) -> PETSc.Mat:
         """``None`` stands for the displacement dofs."""
+        self._bulk.free_garbage()
         sizes = [self._share(size) for size in (rows, columns)]
         mat = BlockMatrix(self._bulk.comm, *sizes).assemble(blocks)
         return mat
@@ -82,6 +83,7 @@ class OperatorMatrices:
         return share_of(np.arange(size), self._bulk.comm).size
 
     def _vector(self, values: Array) -> PETSc.Vec:
+        self._bulk.free_garbage()
         flat = values.ravel()
         mine: Indices = share_of(np.arange(flat.size), self._bulk.comm)
         vector = PETSc.Vec().createMPI((mine.size, None), comm=self._bulk.comm)

@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from fenics_mortar.errors import check_same_words, together
 from fenics_mortar.laws import Frictionless, Law
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import Basis, GapWeights, Weighting
@@ -109,36 +110,9 @@ class ContactPair:
         slip: Measure = "partners",
         c_n: float = 1e-3,
     ) -> None:
-        for what, value, allowed in (
-            ("basis", basis, get_args(Basis)),
-            ("normals", normals, get_args(Weighting)),
-            ("gap_weights", gap_weights, get_args(GapWeights)),
-            ("integration", integration, get_args(Integration)),
-            ("sliding", sliding, get_args(Sliding)),
-            ("slip", slip, get_args(Measure)),
-        ):
-            check_choice(what, value, allowed)
-        if integration == "nodes" and points is not None:
-            raise ValueError(f"points={points}: with integration='nodes' the points are the nodes")
-        what = {"segments": "segment", "elements": "facet", "nodes": "facet"}[integration]
-        right = f"a whole number, at least 2 per {what}"
-        if points is not None:
-            check_number("points", points, right, lambda n: n >= 2, whole=True)
-        check_reach(search_radius, max_angle)
-        if initial_gap is not None:
-            check_number("initial_gap", initial_gap, "a length, or None", np.isfinite)
-        check_number("c_n", c_n, "a positive number", lambda c: 0.0 < c < np.inf)
-        if law is not None:
-            check_kind("law", law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")
-        check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data = data
         self.slave_name, self.master_name = str(slave), str(master)
         self.master = master
-        for name in (slave, master):
-            if not isinstance(name, Obstacle):
-                data.boundary_tag(name)
-                data.boundary_facets(name)
-        self.slave_tag = data.boundary_tag(slave)
         self.basis, self.normals, self.points = basis, normals, points
         self.gap_weights: GapWeights = gap_weights
         self.integration: Integration = integration
@@ -146,7 +120,48 @@ class ContactPair:
         self.initial_gap = initial_gap
         self.sliding: Sliding = sliding
         self.slip: Measure = slip
-        self.law: Law = law or Frictionless()
+        self.law: Law = Frictionless() if law is None else law
+        if getattr(data, "mesh", None) is None:  # and no communicator
+            self.check()
+        with together(data.mesh.comm, "ContactPair"):
+            self.check()
+            self.slave_tag = data.boundary_tag(slave)
+            if not isinstance(master, Obstacle):
+                data.boundary_tag(master)
+        check_same_words(data.mesh.comm, "ContactPair", vars(self))
+        for name in (slave, master):
+            if not isinstance(name, Obstacle):
+                data.boundary_facets(name)
+
+    def check(self) -> None:
+        """Refuse options that are not allowed (local).
+
+        Raises:
+            ValueError: If an option is not one of those named.
+        """
+        check_kind("data", self.data, MeshData, "the MeshData of the mesh")
+        for what, allowed in (
+            ("basis", get_args(Basis)),
+            ("normals", get_args(Weighting)),
+            ("gap_weights", get_args(GapWeights)),
+            ("integration", get_args(Integration)),
+            ("sliding", get_args(Sliding)),
+            ("slip", get_args(Measure)),
+        ):
+            check_choice(what, getattr(self, what), allowed)
+        points, integration = self.points, self.integration
+        if integration == "nodes" and points is not None:
+            raise ValueError(f"points={points}: with integration='nodes' the points are the nodes")
+        what = {"segments": "segment", "elements": "facet", "nodes": "facet"}[integration]
+        right = f"a whole number, at least 2 per {what}"
+        if points is not None:
+            check_number("points", points, right, lambda n: n >= 2, whole=True)
+        check_reach(self.search_radius, self.max_angle)
+        if self.initial_gap is not None:
+            check_number("initial_gap", self.initial_gap, "a length, or None", np.isfinite)
+        check_number("c_n", self.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
+        check_kind("law", self.law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")
+        self.law.check()
 
     def __repr__(self) -> str:
         """The two sides."""

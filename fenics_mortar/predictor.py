@@ -163,10 +163,9 @@ class Predictor:
         """Solve; where that does not go well, once more from ``here``."""
         options = self._problem.newton
         few = min(FEW, options.max_iterations)
-        self._problem.newton = replace(
-            options, tentative=True, most_left=kind.most_left, max_iterations=few
-        )
+        cautious = replace(options, tentative=True, most_left=kind.most_left, max_iterations=few)
         try:
+            self._problem.newton = cautious
             report = solve()
             kind.pause = 0
             return report

@@ -9,7 +9,10 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, get_args
 
+from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
 
 import ufl
 from dolfinx import fem
@@ -17,17 +20,25 @@ from dolfinx import fem
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk, prescribed_dofs
 from fenics_mortar.certificate import Certificate, certify
-from fenics_mortar.checks import check_cells, check_slave_nodes, check_space
+from fenics_mortar.checks import (
+    check_cells,
+    check_jacobian,
+    check_residual,
+    check_slave_nodes,
+    check_space,
+)
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact
 from fenics_mortar.damping import Damped
 from fenics_mortar.equations import ContactEquations
-from fenics_mortar.errors import MortarError, NotConvergedError, check_same
+from fenics_mortar.errors import NotConvergedError, check_same_words, together
 from fenics_mortar.estimate import ErrorEstimate, Estimator
+from fenics_mortar.folds import check_folds
+from fenics_mortar.inputs import Inputs, check_roles
 from fenics_mortar.mortar import LINEARIZATIONS
-from fenics_mortar.newton import NewtonOptions, NewtonReport, solve
+from fenics_mortar.newton import NewtonOptions, NewtonReport, once, solve
 from fenics_mortar.operators import OperatorMatrices
-from fenics_mortar.options import check_choice, check_kind, check_lengths
+from fenics_mortar.options import check_choice, check_kind, check_number
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
@@ -43,6 +54,7 @@ from fenics_mortar.system import (
 )
 from fenics_mortar.tangent import TangentCheck, check_tangent
 from fenics_mortar.tied import TiedPair, bind
+from fenics_mortar.undo import undone_if_interrupted
 
 
 class ContactProblem(ContactEquations):
@@ -111,15 +123,22 @@ class ContactProblem(ContactEquations):
         linear_bulk: bool | None = None,
         adequacy: Any | None = None,
     ) -> None:
-        _check_arguments(residual, u, pairs, bcs)
-        _check_options(petsc_options_prefix, petsc_options, newton, jacobian, linear_bulk, adequacy)
-        compat.free_petsc_garbage_of_earlier(u.function_space.mesh.comm)
+        check_kind("u", u, fem.Function, "a function of dolfinx")
+        comm = u.function_space.mesh.comm
+        options = {
+            "petsc_options_prefix": petsc_options_prefix, "petsc_options": petsc_options,
+            "algorithm": algorithm, "solver": solver, "linearization": linearization,
+            "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
+        }  # fmt: skip
+        with together(comm, "ContactProblem"):
+            _check_arguments(residual, u, pairs, bcs, jacobian)
+            _check_options(**options, adequacy=adequacy)
+            options["residual"] = f"a form with the signature {residual.signature()[:8]}"
+        options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
+        check_same_words(comm, "ContactProblem", {"pairs": len(pairs), "bcs": len(bcs), **options})
+        compat.free_petsc_garbage_of_earlier(comm)
         space = DisplacementSpace(u.function_space, displacement)
         check_space(space.V, pairs)
-        check_choice("linearization", linearization, LINEARIZATIONS)
-        check_choice("solver", solver, get_args(Solver))
-        if algorithm is not None:
-            check_choice("algorithm", algorithm, get_args(Algorithm))
         if solver == "iterative" and space.is_mixed:
             raise ValueError("solver='iterative': mixed functions need solver='direct'")
         self._given = {
@@ -130,8 +149,11 @@ class ContactProblem(ContactEquations):
         }  # fmt: skip
         contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
+        compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
         check_slave_nodes(contacts)
+        check_roles(contacts)
         check_cells(bulk)
+        check_folds(space.V, contacts)
         bulk.check_input()
         super().__init__(bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions())
         if algorithm is None:
@@ -139,18 +161,19 @@ class ContactProblem(ContactEquations):
         automatic = solver == "auto"
         if automatic and not self._is_for_multigrid(linear_bulk, petsc_options):
             solver = "direct"
-        self.system = SYSTEMS[algorithm](
-            bulk,
-            contacts,
-            petsc_options_prefix,
-            (DIRECT if solver == "direct" else ITERATIVE) | (petsc_options or {}),
-        )
-        self.system.may_factor = automatic and solver == "auto"
+        defaults: dict[str, Any] = DIRECT if solver == "direct" else ITERATIVE
+        solving = defaults | (petsc_options or {})
+        system = SYSTEMS[algorithm]
+        self._create_system = partial(system, bulk, contacts, petsc_options_prefix, solving)
+        self._may_factor = automatic and solver == "auto"
+        self._renew_system()
+        self.interrupted = False
         if solver == "iterative" and linear_bulk is None:
             linear_bulk = False  # who iterates may lack the memory for factors
         self._linear_bulk = LinearBulk(self, linear_bulk, petsc_options_prefix)
         self._estimator: Estimator | None = None
         self._begin_where_meshed()
+        self._inputs, self._remarks = Inputs(bulk, contacts, self.tools.obstacles), list[str]()
         self._adequacy = adequacy
         if adequacy is not None:
             adequacy.prepare(self)
@@ -164,6 +187,22 @@ class ContactProblem(ContactEquations):
         self.accept()
         self._starts = [contact.describe_start() for contact in self.contacts]
 
+    def _renew_system(self) -> None:
+        """Make the linear system and its solver, as they were at the start."""
+        self.system = self._create_system()
+        self.system.given = set(self._given["petsc_options"] or {})
+        self.system.may_factor = self._may_factor
+
+    def _renew_if_interrupted(self) -> None:
+        """Make anew what an interruption may have left half made (collective)."""
+        if self.comm.allreduce(self.interrupted, MPI.LOR):
+            self.bulk.renew_tangent()
+            self.bulk.assemble_tangent()
+            self._renew_system()
+            self._linear_bulk.forget()
+            self._estimator = None
+            self.interrupted = False
+
     def _is_for_multigrid(
         self, linear_bulk: bool | None, petsc_options: dict[str, Any] | None
     ) -> bool:
@@ -175,38 +214,40 @@ class ContactProblem(ContactEquations):
 
     # Solving
 
-    def solve(self) -> NewtonReport:
+    def solve(self, *, accept_violations: bool = False) -> NewtonReport:
         """Solve for the present loads and prescribed values; move ``u`` and the multipliers.
+
+        Args:
+            accept_violations: Whether a state that violates its certificate is returned like any
+                other, for who looks at ``report.certificate`` himself. It is asked for with the
+                solve, not among the options of Newton's method, which knows no contact.
 
         Returns:
             The record of the Newton iterations.
 
         Raises:
-            NotConvergedError: On all ranks; holds the record. ``u`` and the multipliers are left
-                at the last iterate; to solve again, reset ``u`` and mend what was wrong.
+            NotConvergedError: On all ranks; holds the record. So it is if Newton's method does not
+                converge, and if it converges to a state that violates its certificate. ``u`` and
+                the multipliers are left at the last iterate, or at that state, to be looked at,
+                and slip goes on to count from the last state that was accepted; to solve again,
+                reset ``u`` and mend what was wrong, or ``restore`` a copy made by ``state``.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
                 if what is set on all ranks is not the same on all, or if the mesh was moved after
                 set-up.
+            BaseException: What came from elsewhere, as a KeyboardInterrupt or the error of a law of
+                the user. Displacement and multipliers are as before the call then.
         """
-        self.bulk.check_input()
-        self._check_contacts()
-        report = None if self._adequacy is None else self._adequacy.climb()
-        report = report or self._solve_by_this_model()
-        if self._adequacy is not None:
-            report.adequacy = self._adequacy.assess(self)
+        self._renew_if_interrupted()
+        with undone_if_interrupted(self):
+            self.bulk.check_input()
+            self._remarks = self._inputs.check(self.newton, accept_violations)
+            report = None if self._adequacy is None else self._adequacy.climb()
+            report = report or self._solve_by_this_model(accept_violations)
+            if self._adequacy is not None:
+                report.adequacy = self._adequacy.assess(self)
         return report
 
-    def _check_contacts(self) -> None:
-        """Refuse what was set of contacts if it differs on one rank (collective)."""
-        same = [(f"offset of '{contact.slave.name}'", contact.offset) for contact in self.contacts]
-        for obstacle in self.tools.obstacles:
-            same += [(f"the place of obstacle '{obstacle.name}'", obstacle.place)]
-            same += [(f"the push of obstacle '{obstacle.name}'", obstacle.load)]
-        check_same(self.comm, same)
-        for name, offset in same[: len(self.contacts)]:
-            check_lengths(name, offset, offset.size)
-
-    def _solve_by_this_model(self) -> NewtonReport:
+    def _solve_by_this_model(self, accept_violations: bool) -> NewtonReport:
         """Solve, whatever the model's adequacy."""
         clock.read()
         for contact in self.contacts:
@@ -220,20 +261,28 @@ class ContactProblem(ContactEquations):
                 self._accept_moved()
             report = self._solve()
             moved += self.floating.check()
-        except MortarError:
+        except Exception:  # of whatever kind, for all ranks alike
             self._last_converged = False
             self.hold(None)
             raise
         self._last_converged = True
+        accepted = [contact.accepted for contact in self.contacts]
         for contact in self.contacts:
             contact.accept()
-        compat.free_petsc_garbage(self.comm)
+        self.bulk.free_garbage()
         report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
-        violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
-        remarks = violations or report.certificate.remarks()
+        violations = report.certificate.violations()
+        told = [f"VIOLATED: {violation}" for violation in violations]
+        remarks = told or report.certificate.remarks()
         reactions = self.tools.record()
-        report.notes[:0] = [*filter(None, self._starts), *moved, *remarks, *reactions]
-        self._starts = []
+        begun = [*self._remarks, *filter(None, self._starts)]
+        report.notes[:] = once([*begun, *moved, *remarks, *reactions, *report.notes])
+        self._starts, self._remarks = [], []
+        if violations and not accept_violations:
+            self._last_converged = False
+            for contact, before in zip(self.contacts, accepted, strict=True):
+                contact.accepted = before
+            raise _wrong_state(report, violations)
         return report
 
     def _solve(self) -> NewtonReport:
@@ -287,11 +336,11 @@ class ContactProblem(ContactEquations):
         """
         touched = iter(self.floating.touched)
         for contact in self.contacts:
-            before = next(touched, None) if isinstance(contact, Contact) else None
-            if before is None:
-                contact.accept()
+            if isinstance(contact, Contact):
+                before = next(touched, np.zeros_like(contact.active))
+                contact.accept(slid=before & contact.active)
             else:
-                contact.accept(before & contact.active)
+                contact.accept()
             contact.start_step()
 
     # Other models
@@ -310,14 +359,16 @@ class ContactProblem(ContactEquations):
         for pair in pairs:
             if isinstance(pair, ContactPair):
                 for name, new in pair_options.items():
+                    if name not in vars(pair):
+                        raise ValueError(f"{name}={new!r}: a pair has {', '.join(vars(pair))}")
                     setattr(pair, name, new(getattr(pair, name)) if callable(new) else new)
         given = {**self._given, "pairs": pairs}
         if residual is not None:
             given.update(residual=residual, jacobian=None)
         u = self.bulk.u.x.array
         kept = u.copy()
-        u[:] = 0.0
         try:
+            u[:] = 0.0
             return ContactProblem(**given)
         finally:
             u[:] = kept
@@ -331,6 +382,11 @@ class ContactProblem(ContactEquations):
 
     # What was found
 
+    @property
+    def adequacy(self) -> Any:
+        """The ``AdequacyCheck`` that asks after each solve, or ``None``."""
+        return self._adequacy
+
     def certificate(self) -> Certificate:
         """Measure balance, signs and penetration of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
@@ -342,9 +398,11 @@ class ContactProblem(ContactEquations):
         Raises:
             MortarError: On all ranks, if the residual has integrals that cannot be read.
         """
+        self._renew_if_interrupted()
         if self._estimator is None:
             self._estimator = Estimator(self.bulk)
         self._evaluate_operators()
+        self.bulk.free_garbage()
         return self._estimator.evaluate(self.contacts)
 
     # For research
@@ -367,6 +425,8 @@ class ContactProblem(ContactEquations):
     @property
     def tangent(self) -> PETSc.Mat:
         """Matrix of the linear system at the present state."""
+        self._renew_if_interrupted()
+        self.bulk.free_garbage()
         self.bulk.assemble_tangent()
         self.bulk.assemble_residual()
         self.system.assemble()
@@ -374,13 +434,24 @@ class ContactProblem(ContactEquations):
 
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""
-        return check_tangent(self, **options)
+        self._renew_if_interrupted()
+        with undone_if_interrupted(self):
+            return check_tangent(self, **options)
 
 
-def _check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any) -> None:
-    """Refuse a residual, function, pairs or conditions of a wrong kind (local)."""
+def _wrong_state(report: NewtonReport, violations: Sequence[str]) -> NotConvergedError:
+    """The error that says that a state violates its certificate, and what helps."""
+    report.reason = f"converged to a wrong state: {'; '.join(violations)}"
+    report.converged = False
+    smaller = any("smaller steps" in words or "inverted" in words for words in violations)
+    advice = "follow_path takes such a step back and cuts it; " * smaller
+    words = f"{report.reason}; {advice}solve(accept_violations=True) returns it"
+    return NotConvergedError(words, report)
+
+
+def _check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any) -> None:
+    """Refuse forms, pairs or conditions of a wrong kind (local)."""
     check_kind("residual", residual, ufl.Form, "a UFL form")
-    check_kind("u", u, fem.Function, "a function of dolfinx")
     if not isinstance(pairs, Sequence) or not all(
         isinstance(p, (ContactPair, TiedPair)) for p in pairs
     ):
@@ -389,25 +460,42 @@ def _check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any) -> None:
         raise ValueError(f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions")
     if not all(hasattr(bc, "function_space") for bc in bcs):
         raise ValueError(f"bcs={bcs!r}: right is a list of Dirichlet conditions")
-    if len(residual.arguments()) != 1:
-        raise ValueError(
-            "the residual has to hold one test function and no trial function; of an energy, "
-            "it is ufl.derivative(energy, u, v)"
-        )
+    for pair in pairs:
+        pair.check()
+    check_residual("residual", residual, u)
+    if jacobian is not None:
+        check_kind("jacobian", jacobian, ufl.Form, "a UFL form, or None")
+        check_jacobian(jacobian, u)
 
 
 def _check_options(
-    prefix: Any, petsc_options: Any, newton: Any, jacobian: Any, linear_bulk: Any, adequacy: Any
+    petsc_options_prefix: Any,
+    petsc_options: Any,
+    algorithm: Any,
+    solver: Any,
+    linearization: Any,
+    newton: Any,
+    displacement: Any,
+    linear_bulk: Any,
+    adequacy: Any,
 ) -> None:
     """Refuse options of a wrong kind (local)."""
-    check_kind("petsc_options_prefix", prefix, str, "a text, as 'blocks_'")
+    check_kind("petsc_options_prefix", petsc_options_prefix, str, "a text, as 'blocks_'")
     for name, value, kind, right in (
         ("petsc_options", petsc_options, dict, "a dictionary, or None"),
         ("newton", newton, NewtonOptions, "an instance of NewtonOptions, or None"),
-        ("jacobian", jacobian, ufl.Form, "a UFL form, or None"),
         ("linear_bulk", linear_bulk, bool, "True, False or None"),
     ):
         if value is not None:
             check_kind(name, value, kind, right)
-    if adequacy is not None and not hasattr(adequacy, "prepare"):
+    for name in petsc_options or {}:
+        if not isinstance(name, str) or name.startswith("-"):
+            raise ValueError(f"petsc_options with {name!r}: right is e.g. 'ksp_rtol'")
+    check_choice("linearization", linearization, LINEARIZATIONS)
+    check_choice("solver", solver, get_args(Solver))
+    if algorithm is not None:
+        check_choice("algorithm", algorithm, get_args(Algorithm))
+    right = "the number of a sub-space"
+    check_number("displacement", displacement, right, lambda part: part >= 0, whole=True)
+    if adequacy is not None and (isinstance(adequacy, type) or not hasattr(adequacy, "prepare")):
         raise ValueError(f"adequacy={adequacy!r}: an instance of AdequacyCheck, or None")

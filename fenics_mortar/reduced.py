@@ -51,7 +51,7 @@ from fenics_mortar.newton import Status, Step
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.sparse import SomeRows, flatten, is_symmetric, leave, schur_complement
 from fenics_mortar.surfaces import Array, Indices
-from fenics_mortar.system import DIRECT, LINEAR_TOLERANCE, options_added
+from fenics_mortar.system import COMPLIANCE, DIRECT, LINEAR_TOLERANCE, options_added
 from fenics_mortar.tied import Tie
 
 # How K is factored, and by which part [%] of room more than foreseen; the next if that fails: on
@@ -623,7 +623,7 @@ class LinearBulk:
     """
 
     def __init__(self, problem: Any, wanted: bool | None, prefix: str) -> None:
-        self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}compliance_"
+        self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}{COMPLIANCE}"
         if wanted and problem.newton.damped:
             raise ValueError(
                 "linear_bulk=True takes whole steps: leave out line_search and most_motion, or "
@@ -653,6 +653,10 @@ class LinearBulk:
     def count(self, num_iterations: int) -> None:
         """Take note of iterations of the general path."""
         self._num_iterations += num_iterations
+
+    def forget(self) -> None:
+        """Factor the bulk anew before it is used again."""
+        self._equations, self._data, self._num_iterations = None, [], 0
 
     @property
     def _slides_little(self) -> bool:

@@ -8,12 +8,13 @@ corners of both on one line; where four blocks meet, two of the four sticks clos
 there is not unique then, and the linear system would be singular or, with a gap that opens by
 rounding, nearly so.
 
-Such a node sticks elastically, with the stiffness k_j / l_j of the bulk there,
+Such a node sticks elastically, a thousand times as stiff as the bulk there, k = 1000 k_j,
 
-    z_tau = z_tau,old + (k / l) u,        u: slip since the last accepted state,
+    z_tau = z_tau,old + (k / l_j) u,      u: slip since the last accepted state,
 
 up to the friction limit. Where its stick follows from other constraints, u vanishes but for their
-curvature, and the shear stays as it was: of all admissible ones the nearest to the last.
+curvature, and the shear stays as it was: of all admissible ones the nearest to the last. Where it
+does not, as where one flank of a groove moves on, u is a true slip, and the node soon slides.
 
 The constraints are compared by their rows (D_jk n, -M_jl n) and (D_jk tau, -M_jl tau) as the bodies
 faced each other at the last accepted state. In a sum of rows that cancels, a row whose slave node
@@ -72,7 +73,9 @@ class Redundancy:
 
     def mark(self) -> None:
         """Set ``overheld`` of all contacts, at their present active sets."""
-        for contact in self._contacts if self._shared.size else []:
+        if not self._shared.size:
+            return
+        for contact in self._contacts:
             contact.overheld = np.zeros(contact.slave.num_nodes, bool)
         if not any(map(self._sticks_at_shared, self._contacts)):
             return
@@ -132,7 +135,9 @@ def repeating(
     Left out are, again and again, rows with a slave node that is in no row of another pair.
 
     Args:
-        pair, row, node: Those of each entry, shape (entries,).
+        pair: Number of the pair of each entry, shape (entries,).
+        row: Number of its row in the pair, shape (entries,).
+        node: Number of its node, shape (entries,).
         own: Whether an entry is that of a slave node, shape (entries,), bool.
 
     Returns:

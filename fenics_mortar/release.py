@@ -28,7 +28,7 @@ TRAVEL, ARRIVED = 0.25, 0.01
 LESS, MORE = 0.1, 3.0
 MOST_SOLVES, MOST_FAILURES = 20, 3
 # A solve with springs that has not ended by then was begun with too weak ones.
-MOST_ITERATIONS = 15
+MOST_ITERATIONS = 20
 # Springs that stay are tied anew so often: what contact can carry it does then.
 REPEATS = 3
 # Springs may hold this part of the forces on a body, about what averaged normals err.

@@ -21,12 +21,15 @@ import numpy as np
 
 import ufl
 from ufl.algorithms import extract_arguments
+from ufl.domain import extract_domains
 
 from fenics_mortar import compat
 from fenics_mortar.bulk import AROUND, Bulk
 from fenics_mortar.contact import Contact
-from fenics_mortar.files import make_folder, try_together, without_suffix
+from fenics_mortar.errors import check_same_words, together
+from fenics_mortar.files import make_folder, try_together, without_suffix, write_whole
 from fenics_mortar.obstacles import Obstacle
+from fenics_mortar.options import check_kind, check_number
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.tied import Tie
@@ -72,7 +75,14 @@ class ResultsWriter:
         self, path: str | Path, problem: ContactProblem, fields: dict[str, Any] | None = None
     ) -> None:
         """Compile the fields and make the folder (collective)."""
+        _check_problem(problem)
         self._problem, comm = problem, problem.comm
+        with together(comm, "ResultsWriter"):
+            check_kind("path", path, (str, Path), "the name of a file")
+            if fields is not None:
+                check_kind("fields", fields, dict, "a dictionary of UFL expressions by name")
+        names = {str(number): name for number, name in enumerate(fields or {})}
+        check_same_words(comm, "ResultsWriter", {"number of fields": len(names), **names})
         self._fields = {name: _CellField(problem, e, name) for name, e in (fields or {}).items()}
         path = _prepare(comm, path, ".pvd")
         cells = _owned_cells(problem)
@@ -94,6 +104,8 @@ class ResultsWriter:
     def write(self, time: float) -> None:
         """Write the present state as that of ``time`` (collective)."""
         problem = self._problem
+        with together(problem.comm, "write"):
+            check_number("time", time, "a finite number", np.isfinite)
         u, dofs = problem.bulk.u.x.array, problem.bulk.space.dofs
         cell_data = {name: _pad(field.evaluate()) for name, field in self._fields.items()}
         data = {"displacement": _pad(u[dofs[self._nodes]])}
@@ -111,7 +123,12 @@ class ResultsWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Do nothing: all files are complete after each step."""
+        """Do nothing: all files are complete at any time, see ``files.write_whole``."""
+
+
+def _check_problem(problem: Any) -> None:
+    """Refuse what is no problem (local)."""
+    check_kind("problem", problem, ContactProblem, "a ContactProblem")
 
 
 def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
@@ -202,11 +219,11 @@ class _Series:
         """Write a step, then the list of all steps (collective); ``piece`` makes this rank's."""
         mine = self._file(len(self._times), self._comm.rank)
         has_piece = self._comm.rank in self._ranks
-        write_piece = partial(_write_piece, piece, mine)
+        write_piece = partial(write_whole, mine, partial(_write_piece, piece))
         try_together(self._comm, has_piece, write_piece, f"cannot write '{mine}'")
         self._times.append(float(time))
         index = self._path.with_name(f"{self._path.name}.pvd")
-        work = partial(index.write_text, self._index())
+        work = partial(write_whole, index, partial(_write_text, self._index()))
         try_together(self._comm, self._comm.rank == 0, work, f"cannot write '{index}'")
 
     def _file(self, step: int, rank: int) -> Path:
@@ -223,6 +240,10 @@ class _Series:
 
 def _write_piece(piece: Callable[[], Any], path: Path) -> None:
     piece().write(path)
+
+
+def _write_text(text: str, path: Path) -> None:
+    path.write_text(text)
 
 
 class _CellField:
@@ -243,6 +264,8 @@ class _CellField:
                 raise ValueError(f"its shape is {self._shape}; right is {right}")
             if extract_arguments(ufl.as_ufl(expression)):
                 raise ValueError("it holds a test or trial function")
+            if any(domain != V.ufl_domain() for domain in extract_domains(ufl.as_ufl(expression))):
+                raise ValueError("it holds a function or constant of another mesh")
             midpoint = MIDPOINT[compat.cell_name(V.mesh)]
             self._compiled = compat.create_expression(expression, midpoint)
 
@@ -285,6 +308,7 @@ def contact_table(problem: ContactProblem) -> str:
     The forces are those that act on the bodies, [stress length]; the last column is the smallest
     mean gap of a slave node by the length of the node.
     """
+    _check_problem(problem)
     head = "pair|force on slave|force on master|sum|active|max pressure|min gap/length".split("|")
     rows = [f"| {' | '.join(head)} |", "|---|---:|---:|---:|---:|---:|---:|"]
     for contact in problem.contacts:
@@ -327,7 +351,11 @@ def plot(
     Raises:
         MortarError: On all ranks, if the expression or the path is of no use.
     """
+    _check_problem(problem)
     comm = problem.comm
+    with together(comm, "plot"):
+        check_kind("path", path, (str, Path), "the name of a file")
+        check_number("scale", scale, "a finite number", np.isfinite)
     field = None if stress is None else _CellField(problem, stress, label, rank=0)
     path = _prepare(comm, path, ".png")
     cells = _owned_cells(problem)
@@ -367,7 +395,8 @@ def plot(
         axes.spines[["top", "right"]].set_visible(False)
         axes.spines[["left", "bottom"]].set_color(GREY)
         axes.tick_params(color=GREY, labelsize=8)
-        figure.savefig(f"{path}.png", dpi=200, bbox_inches="tight")
+        draw_to = partial(figure.savefig, dpi=200, bbox_inches="tight")
+        write_whole(path.with_name(f"{path.name}.png"), draw_to)
 
     try_together(comm, comm.rank == 0, draw, f"cannot draw '{path}.png'")
 

@@ -30,7 +30,7 @@ class DisplacementSpace:
         first: Global number of the first of them.
 
     Raises:
-        ValueError: If a mixed space has no such part.
+        ValueError: If the space has no such part.
     """
 
     def __init__(self, whole: Any, part: int = 0) -> None:
@@ -43,6 +43,8 @@ class DisplacementSpace:
                     f"{whole.num_sub_spaces - 1}"
                 )
             self.V, dofs = whole.sub(part).collapse()
+        elif part:
+            raise ValueError(f"displacement={part!r}: the function u is not mixed")
         else:
             index_map = whole.dofmap.index_map
             dofs = np.arange(self.block_size * (index_map.size_local + index_map.num_ghosts))

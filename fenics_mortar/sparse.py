@@ -77,14 +77,15 @@ class BlockMatrix:
     def _new_pattern(self, i: npt.NDArray, j: npt.NDArray) -> None:
         if self.mat is not None:
             self.mat.destroy()
-        self._pattern = (i, j)
-        self.num_patterns += 1
+        self._pattern = None  # until the matrix is there
         self.mat = PETSc.Mat().create(self._comm)
         self.mat.setSizes(self._sizes)
         self.mat.setType(PETSc.Mat.Type.AIJ)
         self.mat.setBlockSize(self._block_size)
         rows, columns = i.copy(), j.copy()  # PETSc overwrites them
         _check(_set_pattern(self.mat.handle, i.size, rows.ctypes.data, columns.ctypes.data))
+        self._pattern = (i, j)
+        self.num_patterns += 1
 
 
 class SomeRows:

@@ -3,23 +3,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fenics_mortar.contact import Contact
 from fenics_mortar.dead_end import why_path_ends
 from fenics_mortar.equations import State
-from fenics_mortar.errors import MortarError, NotConvergedError, call_together
-from fenics_mortar.files import make_folder, try_together, without_suffix
-from fenics_mortar.newton import NewtonReport
-from fenics_mortar.options import check_flag, check_number
+from fenics_mortar.errors import (
+    MortarError,
+    NotConvergedError,
+    call_together,
+    check_same_words,
+    together,
+)
+from fenics_mortar.newton import NewtonOptions, NewtonReport, after
+from fenics_mortar.options import check_flag, check_kind, check_number
 from fenics_mortar.predictor import Predictor
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.surfaces import Array
+from fenics_mortar.undo import Before
 
 # What is left of the path below this part of a step is taken with the step.
 REMAINDER = 1e-6
@@ -31,8 +38,6 @@ HINT = (
     "or a tip slips off an edge: prescribe another displacement, or start beyond"
 )
 Forces = tuple[Array, Array, Array, Array, Array]
-# What of a contact is written to a file.
-KEPT = ("z", "active", "carries", "piece")
 
 
 @dataclass(frozen=True)
@@ -83,12 +88,15 @@ class Work(NamedTuple):
         supports: Of the reactions.
         contact: Of the contact forces.
         friction: Of their shears: what friction takes up.
+        largest: What contact forces would do if all of them acted along the way that their nodes
+            and obstacles go: the sum of the sizes of forces times those of motions.
     """
 
     bulk: float
     supports: float
     contact: float
     friction: float = 0.0
+    largest: float = 0.0
 
     @property
     def pressure(self) -> float:
@@ -102,7 +110,12 @@ class Work(NamedTuple):
 
     @property
     def defect(self) -> float:
-        """Work of the pressures over the largest of all."""
+        """Work of the pressures over the largest of all.
+
+        Under dead loads on supports at rest nothing but contact does any work that is seen here:
+        what bodies store is what loads do, less that of contact. So it is compared with what its
+        forces could do on the way that they go; in sliding that is the friction that facets add.
+        """
         return abs(self.pressure) / max(*map(abs, self), 1e-300)
 
 
@@ -146,7 +159,10 @@ class PathReport:
         return sum(len(step.failures) for step in self.steps) + len(self.failures)
 
     def table(self) -> str:
-        """Markdown table, one row per accepted step, and why attempts failed."""
+        """Markdown table, one row per accepted step, and why attempts failed.
+
+        The last column is ``Work.defect``.
+        """
         lines = [
             "| step | time | size | iterations | active | cuts | contact work |",
             "|---:|---:|---:|---:|---:|---:|---:|",
@@ -198,11 +214,22 @@ def follow_path(
             ``report`` is the ``PathReport``.
         Exception: What ``set_loads`` or ``on_step`` raised; a ``MortarError`` on ranks where they
             did not.
+        BaseException: What interrupted it, as a KeyboardInterrupt. The state is that of the last
+            accepted step then; a note at the error says at which time that was.
+        ValueError: If an argument is of another kind, or ``start`` is beyond ``stop``. Where they
+            are equal, as at the end of a path that is taken up again, there is no step to take.
+        MortarError: On all ranks, if options differ between them.
     """
+    check_kind("problem", problem, ContactProblem, "a ContactProblem")
+    with together(problem.comm, "follow_path"):
+        _check_path(set_loads, options, start, stop, on_step)
+    given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
+    check_same_words(problem.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
     predictor = Predictor(problem, start, guesses=options.predict)
-    forces = _forces(problem)
+    forces, kept = _forces(problem), Before(problem)
+    solve = partial(_solve_soundly, problem, _Ways(problem))
 
     def load(time: float) -> None:
         call_together(problem.comm, "set_loads", partial(set_loads, time))
@@ -211,25 +238,26 @@ def follow_path(
         step = min(step, stop - time)
         if stop - time - step < REMAINDER * step:
             step = stop - time
-        load(time + step)
         accepted = predictor.last
-        try:
-            report = predictor.solve(time + step, partial(_solve_soundly, problem))
-        except NotConvergedError as failure:
-            path.failures.append(failure.report)
-            problem.restore(accepted)
-            _say(problem, print_steps, f"time {time + step:.6g}: cut, {failure}")
-            if step <= options.smallest:
-                load(min(time + ONWARD * options.step, stop))
-                path.dead_end = why_path_ends(problem)
-                load(time)
-                words = _last_words(time, step, path.dead_end, failure)
-                raise NotConvergedError(words, path) from failure
-            step = max(options.cut * step, options.smallest)
-            continue
-        before_forces, forces = forces, _forces(problem)
-        work = _work(problem, accepted, predictor.last, before_forces, forces)
-        time = stop if step == stop - time else time + step
+        with _kept(kept, time):
+            load(time + step)
+            try:
+                report = predictor.solve(time + step, solve)
+            except NotConvergedError as failure:
+                path.failures.append(failure.report)
+                problem.restore(accepted)
+                _say(problem, print_steps, f"time {time + step:.6g}: cut, {failure}")
+                if step <= options.smallest:
+                    load(min(time + ONWARD * options.step, stop))
+                    path.dead_end = why_path_ends(problem)
+                    load(time)
+                    words = _last_words(time, step, path.dead_end, failure)
+                    raise NotConvergedError(words, path) from failure
+                step = max(options.cut * step, options.smallest)
+                continue
+            before_forces, forces = forces, _forces(problem)
+            work = _work(problem, accepted, predictor.last, before_forces, forces)
+        time, kept = (stop if step == stop - time else time + step), Before(problem)
         path.steps.append(PathStep(time, step, report, path.failures, work))
         path.failures = []
         _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
@@ -241,6 +269,36 @@ def follow_path(
     return path
 
 
+def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: Any) -> None:
+    """Refuse arguments of ``follow_path`` (local)."""
+    if not callable(set_loads):
+        raise ValueError(f"set_loads={set_loads!r}: a function of the time")
+    right = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    check_kind("options", options, SteppingOptions, right)
+    for name, value in (("start", start), ("stop", stop)):
+        check_number(name, value, "a finite number", np.isfinite)
+    if start > stop:
+        raise ValueError(
+            f"start={start!r} is beyond stop={stop!r}: times grow; to unload, let set_loads lessen "
+            "the loads with time"
+        )
+    if on_step is not None and not callable(on_step):
+        raise ValueError(f"on_step={on_step!r}: a function of the time and the record, or None")
+
+
+@contextmanager
+def _kept(before: Before, time: float) -> Iterator[None]:
+    """A step of which nothing is left if anything but a failed solve ends it."""
+    try:
+        yield
+    except NotConvergedError:
+        raise
+    except BaseException as error:
+        before.take_back(renew=not isinstance(error, MortarError))
+        error.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
+        raise
+
+
 def _last_words(time: float, step: float, why: str, failure: NotConvergedError) -> str:
     """Where a path ends and why."""
     if why:
@@ -248,9 +306,49 @@ def _last_words(time: float, step: float, why: str, failure: NotConvergedError) 
     return f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {HINT}"
 
 
-def _solve_soundly(problem: ContactProblem) -> NewtonReport:
+class _Ways:
+    """Whole steps and damped ones: the way that led to the end last comes first, then the other.
+
+    Laws of the user's own may be as steep or as little monotonous as they like, and whole steps go
+    to and fro about a kink of theirs. A line search finds the way between, where else only short
+    load steps would. The laws of this package know their pieces, for them it does not pay.
+    """
+
+    def __init__(self, problem: ContactProblem) -> None:
+        self._problem, self._damps_first = problem, False
+        self._has_choice = any(map(_has_own_law, problem.contacts))
+
+    def solve(self) -> NewtonReport:
+        """Solve; if that fails, once more in the other way (collective)."""
+        problem, options = self._problem, self._problem.newton
+        if not self._has_choice or options.damped or options.tentative:
+            return problem.solve(accept_violations=True)
+        start = problem.state()
+        try:
+            return self._solve(options)
+        except NotConvergedError as failure:
+            problem.restore(start)
+            self._damps_first = not self._damps_first
+            lost, how = failure.report, "damped" if self._damps_first else "whole"
+            lost.notes.append(f"begun anew with {how} steps: {failure}")
+        return after(lost, partial(self._solve, options))
+
+    def _solve(self, options: NewtonOptions) -> NewtonReport:
+        try:
+            self._problem.newton = replace(options, line_search=self._damps_first)
+            return self._problem.solve(accept_violations=True)
+        finally:
+            self._problem.newton = options
+
+
+def _has_own_law(contact: Any) -> bool:
+    """Whether it is a contact whose law is not one of this package."""
+    return isinstance(contact, Contact) and not contact.pair.law.is_of_package
+
+
+def _solve_soundly(problem: ContactProblem, ways: _Ways) -> NewtonReport:
     """Solve; a state that violates its certificate is not accepted."""
-    report = problem.solve()
+    report = ways.solve()
     violations = "; ".join(report.certificate.violations())
     if violations:
         report.converged, report.reason = False, f"converged to a wrong state: {violations}"
@@ -267,72 +365,20 @@ def _work(problem: ContactProblem, start: State, end: State, before: Forces, aft
     """Work of the mean forces in a step (collective). What holds obstacles counts as a support."""
     means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
     r, contact, on_tools, shear, shear_on_tools = means
-    du, held = (end.u - start.u)[: r.size], problem.bulk.held
-    supports = (r + contact)[held] @ du[held]
+    du, prescribed = (end.u - start.u)[: r.size], problem.bulk.held
+    supports = (r + contact)[prescribed] @ du[prescribed]
     work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
     moved = problem.tools.motions_of(end.places - start.places)
     work[1:3] += (on_tools * moved).sum()
     work[3] += (shear_on_tools * moved).sum()
-    return Work(*map(float, work))
+    dofs = problem.bulk.space.owned_dofs
+    sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)
+    largest = problem.comm.allreduce(float(sizes)) + np.abs(on_tools * moved).sum()
+    of_bulk, of_supports, of_contact, of_friction = map(float, work)
+    return Work(of_bulk, of_supports, of_contact, of_friction, float(largest))
 
 
 def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
     """Print a line on rank 0."""
     if wanted and problem.comm.rank == 0:
         print(line, flush=True)
-
-
-def save_state(problem: ContactProblem, path: str | Path) -> None:
-    """Write displacement, multipliers, active sets and obstacles' places as .npz (collective).
-
-    It can be read on any number of ranks: nodes are known by their number in the mesh's input.
-
-    Raises:
-        MortarError: On all ranks, if the file cannot be written.
-    """
-    file = _state_file(problem, path)
-    make_folder(problem.comm, file.parent)
-    nodes, values = problem.bulk.by_input_node()
-    data = {"nodes": nodes, "u": values, "places": problem.tools.places}
-    for i, contact in enumerate(problem.contacts):
-        data |= {f"{name}{i}": getattr(contact, name) for name in KEPT}
-    write, first = partial(np.savez, file, **data), problem.comm.rank == 0
-    try_together(problem.comm, first, write, f"cannot write '{file}'")
-
-
-def load_state(problem: ContactProblem, path: str | Path) -> None:
-    """Read what ``save_state`` wrote into a problem on the same mesh (collective).
-
-    Raises:
-        MortarError: On all ranks, if there is no such file, or it is that of another problem.
-    """
-    file = _state_file(problem, path)
-    first, message = problem.comm.rank == 0, f"cannot read '{file}'"
-    data = try_together(problem.comm, first, partial(_read_arrays, file), message)
-    data = problem.comm.bcast(data)
-    expected = {f"{k}{i}": getattr(c, k) for i, c in enumerate(problem.contacts) for k in KEPT}
-    expected["places"] = problem.tools.places
-    for name, mine in expected.items():
-        if name not in data or data[name].shape != mine.shape:
-            raise MortarError(
-                f"'{file}' is the state of a problem with other pairs, or on another mesh or "
-                f"degree: see '{name}'"
-            )
-    problem.bulk.set_by_input_node(data["nodes"], data["u"])
-    kept: dict[str, Any] = {
-        name: [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
-    }
-    problem.restore(replace(problem.state(), **kept, places=data["places"], converged=True))
-    problem.accept()
-
-
-def _state_file(problem: ContactProblem, path: str | Path) -> Path:
-    """Numpy writes to names that end in .npz only (collective)."""
-    stem = without_suffix(problem.comm, path, ".npz")
-    return stem.with_name(f"{stem.name}.npz")
-
-
-def _read_arrays(file: Path) -> dict[str, Array]:
-    """All arrays of an .npz file, without pickled objects."""
-    with np.load(file) as arrays:
-        return dict(arrays)

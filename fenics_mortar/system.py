@@ -71,22 +71,54 @@ ITERATIVE = {
 MANY = 100_000
 # A direct solver that leaves more than this part of the right-hand side has met a singular matrix.
 LINEAR_TOLERANCE = 1e-5
+# Options that begin so are those of another solver, see ``reduced``.
+COMPLIANCE = "compliance_"
+# PETSc's reasons for the end of a linear solve by number, and those of which a factorization has
+# met a pivot of zero or nan.
+REASONS = {
+    number: name
+    for name, number in vars(PETSc.KSP.ConvergedReason).items()
+    if name.isupper() and isinstance(number, int)
+}
+NO_FACTORS = (-9, -11)
 # One that leaves more than this is refined.
 REFINED = 1e-14
+# Prefixes and names of options that are in PETSc's database for a moment.
+_added: set[tuple[str, str]] = set()
 
 
 @contextmanager
-def options_added(prefix: str, options: dict[str, Any]) -> Iterator[None]:
-    """Have options in PETSc's database, but for those that the user has there already."""
+def options_added(
+    prefix: str, options: dict[str, Any], used: set[str] | None = None
+) -> Iterator[None]:
+    """Have options in PETSc's database, but for those that the user has there already.
+
+    Args:
+        prefix: Prefix of the options.
+        options: Values by name.
+        used: Where to add the names that PETSc has asked for meanwhile.
+    """
     database = PETSc.Options(prefix)
     ours = {k: v for k, v in options.items() if not database.hasName(k)}
-    for name, value in ours.items():
-        database.setValue(name, value)
     try:
+        for name, value in ours.items():
+            _added.add((prefix, name))
+            database.setValue(name, value)
         yield
     finally:
+        if used is not None:
+            names = {*options, *database.getAll()} - used
+            used |= {name for name in names if compat.option_is_used(prefix + name)}
         for name in ours:
             database.delValue(name)
+            _added.discard((prefix, name))
+
+
+def drop_added_options() -> None:
+    """Take out of PETSc's database what an interruption has left of ``options_added`` (local)."""
+    for prefix, name in list(_added):
+        PETSc.Options(prefix).delValue(name)
+    _added.clear()
 
 
 class LinearSystem(ABC):
@@ -98,7 +130,8 @@ class LinearSystem(ABC):
         num_multipliers: Multipliers this rank owns.
         forcing: Part of the right-hand side that the next solve may leave if it is iterative.
         may_factor: Whether the direct solver takes over for good if an iterative one fails.
-        remark: That it has done so, in words; "" if it has not.
+        remark: That it has done so, or that PETSc does not know an option, in words; else "".
+        given: Names of the options of PETSc that the user gave, without the prefix.
         matrix: The matrix last assembled.
     """
 
@@ -116,8 +149,11 @@ class LinearSystem(ABC):
         self.num_multipliers = int((owners == self.comm.rank).sum())
         self._first_multiplier = int((owners < self.comm.rank).sum())
         self._prefix = prefix
+        self.given: set[str] = set()
+        self._used: set[str] = set()
         self._create_solver({**DIRECT, **options})
         self.forcing, self.may_factor, self.remark = 0.0, False, ""
+        self._first = True
         self._reaches: list[Reach] = []
         self._pattern = 0
         self.matrix: PETSc.Mat
@@ -146,8 +182,14 @@ class LinearSystem(ABC):
         self._options = options
         self.ksp = PETSc.KSP().create(self.comm)
         self.ksp.setOptionsPrefix(self._prefix)
-        with options_added(self._prefix, self._options):
-            self.ksp.setFromOptions()
+        error = None
+        try:
+            with options_added(self._prefix, self._options, self._used):
+                self.ksp.setFromOptions()
+        except PETSc.Error as of_petsc:
+            what = str(of_petsc).splitlines()[-1].removeprefix(f"[{PETSc.COMM_WORLD.rank}] ")
+            error = MortarError(f"PETSc refuses an option '{self._prefix}...': {what}")
+        raise_together(self.comm, error)
         self._multigrid: TouchingBodies | None = None
         if self.ksp.getPC().getType() == "python":
             rows = 2 * self.num_multipliers if self.has_multipliers else None
@@ -265,25 +307,53 @@ class LinearSystem(ABC):
             self._run(rhs, solution)
         except MortarError as error:
             return solution, f": {error}"
-        defect, relative = self._defect(matrix, rhs, solution)
+        defect = rhs.duplicate()
+        relative = _defect(matrix, rhs, solution, defect)
         if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
             correction = rhs.duplicate()
             self.ksp.solve(defect, correction)
             solution.axpy(1.0, correction)
-            defect, relative = self._defect(matrix, rhs, solution)
+            correction.destroy()
+            relative = _defect(matrix, rhs, solution, defect)
+        defect.destroy()
         reason = self.ksp.getConvergedReason()
         if reason >= 0 and relative <= LINEAR_TOLERANCE:
             return solution, ""
         return solution, (
-            f", it may be singular: PETSc's reason {reason}, remaining part of the right-hand side "
-            f"{relative:.1e}"
+            f", {self._describe(reason)}, remaining part of the right-hand side {relative:.1e} "
+            f"(allowed {LINEAR_TOLERANCE:g})"
         )
+
+    def _describe(self, reason: int) -> str:
+        """What PETSc's reason for an end says of a solution that is none, in words."""
+        named = f"PETSc's reason {reason} ({REASONS.get(reason, 'unknown')})"
+        if self.ksp.getType() == "preonly" or reason in NO_FACTORS:
+            return f"it may be singular: {named}"
+        if reason >= 0:
+            return (
+                f"the iterative solver stopped too early: {named}, a smaller tolerance is right, "
+                f"as '{self._prefix}ksp_rtol'"
+            )
+        return f"the iterative solver did not converge: {named}"
+
+    def tell_unused(self) -> str:
+        """Options of the user that PETSc did not ask for in a solve, in words, each once."""
+        database = PETSc.Options(self._prefix).getAll() if self._prefix else {}
+        given = {name for name in database if not name.startswith(COMPLIANCE)}
+        given |= self.given
+        used = set().union(*self.comm.allgather(self._used))
+        unused = sorted(given - used)
+        self.given, self._used = set(), used | given
+        if not unused:
+            return ""
+        names = ", ".join(f"'{self._prefix}{name}'" for name in unused)
+        return f"PETSc did not ask for the option {names}: misspelt, or of another solver"
 
     def _run(self, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
         """Let PETSc solve; an error of its on any rank is raised on all as a ``MortarError``."""
         error, copy = None, rhs.copy()  # which an error leaves locked
         try:
-            with options_added(self._prefix, self._options):
+            with options_added(self._prefix, self._options, self._used if self._first else None):
                 self.ksp.solve(copy, solution)
             copy.destroy()
         except MortarError as ours:
@@ -292,15 +362,15 @@ class LinearSystem(ABC):
             what = str(of_petsc).splitlines()[-1]
             error = MortarError(f"PETSc's error {of_petsc.ierr}, {what}")
         raise_together(self.comm, error)
+        if self._first:
+            self._first, self.remark = False, self.tell_unused()
 
-    def _defect(
-        self, matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec
-    ) -> tuple[PETSc.Vec, float]:
-        """What is left of the right-hand side, and its part of the whole."""
-        defect = rhs.duplicate()
-        matrix.mult(solution, defect)
-        defect.aypx(-1.0, rhs)
-        return defect, defect.norm() / max(rhs.norm(), np.finfo(float).tiny)
+
+def _defect(matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec, defect: PETSc.Vec) -> float:
+    """Set ``defect`` to what is left of the right-hand side; return its part of the whole."""
+    matrix.mult(solution, defect)
+    defect.aypx(-1.0, rhs)
+    return float(defect.norm() / max(rhs.norm(), np.finfo(float).tiny))
 
 
 class CondensedSystem(LinearSystem):
@@ -408,6 +478,8 @@ class CondensedSystem(LinearSystem):
         R.mult(slave_r, gathered)
         self._rhs.array[:] = -self.bulk.r.array_r[: self.bulk.num_owned]
         self._rhs.array[self._rows.local] -= gathered.array_r
+        slave_r.destroy()
+        gathered.destroy()
         for contact, law in zip(self.contacts, laws, strict=True):
             contact.slave.scatter_add(law.rhs, self._rhs.array)
 
@@ -433,6 +505,7 @@ class CondensedSystem(LinearSystem):
             change = force.array_r.reshape(-1, 2)[self.local(contact, place)]
             dofs = contact.slave.local_dofs
             total[dofs] = r[dofs] + change  # a node may be a slave of several pairs
+        force.destroy()
         return dd, [-self._inverse(c) * c.slave.gather(total) for c in self.contacts]
 
 
@@ -597,6 +670,7 @@ class SaddleSystem(LinearSystem):
             zeta[mine] = solution.array_r[size:].reshape(-1, 2)[self.local(contact, place)]
             self.comm.Allreduce(MPI.IN_PLACE, zeta)
             multipliers.append(zeta * self.scale(contact)[:, None])
+        solution.destroy()
         return dd, multipliers
 
 

@@ -35,7 +35,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact import Contact
-from fenics_mortar.errors import SurfaceError, place
+from fenics_mortar.errors import SurfaceError, check_same_words, place, together
 from fenics_mortar.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.mortar import (
@@ -108,23 +108,31 @@ class TiedPair:
         search_radius: float | None = None,
         max_angle: float = 70.0,
     ) -> None:
-        for what, value, allowed in (
-            ("basis", basis, get_args(Basis)),
-            ("gap", gap, get_args(Gap)),
-        ):
-            check_choice(what, value, allowed)
-        right = "a whole number, at least 2 per segment"
-        check_number("points", points, right, lambda n: n >= 2, whole=True)
-        check_reach(search_radius, max_angle)
         check_kind("data", data, MeshData, "the MeshData of the mesh")
-        for name in (slave, master):
-            data.boundary_tag(name)
-            data.boundary_facets(name)
         self.data = data
         self.slave_name, self.master_name = str(slave), str(master)
-        self.master, self.slave_tag = master, data.boundary_tag(slave)
+        self.master = master
         self.basis, self.gap, self.points = basis, gap, points
         self.search_radius, self.max_angle = search_radius, max_angle
+        with together(data.mesh.comm, "TiedPair"):
+            self.check()
+            self.slave_tag = data.boundary_tag(slave)
+            data.boundary_tag(master)
+        check_same_words(data.mesh.comm, "TiedPair", vars(self))
+        for name in (slave, master):
+            data.boundary_facets(name)
+
+    def check(self) -> None:
+        """Refuse options that are not allowed (local).
+
+        Raises:
+            ValueError: If an option is not one of those named.
+        """
+        check_choice("basis", self.basis, get_args(Basis))
+        check_choice("gap", self.gap, get_args(Gap))
+        right = "a whole number, at least 2 per segment"
+        check_number("points", self.points, right, lambda n: n >= 2, whole=True)
+        check_reach(self.search_radius, self.max_angle)
 
     def __repr__(self) -> str:
         """The two sides."""

@@ -15,6 +15,7 @@ from fenics_mortar.newton import (
     Status,
     Step,
     forcing,
+    once,
     period_of,
     solve,
 )
@@ -196,3 +197,13 @@ def test_record_of_a_slow_release_that_fails_has_all_iterations(monkeypatch):
     with pytest.raises(fm.NotConvergedError) as error:
         release.release_slowly(Springs(), fm.NewtonOptions(), first)
     assert error.value.report.num_iterations == 30 + 5 + 30 + 7
+
+
+@pytest.mark.serial
+def test_notes_that_say_the_same_stand_once():
+    notes = ["iteration 1: a spring", "other", "iteration 3: a spring", "iteration 1: a spring"]
+    expected = ["iteration 1: a spring (3 times)", "other"]
+    assert once(notes) == expected
+    assert once([*expected, "iteration 7: a spring"])[0] == "iteration 1: a spring (4 times)"
+    one, two = (NewtonReport(notes=some) for some in (notes[:2], notes[2:]))
+    assert one.followed_by(two).notes == expected

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from scenes import internal, neo_hookean, pressed_blocks, read
 
+import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.laws import Row
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 4, "layers_lower": 4}
@@ -224,6 +226,78 @@ def test_work_adds_up_and_contact_does_little_of_it():
         )
         defects.append(abs(contact) / supports)
     assert defects[0] < 2e-3 and defects[1] < 0.7 * defects[0], defects
+
+
+@pytest.mark.parametrize("below", ["body", "obstacle"])
+def test_contact_work_under_a_dead_load_is_small(below):
+    """Supports at rest do none, so that of the bodies is that of contact: this says nothing."""
+    scene = pressed_blocks(**MESH)
+    data, u = scene.data, fem.Function(scene.u.function_space)
+    load = fem.Constant(data.mesh, (0.0, 0.0))
+    top = ufl.Measure("ds", data.mesh, subdomain_data=data.facet_tags)
+    residual = internal(u, neo_hookean(u, 100.0, 0.3)) - ufl.inner(
+        load, ufl.TestFunction(u.function_space)
+    ) * top(data.boundary_tag("upper/top"))
+    other = "lower/top" if below == "body" else fm.Plane((1.0, 1.0), (0.0, 1.0))
+    bcs = [fm.dirichlet(u.function_space, data, "lower/bottom", (0.0, 0.0))]
+    bcs += [fm.dirichlet(u.function_space, data, "upper/top", 0.0, component=0)]
+    pair = fm.ContactPair(data, "upper/bottom", other)
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="dead_")
+
+    def set_loads(time):
+        load.value[1] = -10.0 * time
+
+    path = fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25))
+    for step in path.steps:
+        assert step.work.supports == 0.0 and abs(step.work.contact) <= step.work.largest
+        assert step.work.defect < 0.05
+
+
+class Stribeck(fm.Law):
+    """Coulomb's law with a tanh in place of the jump; its coefficient falls with the slip."""
+
+    def __init__(self, static, kinetic, fall, length):
+        self.static, self.kinetic, self.fall, self.length = static, kinetic, fall, length
+
+    def piece(self, node, before):
+        return np.ones_like(before)
+
+    def tangential(self, node, piece):
+        part = np.tanh(node.slip / self.length)
+        more = (self.static - self.kinetic) * np.exp(-np.abs(node.slip) / self.fall)
+        slope = (self.kinetic + more) * (1.0 - part**2) / self.length - more / self.fall * np.abs(
+            part
+        )
+        mu = (self.kinetic + more) * part
+        return Row(node.z_tau - node.z_n * mu, 0.0, -node.z_n * slope, -mu, 1.0)
+
+    def bound(self, pressure):
+        return self.static * pressure
+
+
+@pytest.mark.parametrize(
+    "law, most",
+    [
+        (Stribeck(0.3, 0.3, 1.0, 1e-5), 120),  # cuts in vain: 271 iterations
+        (Stribeck(0.3, 0.3, 1.0, 1e-7), 550),  # the path ended at 0.11 after 1540
+        (Stribeck(0.5, 0.2, 0.003, 1e-5), 200),  # 311
+    ],
+)
+def test_steep_law_of_the_user_is_solved_by_damped_steps(law, most):
+    scene = pressed_blocks(
+        pair={"law": law}, problem={"newton": fm.NewtonOptions()}, n_upper=8, n_lower=13,
+        layers_upper=4, layers_lower=4,
+    )  # fmt: skip
+
+    def set_loads(time):
+        scene.loads["push"].value[:] = (0.1 * max(time - 1.0, 0.0), -0.05 * min(time, 1.0))
+
+    path = fm.follow_path(scene.problem, set_loads, fm.SteppingOptions(step=0.25), stop=2.0)
+    assert path.num_iterations < most and path.num_cuts < 8
+    assert any("begun anew with damped steps" in n for s in path.steps for n in s.report.notes)
+    assert not scene.problem.newton.line_search
+    force = scene.contact.total_force
+    assert 0.9 * law.kinetic < abs(force[0] / force[1]) < 1.02 * law.static
 
 
 def test_step_that_ends_in_a_wrong_state_is_not_accepted():

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: MIT
+"""Which straight lines of the plane meet."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+Array = npt.NDArray[np.float64]
+Pairs = npt.NDArray[np.int64]
+
+
+def near_pairs(start: Array, end: Array) -> Pairs:
+    """Pairs of the lines from ``start`` to ``end`` (n, 2) that may meet, by their middles: (k, 2).
+
+    In ascending order, each once.
+    """
+    if len(start) < 2:
+        return np.empty((0, 2), np.int64)
+    longest = float(np.linalg.norm(end - start, axis=1).max())
+    pairs = cKDTree(0.5 * (start + end)).query_pairs(1.001 * longest, output_type="ndarray")
+    return pairs[np.lexsort(pairs.T[::-1])].astype(np.int64)
+
+
+def cross(
+    start: Array, end: Array, pairs: Pairs, tolerance: float = 0.0, *, touching: bool = False
+) -> npt.NDArray[np.bool_]:
+    """Whether the lines of each pair cross, shape (k,).
+
+    Args:
+        start: Where the lines start, shape (n, 2) [length].
+        end: Where they end.
+        pairs: Numbers of lines, shape (k, 2).
+        tolerance: Part of its length by which each has to reach beyond the other one.
+        touching: Whether it is enough that they have a point in common.
+    """
+    (a, b), (c, d) = ((start[pairs[:, i]], end[pairs[:, i]]) for i in range(2))
+    first, second = b - a, d - c
+    scale = tolerance * np.maximum((first**2).sum(axis=1), (second**2).sum(axis=1))
+    sides = np.stack([_turn(first, c - a), _turn(first, d - a)])
+    others = np.stack([_turn(second, a - c), _turn(second, b - c)])
+    if not touching:
+        return ((sides.min(axis=0) < -scale) & (sides.max(axis=0) > scale)) & (
+            (others.min(axis=0) < -scale) & (others.max(axis=0) > scale)
+        )
+    apart = (np.sign(sides).prod(axis=0) > 0.0) | (np.sign(others).prod(axis=0) > 0.0)
+    boxes = (np.maximum(a, b) >= np.minimum(c, d)) & (np.minimum(a, b) <= np.maximum(c, d))
+    return ~apart & boxes.all(axis=1)
+
+
+def _turn(a: Array, b: Array) -> Array:
+    """Cross product of vectors (n, 2): shape (n,)."""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

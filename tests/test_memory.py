@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+"""Long runs stay in the memory of short ones, however the linear systems are solved."""
+
+import ctypes
+import gc
+import resource
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+from scenes import linear_elastic, neo_hookean, pressed_blocks
+
+import fenics_mortar as fm
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 30, "n_lower": 35, "layers_upper": 30, "layers_lower": 30}
+WARM, MEASURED = 60, 200
+# A vector of all dofs that is lost in each iteration takes 8 bytes a dof.
+ALLOWED = 3.0
+
+
+def memory():
+    """Bytes in use by this process; free pages of the heap are given back before."""
+    gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
+def iterate(scene, least):
+    """Solve for loads that come and go until there were so many iterations."""
+    done = 0
+    while done < least:
+        for depth in (0.02, 0.03, 0.04):
+            scene.loads["push"].value[1] = -depth
+            done += scene.problem.solve().num_iterations
+    return done
+
+
+@pytest.mark.parametrize(
+    "material, options",
+    [
+        (neo_hookean, {"algorithm": "condensed"}),
+        (neo_hookean, {"algorithm": "saddle"}),
+        (linear_elastic, {"linear_bulk": True}),
+    ],
+)
+def test_iterations_take_no_memory(material, options):
+    chosen = {"newton": fm.NewtonOptions(), **options}
+    scene = pressed_blocks(material=material, problem=chosen, **MESH)
+    iterate(scene, WARM)
+    before = memory()
+    done = iterate(scene, MEASURED)
+    grown = comm.allreduce(memory() - before)
+    assert grown < ALLOWED * scene.problem.bulk.r.getSize() * done
+
+
+def test_what_is_asked_of_a_state_takes_no_memory():
+    """Estimates, matrices and the check of the tangent make vectors and matrices of their own."""
+    scene = pressed_blocks(n_upper=20, n_lower=23)
+    scene.loads["push"].value[1] = -0.02
+    problem = scene.problem
+    problem.solve()
+    size = problem.bulk.r.getSize()
+
+    def ask(times):
+        for _ in range(times):
+            problem.estimate()
+            problem.D, problem.M, problem.tangent, problem.matrices.gap()
+
+    ask(5)
+    before = memory()
+    ask(40)
+    assert comm.allreduce(memory() - before) < 40 * 8 * size
