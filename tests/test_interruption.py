@@ -57,7 +57,7 @@ def everything(problem):
     state = problem.state()
     contacts = [(c.c_n, c.offset.copy(), c.operators) for c in problem.contacts]
     options = PETSc.Options("test_").getAll()
-    springs = problem.floating.held, problem.tools._springs is None
+    springs = [id(array) for of in (problem.floating, problem.tools) for array in of.springs]
     return state, contacts, options, problem.newton, springs, clock.depth
 
 
@@ -131,7 +131,7 @@ def test_a_solve_may_be_interrupted_anywhere(name):
 def test_a_release_by_springs_may_be_interrupted_anywhere():
     """A disk that may roll, held by springs that let go."""
     problem = falling_disk(0.1)
-    interrupt_at_random(problem, problem.solve, seed=3, times=8)
+    interrupt_at_random(problem, problem.solve, seed=3, times=4)
 
 
 @pytest.mark.serial
