@@ -209,6 +209,7 @@ class ContactProblem(ContactEquations):
     def _solve_by_this_model(self) -> NewtonReport:
         """Solve, whatever the model's adequacy."""
         clock.read()
+        self.crossings.begin(self.tools.places)
         for contact in self.contacts:
             contact.start_step()
         try:
@@ -217,18 +218,23 @@ class ContactProblem(ContactEquations):
             moved += self.floating.settle(self._evaluate_forces)
             self.hold(None)
             if moved:  # bodies that nothing held were moved to each other: that is no slip
-                self.accept()
+                self._accept_partners()
             report = self._solve()
             moved += self.floating.check()
         except MortarError:
             self._last_converged = False
+            self.crossings.leave()
             self.hold(None)
             raise
         self._last_converged = True
         for contact in self.contacts:
             contact.accept()
         compat.free_petsc_garbage(self.comm)
-        report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
+        passages = self.crossings.passages(self.tools.places)
+        self.crossings.accept(self.tools.places)
+        report.certificate = replace(
+            self.certificate(), strayed=self.tools.strayed(), passages=passages
+        )
         violations = [f"VIOLATED: {violation}" for violation in report.certificate.violations()]
         remarks = violations or report.certificate.remarks()
         reactions = self.tools.record()
@@ -275,6 +281,11 @@ class ContactProblem(ContactEquations):
             return release_slowly(self, self.newton, error)
 
     def accept(self) -> None:
+        """Count slip and ways of nodes from the last evaluated state (collective)."""
+        self._accept_partners()
+        self.crossings.accept(self.tools.places)
+
+    def _accept_partners(self) -> None:
         """Count slip from the last evaluated state (collective)."""
         for contact in self.contacts:
             contact.accept()
@@ -318,9 +329,10 @@ class ContactProblem(ContactEquations):
     # What was found
 
     def certificate(self) -> Certificate:
-        """Measure balance, signs and penetration of the last evaluated state."""
+        """Measure balance, signs, penetration and crossings of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
-        return replace(certificate, springs=max((p for _, p in self._parts_held()), default=0.0))
+        springs = max((p for _, p in self._parts_held()), default=0.0)
+        return replace(certificate, springs=springs, crossings=self.crossings.find())
 
     def estimate(self) -> ErrorEstimate:
         """Estimate the error of the present state by cells; see ``estimate``.

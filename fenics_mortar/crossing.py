@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: MIT
+"""Surfaces that crossed: outlines in a state, and ways of nodes in a step.
+
+Contact sees what it finds a partner for. Here all exterior facets of the bodies in pairs are looked
+at, those of one body among each other as well, after a solve and not during it.
+
+**Of a state**: where two outlines cross, how deep they are in one another, in facets. Faceted
+curves in contact overlap by their sagitta, and dual multipliers leave as much between the nodes; so
+the certificate judges this as it does the penetration of a pair.
+
+**Of a step**: nodes are taken to have gone straight from the last accepted state to the present
+one, rigid moves before the solve included. The straight ways of a body that turns shrink it in
+between: so the step is taken in parts of the rotation, and within its own body a node is looked at
+in the frame that turns with the body. A way that leaves a body where the outward normal is opposed
+to that where it entered went through it. One that leaves where it entered slid along, as chords of
+a curve do; and one that comes out within a facet along the outline slipped round a tip. A way that
+ends inside of another body, deeper than a facet may, is told as well.
+
+What that takes of the time is said in ``demos/bench_crossing.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from fenics_mortar.bulk import Bulk
+from fenics_mortar.contact import Contact
+from fenics_mortar.errors import call_together, place
+from fenics_mortar.floating import FloatingBodies
+from fenics_mortar.kernels.crossing import find_crossings, find_events, find_passages
+from fenics_mortar.outline import Outline, extract_outline
+from fenics_mortar.surfaces import Array, Indices, Surface
+from fenics_mortar.tied import Tie
+from fenics_mortar.ways import turning_ways, went_through
+
+# Unpaired bodies that are deeper in one another than this as meshed are meant to be [facets]; and a
+# way ends inside of a body if it ends deeper than this.
+DEEP = 0.5
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """The deepest crossing of the outlines of two bodies, or of one.
+
+    Attributes:
+        sides: Surfaces that cross, or bodies where these are no surfaces of a pair.
+        where: Place, in words.
+        depth: How deep one is in the other [length].
+        facets: The same over the facet's length.
+    """
+
+    sides: tuple[str, str]
+    where: str
+    depth: float
+    facets: float
+
+    def __str__(self) -> str:
+        """In words."""
+        first, second = self.sides
+        who = f"{first} crosses itself" if first == second else f"{first} and {second} cross"
+        return f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.1f} facets)"
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where outlines and obstacles were at the last accepted state.
+
+    Attributes:
+        x: Positions of the outlines' nodes, shape (n, 2) [length].
+        places: Places of the obstacles, shape (obstacles, 3).
+    """
+
+    x: Array
+    places: Array
+
+
+class Crossings:
+    """Looks for what crossed; all methods are collective.
+
+    Args:
+        bulk: The bodies.
+        contacts: The pairs, bound to the same space.
+        floating: What knows the bodies.
+
+    Attributes:
+        accepted: Where the step begins.
+    """
+
+    def __init__(
+        self, bulk: Bulk, contacts: Sequence[Contact | Tie], floating: FloatingBodies
+    ) -> None:
+        self._bulk, self._contacts, self._floating = bulk, contacts, floating
+        sides = [[floating.labels_of(side) for side in (c.slave, c.master)] for c in contacts]
+        self._paired = {
+            (int(a), int(b))
+            for slave, master in sides
+            for one in np.unique(slave)
+            for other in np.unique(master)
+            for a, b in ((one, other), (other, one))
+        }
+        met = [labels for pair in sides for labels in pair]
+        bodies = np.unique(np.concatenate([np.empty(0), *met])).astype(np.int64)
+        self.outline: Outline = extract_outline(bulk.space, floating.labels, bodies)
+        self._names: dict[int, str] = {}
+        self._surfaces, self._surface_of = self._name_segments()
+        self._excused: dict[tuple[int, int], float] = {}
+        self._excused = self._as_meshed()
+        self.accepted = Standing(self._positions(), np.zeros((0, 3)))
+        self._left: Array = self.accepted.x
+        self._restored: Array | None = None
+
+    # A state
+
+    def find(self) -> list[Crossing]:
+        """The deepest crossing of each two outlines at the present displacement."""
+        rows, found = self._crossings(self._positions()), []
+        for pair, row in self._deepest(rows).items():
+            facets = float(row[2]) - self._excused.get(pair, 0.0)
+            if facets > 0.0:
+                sides = self._name(int(row[0])), self._name(int(row[1]))
+                found.append(Crossing(sides, place(row[4:]), float(row[3]), facets))
+        return sorted(found, key=lambda crossing: -crossing.facets)
+
+    def _crossings(self, x: Array) -> Array:
+        """Rows of ``find_crossings`` with the nodes at ``x``."""
+        o = self.outline
+        return find_crossings(x, o.segments, o.after, o.before, o.lengths(x), self._allowed())
+
+    def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
+        """The deepest of such rows of each two bodies, by these."""
+        bodies = self.outline.segment_bodies
+        deepest: dict[tuple[int, int], Array] = {}
+        for row in rows[np.argsort(-rows[:, 2], kind="stable")]:
+            one, other = sorted(bodies[row[:2].astype(np.int64)].tolist())
+            deepest.setdefault((one, other), row)
+        return deepest
+
+    def _as_meshed(self) -> dict[tuple[int, int], float]:
+        """Facets by which bodies that are no pair overlap in the mesh, without limit if deep.
+
+        A body that is tied together, or closed upon itself, may go on to overlap as it does.
+        """
+        found = {}
+        for pair, row in self._deepest(self._crossings(self.outline.X)).items():
+            if pair not in self._paired:
+                same, facets = pair[0] == pair[1], float(row[2])
+                found[pair] = facets if same or facets <= DEEP else np.inf
+        return found
+
+    def _allowed(self) -> Array:
+        """What the contacts' offsets let nodes overlap by, shape (n,) [length]."""
+        allowed = np.zeros(len(self.outline.X))
+        for contact in self._contacts:
+            if contact.offset.any():
+                there = self._places_of(contact.slave.nodes)
+                np.maximum.at(allowed, there, np.maximum(-contact.offset, 0.0))
+        return allowed
+
+    def _places_of(self, nodes: Indices) -> Indices:
+        """Where global nodes are in the outlines, shape as ``nodes``."""
+        order = np.argsort(self.outline.nodes)
+        return order[np.searchsorted(self.outline.nodes[order], nodes)]
+
+    def _positions(self) -> Array:
+        return self.outline.positions(self._bulk.u.x.array)
+
+    # Names
+
+    def _name_segments(self) -> tuple[list[str], Indices]:
+        """Names of the surfaces in pairs, and which one each segment is of, -1 for none."""
+        segments, count = self.outline.segments, len(self.outline.X)
+        keys, names = segments @ np.array([count, 1]), list[str]()
+        found = np.full(len(segments), -1)
+        for contact in self._contacts:
+            for surface in (contact.slave, contact.master):
+                if surface.num_nodes and f"'{surface.name}'" not in names:
+                    found[np.isin(keys, self._keys_of(surface))] = len(names)
+                    names.append(f"'{surface.name}'")
+        return names, found
+
+    def _keys_of(self, surface: Surface) -> Indices:
+        at = self._places_of(surface.nodes)[surface.facets]
+        ends = np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
+        return ends @ np.array([len(self.outline.X), 1])
+
+    def _name(self, segment: int) -> str:
+        """Name of the surface or the body of a segment."""
+        if self._surface_of[segment] >= 0:
+            return self._surfaces[self._surface_of[segment]]
+        return self._name_body(int(self.outline.segment_bodies[segment]))
+
+    def _name_body(self, body: int) -> str:
+        if body not in self._names:
+            self._names[body] = self._floating.name_of(body)
+        return self._names[body]
+
+    def _name_node(self, node: int) -> str:
+        at = (self.outline.segments == node).any(axis=1)
+        surface = self._surface_of[at].max(initial=-1)
+        return self._surfaces[surface] if surface >= 0 else self._name(int(np.argmax(at)))
+
+    # A step
+
+    def accept(self, places: Array) -> None:
+        """Let the next step begin at the present state.
+
+        Args:
+            places: Those of the obstacles, shape (obstacles, 3).
+        """
+        self.accepted = Standing(self._positions(), places.copy())
+        self._left, self._restored = self.accepted.x, None
+
+    def restore(self, accepted: Standing, u: Array) -> None:
+        """Take up where a step began; its displacement now is ``u``, which stays as it is."""
+        self.accepted, self._restored = accepted, u
+
+    def leave(self) -> None:
+        """Note where a failed solve has left the displacement."""
+        self._left, self._restored = self._positions(), None
+
+    def begin(self, places: Array) -> None:
+        """Begin a step: at the accepted state, or at the present one if ``u`` was set by hand.
+
+        Args:
+            places: Those of the obstacles, shape (obstacles, 3).
+        """
+        if self._restored is not None:
+            self._left, self._restored = self.outline.positions(self._restored), None
+        if not np.array_equal(self._left, self._positions()):
+            self.accept(places)
+
+    def passages(self, places: Array) -> list[str]:
+        """What went through bodies and obstacles since the accepted state, in words.
+
+        Args:
+            places: Present ones of the obstacles, shape (obstacles, 3).
+        """
+        x0, x1 = self.accepted.x, self._positions()
+        turns = np.abs(places - self.accepted.places)[:, 2].max(initial=0.0)
+        along, carried = turning_ways(x0, x1, self.outline.bodies, turns)
+        found = [*self._through_bodies(along, own=False), *self._through_bodies(carried, own=True)]
+        return found + self._through_obstacles(along, places)
+
+    def _through_bodies(self, along: Array, *, own: bool) -> list[str]:
+        """Ways through segments of the nodes' own bodies, or of others; ``along`` (m + 1, n, 2)."""
+        o, bodies = self.outline, self.outline.segment_bodies
+        if not own and len(np.unique(bodies)) < 2:
+            return []
+        events = []
+        for k, (start, end) in enumerate(zip(along[:-1], along[1:], strict=True)):
+            rows = find_events(start, end, o.segments, bodies, o.bodies, own)
+            rows[:, 2] += k
+            events.append(rows)
+        every = np.concatenate(events)
+        every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
+        lengths, x1 = o.lengths(along[-1]), along[-1]
+        rows = find_passages(
+            along[0], x1, o.segments, o.after, o.before, lengths, bodies, every
+        )
+        return list(self._tell(rows, lengths, x1, own=own))
+
+    def _tell(self, rows: Array, lengths: Array, x1: Array, *, own: bool) -> list[str]:
+        """Rows of ``find_passages`` in words, one line for each two bodies."""
+        node, entry, leaves = (rows[:, k].astype(np.int64) for k in range(3))
+        bodies, told = self.outline.segment_bodies, []
+        through, depth = leaves >= 0, rows[:, 3]
+        inside = ~through & (depth - self._allowed()[node] > DEEP * lengths[entry])
+        pairs = np.stack([self.outline.bodies[node], bodies[entry]], axis=1)
+        for which, ends in ((through, False), (inside & (not own), True)):
+            for pair in np.unique(pairs[which], axis=0):
+                if self._excused.get((int(pair.min()), int(pair.max()))) == np.inf:
+                    continue
+                mine = np.flatnonzero(which & (pairs == pair).all(axis=1))
+                first = mine[np.argmax(depth[mine])]
+                told.append(self._say(rows[first], mine.size, x1, ends_inside=ends))
+        return told
+
+    def _say(self, row: Array, count: int, x1: Array, *, ends_inside: bool) -> str:
+        node, entry, leaves = row[:3].astype(np.int64).tolist()
+        what = f"nodes of {self._name_node(node)} went"
+        body = self._name_body(int(self.outline.segment_bodies[entry]))
+        if ends_inside:
+            way = f"into {body}, and one at {place(x1[node])} ended {row[3]:.3g} below its surface"
+        else:
+            way = (
+                f"through {body}, in by {self._name(entry)} and out by {self._name(leaves)}, and "
+                f"one at {place(x1[node])} ended {row[3]:.3g} beyond where it went in"
+            )
+        return f"{count} {what} {way}: take smaller steps"
+
+    def _through_obstacles(self, along: Array, places: Array) -> list[str]:
+        """Ways of slave nodes through the obstacles of their pairs, in words."""
+        told, obstacles = [], list(dict.fromkeys(c.obstacle for c in self._contacts if c.obstacle))
+        starts = self.accepted.places
+        for contact in self._contacts:
+            if contact.obstacle is None:
+                continue
+            number = obstacles.index(contact.obstacle)
+            x = along[:, self._places_of(contact.slave.nodes)]
+            motion = np.linspace(starts[number], places[number], len(along))
+            depth = call_together(
+                self.outline.comm,
+                f"the distance of '{contact.obstacle.name}'",
+                partial(
+                    went_through,
+                    contact.obstacle, x, motion, contact.offset, contact.nodal_lengths,
+                ),  # fmt: skip
+            )
+            through = np.flatnonzero(depth > 0.0)
+            if through.size:
+                first = through[np.argmax(depth[through])]
+                told.append(
+                    f"{through.size} nodes of '{contact.slave.name}' went through obstacle "
+                    f"'{contact.obstacle.name}', and one at {place(x[-1, first])} ended "
+                    f"{depth[first]:.3g} beyond its surface: take smaller steps"
+                )
+        return told
