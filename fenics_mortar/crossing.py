@@ -24,9 +24,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 
 import numpy as np
 
+from fenics_mortar.bodies import label_bodies
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import call_together, place
@@ -94,17 +96,16 @@ class Crossings:
         self, bulk: Bulk, contacts: Sequence[Contact | Tie], floating: FloatingBodies
     ) -> None:
         self._bulk, self._contacts, self._floating = bulk, contacts, floating
-        sides = [[floating.labels_of(side) for side in (c.slave, c.master)] for c in contacts]
+        self._labels, _ = label_bodies(bulk.V)
+        sides = [[self._bodies_of(side) for side in (c.slave, c.master)] for c in contacts]
         self._paired = {
-            (int(a), int(b))
-            for slave, master in sides
-            for one in np.unique(slave)
-            for other in np.unique(master)
-            for a, b in ((one, other), (other, one))
+            (min(one, other), max(one, other))
+            for contact, (slave, master) in zip(contacts, sides, strict=True)
+            for one, other in product(slave, master)
+            if not isinstance(contact, Tie)
         }
-        met = [labels for pair in sides for labels in pair]
-        bodies = np.unique(np.concatenate([np.empty(0), *met])).astype(np.int64)
-        self.outline: Outline = extract_outline(bulk.space, floating.labels, bodies)
+        bodies = np.array(sorted({body for pair in sides for side in pair for body in side}))
+        self.outline: Outline = extract_outline(bulk.space, self._labels, bodies)
         self._names: dict[int, str] = {}
         self._surfaces, self._surface_of = self._name_segments()
         self._excused: dict[tuple[int, int], float] = {}
@@ -142,7 +143,7 @@ class Crossings:
     def _as_meshed(self) -> dict[tuple[int, int], float]:
         """Facets by which bodies that are no pair overlap in the mesh, without limit if deep.
 
-        A body that is tied together, or closed upon itself, may go on to overlap as it does.
+        One that overlaps itself, as one that is closed upon itself, may go on to do so by as much.
         """
         found = {}
         for pair, row in self._deepest(self._crossings(self.outline.X)).items():
@@ -164,6 +165,11 @@ class Crossings:
         """Where global nodes are in the outlines, shape as ``nodes``."""
         order = np.argsort(self.outline.nodes)
         return order[np.searchsorted(self.outline.nodes[order], nodes)]
+
+    def _bodies_of(self, surface: Surface) -> set[int]:
+        """Bodies of a surface; tied ones are not one here."""
+        bodies = surface.gather(self._bulk.spread(self._labels))[:, 0]
+        return set(bodies.astype(np.int64).tolist())
 
     def _positions(self) -> Array:
         return self.outline.positions(self._bulk.u.x.array)
@@ -195,7 +201,7 @@ class Crossings:
 
     def _name_body(self, body: int) -> str:
         if body not in self._names:
-            self._names[body] = self._floating.name_of(body)
+            self._names[body] = self._floating.name_of(body, self._labels)
         return self._names[body]
 
     def _name_node(self, node: int) -> str:
@@ -248,7 +254,7 @@ class Crossings:
     def _through_bodies(self, along: Array, *, own: bool) -> list[str]:
         """Ways through segments of the nodes' own bodies, or of others; ``along`` (m + 1, n, 2)."""
         o, bodies = self.outline, self.outline.segment_bodies
-        if not own and len(np.unique(bodies)) < 2:
+        if not len(bodies) or (not own and (bodies == bodies[0]).all()):
             return []
         events = []
         for k, (start, end) in enumerate(zip(along[:-1], along[1:], strict=True)):

@@ -128,8 +128,8 @@ def _trace(
         here = _at(knots, far, at)
         distance, now = _distance(obstacle, here, offset)
         enters, leaves = ~inside & (distance < 0.0), inside & (distance >= 0.0)
-        entry = np.where(enters[:, None], here, entry)
-        entry_slope = np.where(enters[:, None], now, entry_slope)
+        entry = np.where(enters[:, None], before, entry)
+        entry_slope = np.where(enters[:, None], slope, entry_slope)
         step = here - before
         skips = ~inside & (distance >= 0.0)  # a sheet thinner than the distance of two points
         skips &= ((step * slope).sum(axis=1) < 0.0) & ((step * now).sum(axis=1) > 0.0)
