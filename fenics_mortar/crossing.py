@@ -106,6 +106,9 @@ class Crossings:
         }
         bodies = np.array(sorted({body for pair in sides for side in pair for body in side}))
         self.outline: Outline = extract_outline(bulk.space, self._labels, bodies)
+        self._segment_bodies = self.outline.segment_bodies
+        self._bound = int(self._segment_bodies.max(initial=0)) + 1
+        self._slaves = [self._places_of(contact.slave.nodes) for contact in contacts]
         self._names: dict[int, str] = {}
         self._surfaces, self._surface_of = self._name_segments()
         self._excused: dict[tuple[int, int], float] = {}
@@ -129,16 +132,16 @@ class Crossings:
     def _crossings(self, x: Array) -> Array:
         """Rows of ``find_crossings`` with the nodes at ``x``."""
         o = self.outline
-        return find_crossings(x, o.segments, o.after, o.before, o.lengths(x), self._allowed())
+        return find_crossings(
+            x, o.segments, o.after, o.before, o.lengths(x), self._segment_bodies, self._allowed()
+        )
 
     def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
-        """The deepest of such rows of each two bodies, by these."""
-        bodies = self.outline.segment_bodies
-        deepest: dict[tuple[int, int], Array] = {}
-        for row in rows[np.argsort(-rows[:, 2], kind="stable")]:
-            one, other = sorted(bodies[row[:2].astype(np.int64)].tolist())
-            deepest.setdefault((one, other), row)
-        return deepest
+        """The deepest of such rows of each two bodies, by these, the deepest first."""
+        rows = rows[np.argsort(-rows[:, 2], kind="stable")]
+        pairs = np.sort(self._segment_bodies[rows[:, :2].astype(np.int64)], axis=1)
+        _, first = np.unique(pairs @ np.array([self._bound, 1]), return_index=True)
+        return {(int(pairs[i, 0]), int(pairs[i, 1])): rows[i] for i in np.sort(first)}
 
     def _as_meshed(self) -> dict[tuple[int, int], float]:
         """Facets by which bodies that are no pair overlap in the mesh, without limit if deep.
@@ -155,9 +158,8 @@ class Crossings:
     def _allowed(self) -> Array:
         """What the contacts' offsets let nodes overlap by, shape (n,) [length]."""
         allowed = np.zeros(len(self.outline.X))
-        for contact in self._contacts:
+        for contact, there in zip(self._contacts, self._slaves, strict=True):
             if contact.offset.any():
-                there = self._places_of(contact.slave.nodes)
                 np.maximum.at(allowed, there, np.maximum(-contact.offset, 0.0))
         return allowed
 
@@ -197,7 +199,7 @@ class Crossings:
         """Name of the surface or the body of a segment."""
         if self._surface_of[segment] >= 0:
             return self._surfaces[self._surface_of[segment]]
-        return self._name_body(int(self.outline.segment_bodies[segment]))
+        return self._name_body(int(self._segment_bodies[segment]))
 
     def _name_body(self, body: int) -> str:
         if body not in self._names:
@@ -253,7 +255,7 @@ class Crossings:
 
     def _through_bodies(self, along: Array, *, own: bool) -> list[str]:
         """Ways through segments of the nodes' own bodies, or of others; ``along`` (m + 1, n, 2)."""
-        o, bodies = self.outline, self.outline.segment_bodies
+        o, bodies = self.outline, self._segment_bodies
         if not len(bodies) or (not own and (bodies == bodies[0]).all()):
             return []
         events = []
@@ -262,17 +264,19 @@ class Crossings:
             rows[:, 2] += k
             events.append(rows)
         every = np.concatenate(events)
+        if not len(every):
+            return []
         every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
         lengths, x1 = o.lengths(along[-1]), along[-1]
         rows = find_passages(
             along[0], x1, o.segments, o.after, o.before, lengths, bodies, every
         )
-        return list(self._tell(rows, lengths, x1, own=own))
+        return self._tell(rows, lengths, x1, own=own) if len(rows) else []
 
     def _tell(self, rows: Array, lengths: Array, x1: Array, *, own: bool) -> list[str]:
         """Rows of ``find_passages`` in words, one line for each two bodies."""
         node, entry, leaves = (rows[:, k].astype(np.int64) for k in range(3))
-        bodies, told = self.outline.segment_bodies, []
+        bodies, told = self._segment_bodies, list[str]()
         through, depth = leaves >= 0, rows[:, 3]
         inside = ~through & (depth - self._allowed()[node] > DEEP * lengths[entry])
         pairs = np.stack([self.outline.bodies[node], bodies[entry]], axis=1)
@@ -288,7 +292,7 @@ class Crossings:
     def _say(self, row: Array, count: int, x1: Array, *, ends_inside: bool) -> str:
         node, entry, leaves = row[:3].astype(np.int64).tolist()
         what = f"nodes of {self._name_node(node)} went"
-        body = self._name_body(int(self.outline.segment_bodies[entry]))
+        body = self._name_body(int(self._segment_bodies[entry]))
         if ends_inside:
             way = f"into {body}, and one at {place(x1[node])} ended {row[3]:.3g} below its surface"
         else:
@@ -302,11 +306,11 @@ class Crossings:
         """Ways of slave nodes through the obstacles of their pairs, in words."""
         told, obstacles = [], list(dict.fromkeys(c.obstacle for c in self._contacts if c.obstacle))
         starts = self.accepted.places
-        for contact in self._contacts:
+        for contact, there in zip(self._contacts, self._slaves, strict=True):
             if contact.obstacle is None:
                 continue
             number = obstacles.index(contact.obstacle)
-            x = along[:, self._places_of(contact.slave.nodes)]
+            x = along[:, there]
             motion = np.linspace(starts[number], places[number], len(along))
             depth = call_together(
                 self.outline.comm,

@@ -42,14 +42,16 @@ def turning_ways(x0: Array, x1: Array, bodies: Indices, turn: float = 0.0) -> tu
     _, of_node = np.unique(bodies, return_inverse=True)
     counts = np.bincount(of_node)
 
+    def total(values: Array) -> Array:
+        return np.bincount(of_node, values)
+
     def mean(values: Array) -> Array:
-        sums = [np.bincount(of_node, column) for column in values.T]
-        return (np.stack(sums, axis=1) / counts[:, None])[of_node]
+        return (np.stack([total(values[:, 0]), total(values[:, 1])], axis=1) / counts[:, None])[of_node]
 
     centre_0, centre_1 = mean(x0), mean(x1)
     y0, y1 = x0 - centre_0, x1 - centre_1
-    dot = np.bincount(of_node, (y0 * y1).sum(axis=1))
-    crossed = np.bincount(of_node, y0[:, 0] * y1[:, 1] - y0[:, 1] * y1[:, 0])
+    dot = total((y0 * y1).sum(axis=1))
+    crossed = total(y0[:, 0] * y1[:, 1] - y0[:, 1] * y1[:, 0])
     angles = np.arctan2(crossed, dot)
     largest = max(float(np.abs(angles).max(initial=0.0)), turn)
     parts = max(int(np.ceil(largest / LARGEST_TURN)), 1)

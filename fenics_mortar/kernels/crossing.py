@@ -105,45 +105,38 @@ def crossing_point(x, e, f):
 
 
 @kernel
-def follow(x, segments, links, start, forward, P, way, used):
-    """Follow an outline from P on segment ``start``: fill ``way`` with nodes, ``used`` with segments.
-
-    Piece i goes from ``way[i]`` to ``way[i + 1]`` and is part of ``used[i]``. Returns the number of
-    pieces: the way ends where it is full, at the end of a curve, or back at ``start``.
-    """
-    next_, end = (links[0], 1) if forward else (links[1], 0)
-    way[0] = P
-    count, e = 0, start
-    while count < used.size:
-        way[count + 1], used[count] = x[segments[e, end]], e
-        count += 1
-        e = next_[e]
-        if e < 0 or e == start:
-            break
-    return count
+def begin_way(x, segments, way, used, e, forward, P):
+    """Let a way begin at P, on segment e, with its first piece."""
+    way[0], way[1], used[0] = P, x[segments[e, 1 if forward else 0]], e
 
 
 @kernel
-def nearest_on_way(p, way, count, reach):
-    """Squared distance of p from the first pieces of a way, the nearest piece and the place on it.
+def has_piece(x, segments, links, way, used, count, forward, i):
+    """Whether a way of ``count`` pieces has piece i, by now: it is followed by one on demand.
 
-    Pieces count that begin within ``reach`` along the way.
+    Piece i goes from ``way[i]`` to ``way[i + 1]`` and is part of segment ``used[i]``. A way ends
+    where it is full, at the end of a curve, or back where it began.
     """
-    best, piece, at, far = np.inf, 0, 0.0, 0.0
-    for j in range(count):
-        if far > reach:
-            break
-        ax, ay = way[j]
-        dx, dy = way[j + 1, 0] - ax, way[j + 1, 1] - ay
-        square = dx * dx + dy * dy
-        px, py = p[0] - ax, p[1] - ay
-        s = min(max((px * dx + py * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-        px, py = px - s * dx, py - s * dy
-        distance = px * px + py * py
-        if distance < best:
-            best, piece, at = distance, j, s
-        far += np.sqrt(square)
-    return best, piece, at
+    if i < count:
+        return True
+    if i == used.size:
+        return False
+    e = links[0][used[i - 1]] if forward else links[1][used[i - 1]]
+    if e < 0 or e == used[0]:
+        return False
+    way[i + 1], used[i] = x[segments[e, 1 if forward else 0]], e
+    return True
+
+
+@kernel
+def nearest_on_piece(p, a, b):
+    """Squared distance of p from the segment from a to b, and the place on it, 0 to 1."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    square = dx * dx + dy * dy
+    px, py = p[0] - a[0], p[1] - a[1]
+    s = min(max((px * dx + py * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    px, py = px - s * dx, py - s * dy
+    return px * px + py * py, s
 
 
 @kernel
@@ -167,27 +160,66 @@ def is_left(p, way, count, piece, at, forward):
 
 
 @kernel
-def depth_along(outlines, allowed, ways, counts, useds, forwards):
-    """Greatest depth of the nodes of the first way below the second: (depth / facet, depth).
+def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, ahead):
+    """Nearest piece of a way to p, from piece ``begin`` on and no more than ``ahead`` along it.
 
-    ``outlines`` = (x, segments, lengths). What a node is ``allowed`` to overlap by is taken off.
-    The way is followed until it comes out again, or goes no deeper though it is as deep as a facet.
+    ``counts[k]``: its pieces so far. Returns the squared distance, the piece and the place on it.
     """
-    _, segments, lengths = outlines
-    way, other = ways
-    most, depth, far = 0.0, 0.0, 0.0
-    for i in range(counts[0]):
-        e = useds[0][i]
-        p = way[i + 1]
-        far += np.sqrt((p[0] - way[i, 0]) ** 2 + (p[1] - way[i, 1]) ** 2)
-        reach = 2.0 * far + lengths[e]
-        square, piece, at = nearest_on_way(p, other, counts[1], reach)
-        f = useds[1][piece]
+    best, piece, at, j = np.inf, begin, 0.0, begin
+    while ahead >= 0.0 and has_piece(x, segments, links, way, used, counts[k], forward, j):
+        counts[k] = max(counts[k], j + 1)
+        a, b = way[j], way[j + 1]
+        square, s = nearest_on_piece(p, a, b)
+        if square < best:
+            best, piece, at = square, j, s
+        ahead -= np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
+        j += 1
+    return best, piece, at
+
+
+@kernel
+def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, walked):
+    """Greatest depth of the nodes of one way below the other: (depth / facet, depth).
+
+    ``outlines`` = (x, segments, lengths, bodies); ``order``: numbers of the two ways. What a node
+    is ``allowed`` to overlap by is taken off. The way is followed until it comes out again, or goes
+    no deeper though it is as deep as a facet; of the other one there counts what is about as far
+    along. ``walked`` (m, 2) remembers where a segment was gone past in a direction, and in which
+    body: from there on it is not looked at again.
+    """
+    x, segments, lengths, bodies = outlines
+    one, two = order
+    way, used, other = ways[one], useds[one], ways[two]
+    most, depth, far, distance, near = 0.0, 0.0, 0.0, 0.0, 0
+    body, direction = bodies[useds[two][0]], int(forwards[one])
+    for i in range(used.size):
+        if not has_piece(x, segments, links, way, used, counts[one], forwards[one], i):
+            break
+        counts[one] = max(counts[one], i + 1)
+        if walked[used[i], direction] == body:
+            break
+        e, p = used[i], way[i + 1]
+        step = np.sqrt((p[0] - way[i, 0]) ** 2 + (p[1] - way[i, 1]) ** 2)
+        far += step
+        room = 2.0 * (distance + step) + lengths[e]
+        begin, back = near, 0.0
+        while begin > 0 and back < room:
+            back += np.sqrt(
+                (other[begin, 0] - other[begin - 1, 0]) ** 2
+                + (other[begin, 1] - other[begin - 1, 1]) ** 2
+            )
+            begin -= 1
+        square, near, at = nearest_on_way(
+            x, segments, links, other, useds[two], counts, two, forwards[two], p, begin, back + room
+        )
+        f = useds[two][near]
         length, distance = max(lengths[e], lengths[f]), np.sqrt(square)
         if distance <= MET * length:
             break
-        if not is_left(p, other, counts[1], piece, at, forwards[1]):
+        if not is_left(p, other, counts[two], near, at, forwards[two]):
             break
+        if i > 0:
+            walked[e, direction] = body
         slack = max(
             max(allowed[segments[e, 0]], allowed[segments[e, 1]]),
             max(allowed[segments[f, 0]], allowed[segments[f, 1]]),
@@ -200,22 +232,20 @@ def depth_along(outlines, allowed, ways, counts, useds, forwards):
 
 
 @kernel
-def crossing_depth(outlines, links, allowed, pair, P, work):
+def crossing_depth(outlines, links, allowed, pair, P, work, walked):
     """How deep two outlines are in one another from a crossing P on: (depth / facet, depth)."""
-    x, segments, _ = outlines
-    first, second, used_1, used_2 = work
+    x, segments, _, _ = outlines
+    first, second, used_1, used_2, counts = work
     e, f = pair
     # The inner end of each segment is the one on the left of the other.
-    forward_e = side(x[segments[f, 0]], x[segments[f, 1]], x[segments[e, 1]]) > 0.0
-    forward_f = side(x[segments[e, 0]], x[segments[e, 1]], x[segments[f, 1]]) > 0.0
-    n_e = follow(x, segments, links, e, forward_e, P, first, used_1)
-    n_f = follow(x, segments, links, f, forward_f, P, second, used_2)
-    one = depth_along(
-        outlines, allowed, (first, second), (n_e, n_f), (used_1, used_2), (forward_e, forward_f)
-    )
-    two = depth_along(
-        outlines, allowed, (second, first), (n_f, n_e), (used_2, used_1), (forward_f, forward_e)
-    )
+    on_e = side(x[segments[f, 0]], x[segments[f, 1]], x[segments[e, 1]]) > 0.0
+    on_f = side(x[segments[e, 0]], x[segments[e, 1]], x[segments[f, 1]]) > 0.0
+    begin_way(x, segments, first, used_1, e, on_e, P)
+    begin_way(x, segments, second, used_2, f, on_f, P)
+    counts[:] = 1
+    ways, useds, forwards = (first, second), (used_1, used_2), (on_e, on_f)
+    one = depth_along(outlines, links, allowed, ways, useds, counts, forwards, (0, 1), walked)
+    two = depth_along(outlines, links, allowed, ways, useds, counts, forwards, (1, 0), walked)
     return one if one[0] >= two[0] else two
 
 
@@ -230,7 +260,7 @@ def grown(rows, count):
 
 
 @kernel
-def find_crossings(x, segments, after, before, lengths, allowed):
+def find_crossings(x, segments, after, before, lengths, bodies, allowed):
     """Find where segments cross: rows (e, f, depth over facet, depth, x, y).
 
     ``allowed`` (n,) is what nodes may overlap by [length].
@@ -239,12 +269,14 @@ def find_crossings(x, segments, after, before, lengths, allowed):
     leaves = boxes.shape[0] // 2
     stack, hits = np.empty(128, np.int64), np.empty(64, np.int64)
     rows, count = np.empty((64, 6)), 0
+    walked = np.full((segments.shape[0], 2), -1)
     size = min(segments.shape[0], LONGEST_WAY)
     work = (
         np.empty((size + 1, 2)),
         np.empty((size + 1, 2)),
         np.empty(size, np.int64),
         np.empty(size, np.int64),
+        np.empty(2, np.int64),
     )
     for e in range(segments.shape[0]):
         found = query_box(boxes, boxes[leaves + e], stack, hits)
@@ -258,7 +290,7 @@ def find_crossings(x, segments, after, before, lengths, allowed):
                 continue
             P = crossing_point(x, segments[e], segments[f])
             most, depth = crossing_depth(
-                (x, segments, lengths), (after, before), allowed, (e, f), P, work
+                (x, segments, lengths, bodies), (after, before), allowed, (e, f), P, work, walked
             )
             rows = grown(rows, count)
             rows[count] = float(e), float(f), most, depth, P[0], P[1]
@@ -329,12 +361,10 @@ def find_events(x0, x1, segments, bodies, node_bodies, own):
 def nearest_segment(x, segments, bodies, body, p, node):
     """Nearest segment of a body to p, but for those at ``node``, and the squared distance."""
     best, nearest = np.inf, -1
-    way = np.empty((2, 2))
     for e in range(segments.shape[0]):
         if bodies[e] != body or segments[e, 0] == node or segments[e, 1] == node:
             continue
-        way[0], way[1] = x[segments[e, 0]], x[segments[e, 1]]
-        distance, _, _ = nearest_on_way(p, way, 1, 0.0)
+        distance, _ = nearest_on_piece(p, x[segments[e, 0]], x[segments[e, 1]])
         if distance < best:
             best, nearest = distance, e
     return best, nearest
@@ -365,7 +395,7 @@ def is_beside(x, segments, links, places, most):
     for next_, end in ((links[0], 1), (links[1], 0)):
         g = e
         while True:
-            square, _, _ = nearest_on_way(x[segments[g, end]], chord, 1, 0.0)
+            square, _ = nearest_on_piece(x[segments[g, end]], chord[0], chord[1])
             g = next_[g]
             if not square <= most * most or g < 0 or g == e:
                 break
@@ -393,7 +423,6 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
     the segment the nearest one.
     """
     rows, count = np.empty((16, 4)), 0
-    way = np.empty((2, 2))
     i = 0
     while i < events.shape[0]:
         p, body = int(events[i, 0]), bodies[int(events[i, 1])]
@@ -417,8 +446,8 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                     most = max(lengths[entry], lengths[e])
                     places = (entry, e, s, events[i, 6])
                     if opposed and not is_beside(x1, segments, (after, before), places, most):
-                        way[0], way[1] = x1[segments[entry, 0]], x1[segments[entry, 1]]
-                        square, _, _ = nearest_on_way(x1[p], way, 1, 0.0)
+                        a, b = x1[segments[entry, 0]], x1[segments[entry, 1]]
+                        square, _ = nearest_on_piece(x1[p], a, b)
                         rows = grown(rows, count)
                         rows[count] = float(p), float(entry), float(e), np.sqrt(square)
                         count += 1

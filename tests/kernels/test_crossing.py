@@ -39,10 +39,10 @@ def circle(x, y, radius, count, phase=0.0):
 
 
 def crossings(*loops, allowed=0.0):
-    x, segments, after, before, _ = outline(*loops)
+    x, segments, after, before, bodies = outline(*loops)
     lengths = np.hypot(*(x[segments[:, 1]] - x[segments[:, 0]]).T)
     allowed = np.full(len(x), allowed)
-    return crossing.find_crossings(x, segments, after, before, lengths, allowed)
+    return crossing.find_crossings(x, segments, after, before, lengths, bodies, allowed)
 
 
 def passages(start, end):
