@@ -1,8 +1,8 @@
 # # What it costs to look for surfaces that crossed
 #
 # Two neo-Hookean blocks, the upper pressed on the lower and slid along it by half a facet per load
-# step, as in `bench_newton.py`. After each solve the outlines of both are looked at, in the state and
-# along the step. Once a solve, against one Newton iteration:
+# step, as in `bench_newton.py`. After each solve the outlines of both are looked at, in the state
+# and along the step. Once a solve, against one Newton iteration:
 #
 #     python3 demos/bench_crossing.py                   10k, 40k, 160k
 #     mpirun -n 2 python3 demos/bench_crossing.py 640_000

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -259,7 +259,7 @@ class Crossings:
         if not len(bodies) or (not own and (bodies == bodies[0]).all()):
             return []
         events = []
-        for k, (start, end) in enumerate(zip(along[:-1], along[1:], strict=True)):
+        for k, (start, end) in enumerate(pairwise(along)):
             rows = find_events(start, end, o.segments, bodies, o.bodies, own)
             rows[:, 2] += k
             events.append(rows)
@@ -268,9 +268,7 @@ class Crossings:
             return []
         every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
         lengths, x1 = o.lengths(along[-1]), along[-1]
-        rows = find_passages(
-            along[0], x1, o.segments, o.after, o.before, lengths, bodies, every
-        )
+        rows = find_passages(along[0], x1, o.segments, o.after, o.before, lengths, bodies, every)
         return self._tell(rows, lengths, x1, own=own) if len(rows) else []
 
     def _tell(self, rows: Array, lengths: Array, x1: Array, *, own: bool) -> list[str]:
@@ -317,8 +315,12 @@ class Crossings:
                 f"the distance of '{contact.obstacle.name}'",
                 partial(
                     went_through,
-                    contact.obstacle, x, motion, contact.offset, contact.nodal_lengths,
-                ),  # fmt: skip
+                    contact.obstacle,
+                    x,
+                    motion,
+                    contact.offset,
+                    contact.nodal_lengths,
+                ),
             )
             through = np.flatnonzero(depth > 0.0)
             if through.size:

@@ -46,7 +46,7 @@ class State:
     """Displacement, multipliers, active sets and places of obstacles, as copies.
 
     The displacement is the part of this rank. Of each contact there are the partners that its slip
-    counts from, and those at the last accepted state; of outlines and obstacles where they were then.
+    counts from, and those at the last accepted state; of outlines and obstacles their places then.
     """
 
     u: Array

@@ -94,7 +94,8 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
     facets = rank_of[inverse.ravel()].reshape(numbers.shape)
     X, nodes, of_bodies = X[order], nodes[order], of_bodies.ravel()[first][order]
     begin, end = index_map.local_range
-    owners = np.searchsorted(np.array(comm.allgather(begin)), nodes, side="right") - 1
+    starts = np.array(comm.allgather(begin))
+    owners = np.asarray(np.searchsorted(starts, nodes, side="right"), np.int64) - 1
     owned = nodes[(nodes >= begin) & (nodes < end)]
     segments = np.concatenate([facets[:, k : k + 2] for k in range(facets.shape[1] - 1)])
     ends = np.tile(facets[:, [0, -1]], (facets.shape[1] - 1, 1))

@@ -19,8 +19,9 @@ from fenics_mortar.surfaces import Array, Indices
 # Bodies turn by this at the most in a part of a step, whose ways are straight [radian]: that
 # shrinks them by 8 %.
 LARGEST_TURN = np.pi / 4
-# Normals at entry and exit with a cosine below this are opposed (more than 100 degrees apart): round
-# a corner of a block is not through. Above the second, at start and end, nothing was passed.
+# Normals at entry and exit with a cosine below this are opposed (more than 100 degrees apart): a
+# way round a corner of a block is not through. Above the second, at start and end, nothing was
+# passed.
 OPPOSITE, ALIKE = -0.17, 0.7
 # Points at the surface are so many facets apart, and there are so many of them at the most.
 FINE, MOST_POINTS = 0.05, 400
@@ -43,10 +44,12 @@ def turning_ways(x0: Array, x1: Array, bodies: Indices, turn: float = 0.0) -> tu
     counts = np.bincount(of_node)
 
     def total(values: Array) -> Array:
-        return np.bincount(of_node, values)
+        return np.asarray(np.bincount(of_node, values), np.float64)
 
     def mean(values: Array) -> Array:
-        return (np.stack([total(values[:, 0]), total(values[:, 1])], axis=1) / counts[:, None])[of_node]
+        return (np.stack([total(values[:, 0]), total(values[:, 1])], axis=1) / counts[:, None])[
+            of_node
+        ]
 
     centre_0, centre_1 = mean(x0), mean(x1)
     y0, y1 = x0 - centre_0, x1 - centre_1

@@ -282,7 +282,8 @@ def test_ring_that_turns_on_a_shaft_is_silent(angle):
     shaft = mapped_grids.sector(24, 2, radii=(0.5, 1.0))
     ring = mapped_grids.sector(28, 2, radii=(1.0, 1.4))
     data = read(
-        mapped_grids.build, grids=[Grid("shaft", shaft, closed=True), Grid("ring", ring, closed=True)]
+        mapped_grids.build,
+        grids=[Grid("shaft", shaft, closed=True), Grid("ring", ring, closed=True)],
     )
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
@@ -300,12 +301,15 @@ def test_disk_that_rolls_far_in_one_step_is_silent():
     data = read(mapped_grids.build, grids=[Grid("disk", disk, closed=True), Grid("plate", plate)])
     V = fm.vector_space(data.mesh, 1)
     u, inner = fem.Function(V), fem.Function(V)
-    bcs = [fm.dirichlet(V, data, "plate/bottom", (0.0, 0.0)), fm.dirichlet(V, data, "disk/top", inner)]
+    bcs = [
+        fm.dirichlet(V, data, "plate/bottom", (0.0, 0.0)),
+        fm.dirichlet(V, data, "disk/top", inner),
+    ]
     floor = fm.Plane((0.0, 0.0), (0.0, 1.0))
     pairs = [
         fm.ContactPair(data, "disk/bottom", "plate/top"), fm.ContactPair(data, "disk/bottom", floor)
     ]  # fmt: skip
     problem = problem_of(data, pairs, bcs, u)
     roll = turned([0.0, 1.0], -100.0)
-    move_body(problem, lambda x: x[:, 1] > 0.5, lambda x: roll(x) + [np.radians(100.0), 0.0])
+    move_body(problem, lambda x: x[:, 1] > 0.5, lambda x: np.add(roll(x), [np.radians(100.0), 0.0]))
     assert problem.crossings.passages(problem.tools.places) == []

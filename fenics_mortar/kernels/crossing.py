@@ -320,7 +320,7 @@ def find_events(x0, x1, segments, bodies, node_bodies, own):
     """Find where nodes on their ways from x0 to x1 go through segments on theirs.
 
     Segments of the node's own body count if ``own``, else those of others; its own two do not.
-    Returns rows (node, segment, t, 1 if it enters or -1 if it leaves, outward normal and place there).
+    Returns rows (node, segment, t, 1 if it enters or -1 if it leaves, outward normal, place).
     """
     size = x0.shape[0]
     both = np.concatenate((x0, x1))

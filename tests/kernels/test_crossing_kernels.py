@@ -28,7 +28,7 @@ def rectangle(x, y, width, height, size):
     corners = np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
     sides = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0)):
-        count = max(int(round(np.hypot(*(b - a)) / size)), 1)
+        count = max(round(np.hypot(*(b - a)) / size), 1)
         sides.append(a + np.arange(count)[:, None] / count * (b - a))
     return np.concatenate(sides)
 
@@ -52,9 +52,7 @@ def passages(start, end):
     events = crossing.find_events(x0, x1, segments, bodies, bodies, False)
     order = np.lexsort((events[:, 2], bodies[events[:, 1].astype(int)], events[:, 0]))
     lengths = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T)
-    return crossing.find_passages(
-        x0, x1, segments, after, before, lengths, bodies, events[order]
-    )
+    return crossing.find_passages(x0, x1, segments, after, before, lengths, bodies, events[order])
 
 
 def exactly_cross(a, b, c, d):
@@ -71,7 +69,8 @@ def exactly_cross(a, b, c, d):
 def test_tree_finds_the_crossings_that_all_pairs_have(seed):
     random = np.random.default_rng(seed)
     loops = [
-        circle(*random.uniform(0.0, 2.0, 2), 1.0, 17 + 5 * k) + random.normal(0.0, 0.05, (17 + 5 * k, 2))
+        circle(*random.uniform(0.0, 2.0, 2), 1.0, 17 + 5 * k)
+        + random.normal(0.0, 0.05, (17 + 5 * k, 2))
         for k in range(3)
     ]
     x, segments, *_ = outline(*loops)
@@ -95,7 +94,9 @@ def test_events_are_those_that_fine_steps_see(seed):
     """Signs of areas at 20,001 times, for every node and segment of another body."""
     random = np.random.default_rng(seed)
     start = [circle(0.0, 0.0, 1.0, 9), circle(1.5, 0.3, 1.0, 7)]
-    end = [loop + random.normal(0.0, 0.4, 2) + random.normal(0.0, 0.1, loop.shape) for loop in start]
+    end = [
+        loop + random.normal(0.0, 0.4, 2) + random.normal(0.0, 0.1, loop.shape) for loop in start
+    ]
     x0, segments, _, _, bodies = outline(*start)
     x1 = outline(*end)[0]
     found = crossing.find_events(x0, x1, segments, bodies, bodies, False)
@@ -195,7 +196,7 @@ def test_corner_that_is_cut_is_not_gone_through():
     assert not len(passages([plate, tip], [plate, tip - [0.0, 0.25]]))
     block = rectangle(-2.0, -4.0, 4.0, 4.0, 0.25)
     tip = np.array([(1.0, 0.01), (1.5, 0.3), (1.2, 0.5)])
-    assert not len(passages([block, tip], [block, tip + [1.1, -1.5]]))
+    assert not len(passages([block, tip], [block, np.add(tip, [1.1, -1.5])]))
 
 
 @pytest.mark.parametrize("deep", [0.05, 0.3])
