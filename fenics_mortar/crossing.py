@@ -109,6 +109,7 @@ class Crossings:
         self._segment_bodies = self.outline.segment_bodies
         self._bound = int(self._segment_bodies.max(initial=0)) + 1
         self._slaves = [self._places_of(contact.slave.nodes) for contact in contacts]
+        self._free: Array = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
         self._names: dict[int, str] = {}
         self._surfaces, self._surface_of = self._name_segments()
         self._excused: dict[tuple[int, int], float] = {}
@@ -233,12 +234,14 @@ class Crossings:
     def begin(self, places: Array) -> None:
         """Begin a step: at the accepted state, or at the present one if ``u`` was set by hand.
 
+        Who sets prescribed values only does what the solve would do.
+
         Args:
             places: Those of the obstacles, shape (obstacles, 3).
         """
         if self._restored is not None:
             self._left, self._restored = self.outline.positions(self._restored), None
-        if not np.array_equal(self._left, self._positions()):
+        if (self._free * (self._left - self._positions())).any():
             self.accept(places)
 
     def passages(self, places: Array) -> list[str]:
@@ -298,7 +301,7 @@ class Crossings:
                 f"through {body}, in by {self._name(entry)} and out by {self._name(leaves)}, and "
                 f"one at {place(x1[node])} ended {row[3]:.3g} beyond where it went in"
             )
-        return f"{count} {what} {way}: take smaller steps"
+        return f"{count} {what} {way}, straight from the last accepted state: take smaller steps"
 
     def _through_obstacles(self, along: Array, places: Array) -> list[str]:
         """Ways of slave nodes through the obstacles of their pairs, in words."""
@@ -328,6 +331,7 @@ class Crossings:
                 told.append(
                     f"{through.size} nodes of '{contact.slave.name}' went through obstacle "
                     f"'{contact.obstacle.name}', and one at {place(x[-1, first])} ended "
-                    f"{depth[first]:.3g} beyond its surface: take smaller steps"
+                    f"{depth[first]:.3g} beyond its surface, straight from the last accepted state: "
+                    "take smaller steps"
                 )
         return told

@@ -59,7 +59,11 @@ class Outline:
 
     def positions(self, u: Array) -> Array:
         """Current positions at the displacement ``u``, a local array: (n, 2) (collective)."""
-        return self.X + replicate(u[self.local_dofs], self.owners, self.comm)
+        return self.X + self.gather(u)
+
+    def gather(self, values: Array) -> Array:
+        """Collect nodal values (n, 2) of a local array of all dofs (collective)."""
+        return replicate(values[self.local_dofs], self.owners, self.comm)
 
     def lengths(self, x: Array) -> Array:
         """Chords of the facets that segments are parts of, with nodes at ``x``, shape (m,)."""

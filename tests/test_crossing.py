@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import half_cylinder_on_block
 import mapped_grids
 import numpy as np
 import pytest
 import rings
 from mapped_grids import Grid
 from scenes import internal, neo_hookean, nodal, pressed_blocks, read, rectangles, rotation
+from test_tied import tool_on_halves
 
 import ufl
 from dolfinx import fem
@@ -237,6 +239,65 @@ def test_what_users_set_begins_a_step_of_its_own():
     push.value[:] = 0.0, -1.5
     move_body(problem, lambda x: x[:, 1] > 0.05, lambda x: x - [0.0, 1.5])
     assert is_silent(problem.solve())
+
+
+def test_hertz_is_silent():
+    data = read(half_cylinder_on_block.build, h=0.05)
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [fm.dirichlet(V, data, "block/bottom", (0.0, 0.0))]
+    bcs.append(fm.dirichlet(V, data, "cylinder/top", push))
+    problem = problem_of(data, [fm.ContactPair(data, "cylinder/arc", "block/top")], bcs, u)
+    for depth in (-0.02, -0.1, -0.3):
+        push.value[1] = depth
+        report = problem.solve()
+        assert is_silent(report) and max(c.facets for c in report.certificate.crossings) < 0.2
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_ironing_by_many_facets_a_step_is_silent(degree):
+    """The sides of the tool move by ten facets, and its corners over the wave ahead of it."""
+    data = read(rectangles, size=0.15, block=(-1.5, -0.6, 3.0, 0.6), tool=(-1.21, 0.01, 0.5, 0.4))
+    V = fm.vector_space(data.mesh, degree)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [fm.dirichlet(V, data, "block/bottom", (0.0, 0.0))]
+    bcs.append(fm.dirichlet(V, data, "tool/top", push))
+    residual = internal(u, neo_hookean(u, 10.0, 0.3))
+    pairs = [fm.ContactPair(data, "block/top", "tool/bottom")]
+    problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="iron_")
+    for place in ((0.0, -0.05), (0.75, -0.05), (1.9, -0.05), (1.9, 0.2), (0.0, 0.2), (0.0, -0.05)):
+        push.value[:] = place
+        assert is_silent(problem.solve())
+
+
+@pytest.mark.parametrize("half", [np.pi / 6, np.pi / 3])
+def test_disk_in_a_groove_of_plates_is_silent(half):
+    """Two plates that overlap at the tip, as is meant: they are no pair."""
+    plates = []
+    for name, side in (("left", 1.0), ("right", -1.0)):
+        plate = mapped_grids.block(20, 2, width=2.0, height=0.2, corner=(0.0, 0.0))
+        angle = np.pi / 2 - side * half
+        across = plate if side < 0.0 else plate * [1.0, -1.0]
+        plates.append(Grid(name, across @ rotation(angle).T))
+    centre = (0.0, 0.501 / np.sin(half))
+    disk = Grid("disk", mapped_grids.sector(44, 3, radii=(0.2, 0.5), centre=centre), closed=True)
+    data = read(mapped_grids.build, grids=[*plates, disk])
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [fm.dirichlet(V, data, f"{name}/top", (0.0, 0.0)) for name in ("left", "right")]
+    bcs.append(fm.dirichlet(V, data, "disk/top", push))
+    pairs = [fm.ContactPair(data, "disk/bottom", f"{name}/bottom") for name in ("left", "right")]
+    problem = problem_of(data, pairs, bcs, u)
+    for depth in (-0.01, -0.05):
+        push.value[1] = depth
+        assert is_silent(problem.solve())
+        assert problem.contacts[0].active.any() and problem.contacts[1].active.any()
+
+
+@pytest.mark.parametrize("slave", ["tool", "ground"])
+def test_tool_over_the_joint_of_tied_bodies_is_silent(slave):
+    _, reports = tool_on_halves(slave=slave)
+    assert all(is_silent(report) for report in reports)
 
 
 @pytest.mark.parametrize("interference", [0.0, 0.02])
