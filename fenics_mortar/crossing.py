@@ -9,12 +9,13 @@ curves in contact overlap by their sagitta, and dual multipliers leave as much b
 the certificate judges this as it does the penetration of a pair.
 
 **Of a step**: nodes are taken to have gone straight from the last accepted state to the present
-one, rigid moves before the solve included. The straight ways of a body that turns shrink it in
-between: so the step is taken in parts of the rotation, and within its own body a node is looked at
-in the frame that turns with the body. A way that leaves a body where the outward normal is opposed
+one, rigid moves before the solve included. Straight ways of a body that turns shrink it in between:
+so where bodies turn, each is looked at in the frame that turns with it, and the others, as seen
+from there, in parts of their rotation. A way that leaves a body where the outward normal is opposed
 to that where it entered went through it. One that leaves where it entered slid along, as chords of
-a curve do; and one that comes out within a facet along the outline slipped round a tip. A way that
-ends inside of another body, deeper than a facet may, is told as well.
+a curve do; and so did one beside which the outline leads from entry to exit within a facet, as that
+of a narrow block or round a tip. A way that ends inside of another body, deeper than a facet may, is
+told as well.
 
 What that takes of the time is said in ``demos/bench_crossing.py``.
 """
@@ -27,17 +28,25 @@ from functools import partial
 from itertools import pairwise, product
 
 import numpy as np
+import numpy.typing as npt
 
 from fenics_mortar.bodies import label_bodies
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
 from fenics_mortar.errors import call_together, place
 from fenics_mortar.floating import FloatingBodies
-from fenics_mortar.kernels.crossing import find_crossings, find_events, find_passages
+from fenics_mortar.kernels.crossing import (
+    ALL,
+    OTHERS,
+    OWN,
+    find_crossings,
+    find_events,
+    find_passages,
+)
 from fenics_mortar.outline import Outline, extract_outline
 from fenics_mortar.surfaces import Array, Indices, Surface
 from fenics_mortar.tied import Tie
-from fenics_mortar.ways import turning_ways, went_through
+from fenics_mortar.ways import Motions, own_frame, went_through
 
 # Unpaired bodies that are deeper in one another than this as meshed are meant to be [facets]; and a
 # way ends inside of a body if it ends deeper than this.
@@ -251,43 +260,54 @@ class Crossings:
             places: Present ones of the obstacles, shape (obstacles, 3).
         """
         x0, x1 = self.accepted.x, self._positions()
-        turns = np.abs(places - self.accepted.places)[:, 2].max(initial=0.0)
-        along, carried = turning_ways(x0, x1, self.outline.bodies, turns)
-        found = [*self._through_bodies(along, own=False), *self._through_bodies(carried, own=True)]
-        return found + self._through_obstacles(along, places)
+        motions = Motions(x0, x1, self.outline.bodies)
+        if not len(x0) or np.array_equal(x0, x1):
+            found = []
+        elif motions.are_small:
+            found = self._through_bodies(np.array([x0, x1]), OTHERS)
+            found += self._through_bodies(np.array([motions.carried(), x1]), OWN)
+        else:
+            found = []
+            for i, body in enumerate(motions.labels):
+                seen = Motions(motions.seen_from(i), x1, self.outline.bodies)
+                found += self._through_bodies(seen.ways(), ALL, self._segment_bodies == body)
+        return found + self._through_obstacles(x1, places)
 
-    def _through_bodies(self, along: Array, *, own: bool) -> list[str]:
-        """Ways through segments of the nodes' own bodies, or of others; ``along`` (m + 1, n, 2)."""
-        o, bodies = self.outline, self._segment_bodies
-        if not len(bodies) or (not own and (bodies == bodies[0]).all()):
-            return []
-        events = []
+    def _through_bodies(
+        self, along: Array, which: int, segments: npt.NDArray[np.bool_] | None = None
+    ) -> list[str]:
+        """Ways ``along`` (m + 1, n, 2) through marked segments (m,) of ``which`` bodies, in words.
+
+        See ``find_events``.
+        """
+        o, bodies, events = self.outline, self._segment_bodies, []
+        marked = np.arange(len(bodies)) if segments is None else np.flatnonzero(segments)
         for k, (start, end) in enumerate(pairwise(along)):
-            rows = find_events(start, end, o.segments, bodies, o.bodies, own)
-            rows[:, 2] += k
+            rows = find_events(start, end, o.segments[marked], bodies[marked], o.bodies, which)
+            rows[:, 1], rows[:, 2] = marked[rows[:, 1].astype(np.int64)], rows[:, 2] + k
             events.append(rows)
         every = np.concatenate(events)
         if not len(every):
             return []
         every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
-        lengths, x1 = o.lengths(along[-1]), along[-1]
-        rows = find_passages(along[0], x1, o.segments, o.after, o.before, lengths, bodies, every)
-        return self._tell(rows, lengths, x1, own=own) if len(rows) else []
+        lengths, ends = o.lengths(along[-1]), (along[0], along[-1])
+        rows = find_passages(*ends, o.segments, o.after, o.before, lengths, bodies, every)
+        return self._tell(rows, lengths, along[-1]) if len(rows) else []
 
-    def _tell(self, rows: Array, lengths: Array, x1: Array, *, own: bool) -> list[str]:
+    def _tell(self, rows: Array, lengths: Array, x1: Array) -> list[str]:
         """Rows of ``find_passages`` in words, one line for each two bodies."""
         node, entry, leaves = (rows[:, k].astype(np.int64) for k in range(3))
-        bodies, told = self._segment_bodies, list[str]()
-        through, depth = leaves >= 0, rows[:, 3]
-        inside = ~through & (depth - self._allowed()[node] > DEEP * lengths[entry])
-        pairs = np.stack([self.outline.bodies[node], bodies[entry]], axis=1)
-        for which, ends in ((through, False), (inside & (not own), True)):
-            for pair in np.unique(pairs[which], axis=0):
+        told, through, depth = list[str](), leaves >= 0, rows[:, 3]
+        pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)
+        inside = ~through & (pairs[:, 0] != pairs[:, 1])
+        inside &= depth - self._allowed()[node] > DEEP * lengths[entry]
+        for marked, ends_inside in ((through, False), (inside, True)):
+            for pair in np.unique(pairs[marked], axis=0):
                 if self._excused.get((int(pair.min()), int(pair.max()))) == np.inf:
                     continue
-                mine = np.flatnonzero(which & (pairs == pair).all(axis=1))
+                mine = np.flatnonzero(marked & (pairs == pair).all(axis=1))
                 first = mine[np.argmax(depth[mine])]
-                told.append(self._say(rows[first], mine.size, x1, ends_inside=ends))
+                told.append(self._say(rows[first], mine.size, x1, ends_inside=ends_inside))
         return told
 
     def _say(self, row: Array, count: int, x1: Array, *, ends_inside: bool) -> str:
@@ -303,35 +323,30 @@ class Crossings:
             )
         return f"{count} {what} {way}, straight from the last accepted state: take smaller steps"
 
-    def _through_obstacles(self, along: Array, places: Array) -> list[str]:
+    def _through_obstacles(self, x1: Array, places: Array) -> list[str]:
         """Ways of slave nodes through the obstacles of their pairs, in words."""
         told, obstacles = [], list(dict.fromkeys(c.obstacle for c in self._contacts if c.obstacle))
-        starts = self.accepted.places
         for contact, there in zip(self._contacts, self._slaves, strict=True):
-            if contact.obstacle is None:
+            obstacle = contact.obstacle
+            if obstacle is None:
                 continue
-            number = obstacles.index(contact.obstacle)
-            x = along[:, there]
-            motion = np.linspace(starts[number], places[number], len(along))
+            number = obstacles.index(obstacle)
+            start = own_frame(obstacle, self.accepted.x, self.accepted.places[number])
+            end = own_frame(obstacle, x1, places[number])
+            knots = Motions(start, end, self.outline.bodies).ways()[:, there]
+            given = knots, contact.offset, contact.nodal_lengths
             depth = call_together(
                 self.outline.comm,
-                f"the distance of '{contact.obstacle.name}'",
-                partial(
-                    went_through,
-                    contact.obstacle,
-                    x,
-                    motion,
-                    contact.offset,
-                    contact.nodal_lengths,
-                ),
+                f"the distance of '{obstacle.name}'",
+                partial(went_through, obstacle, *given),
             )
             through = np.flatnonzero(depth > 0.0)
             if through.size:
                 first = through[np.argmax(depth[through])]
                 told.append(
                     f"{through.size} nodes of '{contact.slave.name}' went through obstacle "
-                    f"'{contact.obstacle.name}', and one at {place(x[-1, first])} ended "
-                    f"{depth[first]:.3g} beyond its surface, straight from the last accepted state: "
-                    "take smaller steps"
+                    f"'{obstacle.name}', and one at {place(x1[there[first]])} ended "
+                    f"{depth[first]:.3g} beyond its surface, straight from the last accepted "
+                    "state: take smaller steps"
                 )
         return told

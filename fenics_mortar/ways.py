@@ -17,8 +17,9 @@ from fenics_mortar.obstacles import Obstacle
 from fenics_mortar.surfaces import Array, Indices
 
 # Bodies turn by this at the most in a part of a step, whose ways are straight [radian]: that
-# shrinks them by 8 %.
-LARGEST_TURN = np.pi / 4
+# shrinks them by 8 %. What slides by L along one that turns by the second goes astray by less than
+# L / 200.
+LARGEST_TURN, SMALL_TURN = np.pi / 4, 0.02
 # Normals at entry and exit with a cosine below this are opposed (more than 100 degrees apart): a
 # way round a corner of a block is not through. Above the second, at start and end, nothing was
 # passed.
@@ -27,67 +28,83 @@ OPPOSITE, ALIKE = -0.17, 0.7
 FINE, MOST_POINTS = 0.05, 400
 
 
-def turning_ways(x0: Array, x1: Array, bodies: Indices, turn: float = 0.0) -> tuple[Array, Array]:
-    """Ways of nodes that turn with their bodies (local).
+class Motions:
+    """Rigid motions of bodies in a step, those closest to the motions of their nodes (local).
 
     Args:
-        x0: Positions at the start, shape (n, 2) [length].
+        x0: Positions of the nodes at the start, shape (n, 2) [length].
         x1: Positions at the end, shape (n, 2) [length].
         bodies: Body of each node, shape (n,).
-        turn: Largest turn of an obstacle, whose way is to be parted, too [radian].
 
-    Returns:
-        Positions at the start, at times between and at the end, shape (m + 1, n, 2), and those at
-        the start, carried along as a rigid body, and at the end, shape (2, n, 2).
+    Attributes:
+        labels: The bodies, shape (b,).
+        angles: Their turns, shape (b,) [radian].
     """
-    _, of_node = np.unique(bodies, return_inverse=True)
-    counts = np.bincount(of_node)
 
-    def total(values: Array) -> Array:
-        return np.asarray(np.bincount(of_node, values), np.float64)
+    def __init__(self, x0: Array, x1: Array, bodies: Indices) -> None:
+        self._x0, self._x1 = x0, x1
+        self.labels, self._of_node = np.unique(bodies, return_inverse=True)
+        counts = np.bincount(self._of_node)[:, None]
+        self._start, self._end = self._sums(x0) / counts, self._sums(x1) / counts
+        y0, y1 = x0 - self._start[self._of_node], x1 - self._end[self._of_node]
+        products = np.stack([(y0 * y1).sum(axis=1), y0[:, 0] * y1[:, 1] - y0[:, 1] * y1[:, 0]], 1)
+        dot, cross = self._sums(products).T
+        self.angles: Array = np.arctan2(cross, dot)
 
-    def mean(values: Array) -> Array:
-        return (np.stack([total(values[:, 0]), total(values[:, 1])], axis=1) / counts[:, None])[
-            of_node
-        ]
+    def _sums(self, values: Array) -> Array:
+        """Sums of values (n, 2) over the nodes of each body, shape (b, 2)."""
+        return np.stack([np.bincount(self._of_node, column) for column in values.T], axis=1)
 
-    centre_0, centre_1 = mean(x0), mean(x1)
-    y0, y1 = x0 - centre_0, x1 - centre_1
-    dot = total((y0 * y1).sum(axis=1))
-    crossed = total(y0[:, 0] * y1[:, 1] - y0[:, 1] * y1[:, 0])
-    angles = np.arctan2(crossed, dot)
-    largest = max(float(np.abs(angles).max(initial=0.0)), turn)
-    parts = max(int(np.ceil(largest / LARGEST_TURN)), 1)
-    angle, back = angles[of_node], _turned(y1, -angles[of_node])
-    along = [x0]
-    for t in np.arange(1, parts) / parts:
-        centre = centre_0 + t * (centre_1 - centre_0)
-        along.append(centre + _turned(y0 + t * (back - y0), t * angle))
-    return np.array([*along, x1]), np.array([centre_1 + _turned(y0, angle), x1])
+    @property
+    def are_small(self) -> bool:
+        """Whether no body turns so far that ways have to be seen from each."""
+        return float(np.abs(self.angles).max(initial=0.0)) <= SMALL_TURN
+
+    def carried(self) -> Array:
+        """Nodes at the start, each carried along with its own body, shape (n, 2) [length]."""
+        i = self._of_node
+        return self._end[i] + _turned(self._x0 - self._start[i], self.angles[i])
+
+    def seen_from(self, body: int) -> Array:
+        """Nodes at the start, all carried along with one of the bodies, shape (n, 2) [length]."""
+        return self._end[body] + _turned(self._x0 - self._start[body], self.angles[body])
+
+    def ways(self) -> Array:
+        """Positions at the start, at times between and at the end, shape (m + 1, n, 2) [length].
+
+        The bodies' centres go straight, and bodies turn about them. Two that move as one only do so
+        here as seen from one of them.
+        """
+        i, largest = self._of_node, float(np.abs(self.angles).max(initial=0.0))
+        parts = max(int(np.ceil(largest / LARGEST_TURN)), 1)
+        y0 = self._x0 - self._start[i]
+        y1 = _turned(self._x1 - self._end[i], -self.angles[i])
+        along = [self._x0]
+        for t in np.arange(1, parts) / parts:
+            centre = self._start + t * (self._end - self._start)
+            along.append(centre[i] + _turned(y0 + t * (y1 - y0), t * self.angles[i]))
+        return np.array([*along, self._x1])
 
 
-def _turned(y: Array, angle: Array | npt.NDArray[np.float64]) -> Array:
-    """Vectors (n, 2), each turned by its angle (n,)."""
+def _turned(y: Array, angle: Array | float) -> Array:
+    """Vectors (n, 2), each turned by its angle (n,), or all by one."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * y[:, 0] - s * y[:, 1], s * y[:, 0] + c * y[:, 1]], axis=1)
 
 
-def went_through(
-    obstacle: Obstacle, x: Array, places: Array, offset: Array, lengths: Array
-) -> Array:
+def went_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array) -> Array:
     """How far beyond the surface of an obstacle nodes are that went through it, else 0 (local).
 
     Args:
-        obstacle: The obstacle; where it is now does not matter.
-        x: Positions of s nodes at the start, at times between and at the end, (m + 1, s, 2).
-        places: Places (x, y, angle) of the obstacle at these times, shape (m + 1, 3).
+        obstacle: The obstacle; where it is does not matter.
+        knots: Positions of s nodes in its own frame at the start, at times between and at the end,
+            shape (m + 1, s, 2).
         offset: Length that is taken off the distance of each node, shape (s,).
         lengths: Length of surface that belongs to each node, shape (s,).
 
     Returns:
         Shape (s,) [length].
     """
-    knots = np.array([_own_frame(obstacle, *at) for at in zip(x, places, strict=True)])
     pieces = np.linalg.norm(np.diff(knots, axis=0), axis=2)
     far = np.concatenate([np.zeros((1, len(offset))), np.cumsum(pieces, axis=0)])
     (start, start_slope), (end, end_slope) = (
@@ -103,7 +120,7 @@ def went_through(
     return through
 
 
-def _own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:
+def own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:
     """Where points ``x`` of space are in the frame of an obstacle at a place."""
     c, s = np.cos(place[2]), np.sin(place[2])
     return (x - obstacle.pivot - place[:2]) @ np.array([[c, -s], [s, c]]) + obstacle.pivot

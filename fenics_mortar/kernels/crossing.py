@@ -39,6 +39,8 @@ LONGEST_WAY = 512
 # A way that leaves a body has gone through it where the outward normals of the places of entry and
 # exit have a cosine below this (more than 100 degrees): round a corner of a block is not through.
 OPPOSITE = -0.17
+# Whose segments a node may go through
+OTHERS, OWN, ALL = 0, 1, 2
 
 
 @kernel
@@ -316,10 +318,11 @@ def roots_in_step(c0, c1, c2):
 
 
 @kernel
-def find_events(x0, x1, segments, bodies, node_bodies, own):
+def find_events(x0, x1, segments, bodies, node_bodies, which):
     """Find where nodes on their ways from x0 to x1 go through segments on theirs.
 
-    Segments of the node's own body count if ``own``, else those of others; its own two do not.
+    Segments of other bodies than the node's count if ``which`` is OTHERS, of its own with OWN, both
+    with ALL; the two that end at the node never do.
     Returns rows (node, segment, t, 1 if it enters or -1 if it leaves, outward normal, place).
     """
     size = x0.shape[0]
@@ -336,7 +339,9 @@ def find_events(x0, x1, segments, bodies, node_bodies, own):
             query_box(boxes, box, stack, hits)
         for e in hits[:found]:
             a, b = segments[e]
-            if (bodies[e] == node_bodies[p]) != own or p == a or p == b:
+            if which != ALL and (bodies[e] == node_bodies[p]) != (which == OWN):
+                continue
+            if p == a or p == b:
                 continue
             ex, ey = x0[b, 0] - x0[a, 0], x0[b, 1] - x0[a, 1]
             gx, gy = x1[b, 0] - x1[a, 0] - ex, x1[b, 1] - x1[a, 1] - ey

@@ -49,7 +49,7 @@ def passages(start, end):
     """Rows for loops that go from ``start`` to ``end`` in one step on straight lines."""
     x0, segments, after, before, bodies = outline(*start)
     x1 = outline(*end)[0]
-    events = crossing.find_events(x0, x1, segments, bodies, bodies, False)
+    events = crossing.find_events(x0, x1, segments, bodies, bodies, crossing.OTHERS)
     order = np.lexsort((events[:, 2], bodies[events[:, 1].astype(int)], events[:, 0]))
     lengths = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T)
     return crossing.find_passages(x0, x1, segments, after, before, lengths, bodies, events[order])
@@ -99,7 +99,7 @@ def test_events_are_those_that_fine_steps_see(seed):
     ]
     x0, segments, _, _, bodies = outline(*start)
     x1 = outline(*end)[0]
-    found = crossing.find_events(x0, x1, segments, bodies, bodies, False)
+    found = crossing.find_events(x0, x1, segments, bodies, bodies, crossing.OTHERS)
     t = np.linspace(0.0, 1.0, 20001)[:, None]
     expected = []
     for p in range(len(x0)):
