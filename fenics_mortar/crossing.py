@@ -14,8 +14,8 @@ so where bodies turn, each is looked at in the frame that turns with it, and the
 from there, in parts of their rotation. A way that leaves a body where the outward normal is opposed
 to that where it entered went through it. One that leaves where it entered slid along, as chords of
 a curve do; and so did one beside which the outline leads from entry to exit within a facet, as that
-of a narrow block or round a tip. A way that ends inside of another body, deeper than a facet may, is
-told as well.
+of a narrow block or round a tip. A way that ends inside of another body, deeper than a facet may,
+is told as well.
 
 What that takes of the time is said in ``demos/bench_crossing.py``.
 """
