@@ -56,6 +56,12 @@ def side(a, b, p):
 
 
 @kernel
+def distance_of(a, b):
+    """Distance of two points."""
+    return np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
+
+
+@kernel
 def query_box(boxes, box, stack, hits):
     """Fill ``hits`` with the leaves of a tree that meet ``box``; return their number.
 
@@ -174,7 +180,7 @@ def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, 
         square, s = nearest_on_piece(p, a, b)
         if square < best:
             best, piece, at = square, j, s
-        ahead -= np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
+        ahead -= distance_of(a, b)
         j += 1
     return best, piece, at
 
@@ -192,7 +198,7 @@ def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, 
     x, segments, lengths, bodies = outlines
     one, two = order
     way, used, other = ways[one], useds[one], ways[two]
-    most, depth, far, distance, near = 0.0, 0.0, 0.0, 0.0, 0
+    most, depth, distance, near = 0.0, 0.0, 0.0, 0
     body, direction = bodies[useds[two][0]], int(forwards[one])
     for i in range(used.size):
         if not has_piece(x, segments, links, way, used, counts[one], forwards[one], i):
@@ -201,18 +207,15 @@ def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, 
         if walked[used[i], direction] == body:
             break
         e, p = used[i], way[i + 1]
-        step = np.sqrt((p[0] - way[i, 0]) ** 2 + (p[1] - way[i, 1]) ** 2)
-        far += step
+        step = distance_of(way[i], p)
         room = 2.0 * (distance + step) + lengths[e]
         begin, back = near, 0.0
         while begin > 0 and back < room:
-            back += np.sqrt(
-                (other[begin, 0] - other[begin - 1, 0]) ** 2
-                + (other[begin, 1] - other[begin - 1, 1]) ** 2
-            )
             begin -= 1
+            back += distance_of(other[begin], other[begin + 1])
+        ahead = back + distance_of(other[near], other[near + 1]) + room
         square, near, at = nearest_on_way(
-            x, segments, links, other, useds[two], counts, two, forwards[two], p, begin, back + room
+            x, segments, links, other, useds[two], counts, two, forwards[two], p, begin, ahead
         )
         f = useds[two][near]
         length, distance = max(lengths[e], lengths[f]), np.sqrt(square)

@@ -145,6 +145,24 @@ def test_faceted_curves_in_contact_overlap_by_their_sagitta(counts, phase):
     assert found[:, 2].max(initial=0.0) < 0.1
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_rough_faces_in_contact_are_as_deep_as_they_are_rough(seed):
+    """Blocks of any facets, graded ones as well, whose faces overlap by a part of a facet."""
+    random = np.random.default_rng(seed)
+    faces = []
+    for count in random.integers(4, 60, 2):
+        face = np.sort(random.uniform(-1.0, 1.0, count - 1)) if seed % 2 else []
+        face = np.concatenate([[-1.0], face, [1.0]]) if seed % 2 else np.linspace(-1, 1, count + 1)
+        faces.append(np.stack([face * random.uniform(0.8, 1.2), 0.0 * face], axis=1))
+    size = 10 ** random.uniform(-6.0, -1.5) * 2.0
+    for face in faces:
+        face[:, 1] += size * random.uniform(-0.5, 0.5, len(face))
+    low = np.concatenate([faces[0][::-1], [(-1.3, -1.0), (1.3, -1.0)]])
+    high = np.concatenate([faces[1], [(1.3, 1.0), (-1.3, 1.0)]])
+    found = crossings(low, high)
+    assert len(found) and found[:, 3].max() < 1.01 * size
+
+
 def test_blocks_of_one_mesh_size_that_touch_do_not_cross_by_rounding():
     """Nodes on nodes, corners on corners, moved by rounding: no depth at all."""
     random = np.random.default_rng(0)
