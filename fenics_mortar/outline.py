@@ -20,6 +20,9 @@ from fenics_mortar.surfaces import Array, Indices, facet_nodes, replicate
 
 # Steps of a coordinate in the order of segments: more than a curve has in one direction.
 STEPS = 1 << 16
+# Coordinates are one in the order of nodes within this part of the extent: each rank's rounding is
+# its own. The second is an odd part of it, so that regular meshes have no node between two steps.
+ROUNDING, ODD = 1e-9, 0.97312
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,9 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
     )
     nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     X = places.reshape(-1, 2)[first]
-    order = np.lexsort((X[:, 1], X[:, 0]))
+    extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, 1e-300)
+    steps = np.rint(X / (ODD * ROUNDING * extent))
+    order = np.lexsort((steps[:, 1], steps[:, 0]))
     rank_of = np.empty_like(order)
     rank_of[order] = np.arange(order.size)
     facets = rank_of[inverse.ravel()].reshape(numbers.shape)
@@ -125,8 +130,8 @@ def _along_a_curve(X: Array, segments: Indices) -> Indices:
         return np.empty(0, np.int64)
     middles = X[segments].mean(axis=1)
     low = middles.min(axis=0)
-    scale = (STEPS - 1) / max(float(np.ptp(middles, axis=0).max()), 1e-300)
-    place = ((middles - low) * scale).astype(np.int64)
+    scale = ODD * (STEPS - 1) / max(float(np.ptp(middles, axis=0).max()), 1e-300)
+    place = np.rint((middles - low) * scale).astype(np.int64)
     key = np.zeros(len(segments), np.int64)
     for bit in range(STEPS.bit_length() - 1):
         for d in range(2):

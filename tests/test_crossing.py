@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from mpi4py import MPI
+
 import half_cylinder_on_block
 import mapped_grids
 import numpy as np
@@ -50,10 +52,10 @@ def turned(centre, degrees):
 # A state
 
 
-def c_ring(push, *, degree=1, cell="quadrilateral"):
+def c_ring(push, *, degree=1, cell="quadrilateral", comm=MPI.COMM_WORLD):
     """A C, held at its back, with its two paired ends 0.37 apart, and forces on its right half."""
     shape = mapped_grids.sector(40, 3, radii=(0.8, 1.0), angles=(0.2, 2.0 * np.pi - 0.2))
-    data = read(mapped_grids.build, grids=[Grid("ring", shape)], cell=cell)
+    data = read(mapped_grids.build, comm=comm, grids=[Grid("ring", shape)], cell=cell)
     V = fm.vector_space(data.mesh, degree)
     u, v, X = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(data.mesh)
     force = fem.Constant(data.mesh, push)
@@ -76,6 +78,23 @@ def test_ends_of_a_ring_that_went_past_each_other_are_told(degree, cell):
     assert any("VIOLATED: body 'ring' crosses itself" in note for note in report.notes)
     assert problem.certificate().crossings == report.certificate.crossings
     assert not problem.certificate().passages  # of a solve, not of a state
+
+
+def test_result_is_that_of_one_rank():
+    """Outlines, their bodies and order do not depend on who owns what."""
+    reports, outlines = [], []
+    for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        _, problem = c_ring(1.0, comm=comm)
+        reports.append(problem.solve())
+        outlines.append(problem.crossings.outline)
+    for name in ("X", "segments", "after", "before", "ends"):
+        assert np.allclose(*(getattr(outline, name) for outline in outlines))
+    (mine,), (alone,) = (report.certificate.crossings for report in reports)
+    assert mine.depth == pytest.approx(alone.depth) and mine.facets == pytest.approx(alone.facets)
+    assert set(mine.sides) == set(alone.sides)
+    assert len(reports[0].certificate.passages) == len(reports[1].certificate.passages) == 1
+    everywhere = MPI.COMM_WORLD.allgather(str(reports[0].certificate))
+    assert len(set(everywhere)) == 1
 
 
 def test_path_of_a_ring_ends_with_its_ends_in_contact():
