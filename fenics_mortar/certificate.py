@@ -3,7 +3,8 @@
 
 Newton says that the equations it was given are solved. Whether they are those of contact, is asked
 here of the state alone: balance of slave and master and of reactions and loads, signs,
-complementarity, penetration between the nodes, and nodes inside another body that found no partner.
+complementarity, penetration between the nodes, nodes inside another body that found no partner, and
+outlines that cross, whether contact sees them or not.
 
 All that may hold where a corner presses, and the force still be far off. That of a slave's corner
 acts along its own averaged normal, not along that of the smooth surface it presses on: an error
@@ -20,7 +21,7 @@ on any mesh. What tells of that is a peak of pressure there.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from mpi4py import MPI
@@ -32,6 +33,7 @@ from scipy.sparse.csgraph import connected_components
 from fenics_mortar.asking import raise_noted
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
+from fenics_mortar.crossing import Crossing
 from fenics_mortar.errors import place
 from fenics_mortar.interface import Interface
 from fenics_mortar.surfaces import Array, Indices
@@ -215,6 +217,8 @@ class Certificate:
     inverted: int
     springs: float = 0.0
     strayed: float = 0.0
+    crossings: list[Crossing] = field(default_factory=list)
+    passages: list[str] = field(default_factory=list)
 
     def violations(
         self, tolerance: float = 1e-6, penetration: float = 0.5, springs: float = 0.005
@@ -241,7 +245,8 @@ class Certificate:
             )
         if self.inverted:
             found.append(f"{self.inverted} cells are inverted")
-        return found
+        found += [str(crossing) for crossing in self.crossings if crossing.facets > penetration]
+        return found + self.passages
 
     def remarks(self) -> list[str]:
         """What holds in the mean only, since the mesh is too coarse; in words."""

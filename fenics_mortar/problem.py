@@ -250,6 +250,7 @@ class ContactProblem(ContactEquations):
     def _solve_by_this_model(self, accept_violations: bool) -> NewtonReport:
         """Solve, whatever the model's adequacy."""
         clock.read()
+        self.crossings.begin(self.tools.places)
         for contact in self.contacts:
             contact.start_step()
         try:
@@ -263,6 +264,7 @@ class ContactProblem(ContactEquations):
             moved += self.floating.check()
         except Exception:  # of whatever kind, for all ranks alike
             self._last_converged = False
+            self.crossings.leave()
             self.hold(None)
             raise
         self._last_converged = True
@@ -270,7 +272,10 @@ class ContactProblem(ContactEquations):
         for contact in self.contacts:
             contact.accept()
         self.bulk.free_garbage()
-        report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
+        passages = self.crossings.passages(self.tools.places)
+        report.certificate = replace(
+            self.certificate(), strayed=self.tools.strayed(), passages=passages
+        )
         violations = report.certificate.violations()
         told = [f"VIOLATED: {violation}" for violation in violations]
         remarks = told or report.certificate.remarks()
@@ -282,7 +287,9 @@ class ContactProblem(ContactEquations):
             self._last_converged = False
             for contact, before in zip(self.contacts, accepted, strict=True):
                 contact.accepted = before
+            self.crossings.leave()
             raise _wrong_state(report, violations)
+        self.crossings.accept(self.tools.places)
         return report
 
     def _solve(self) -> NewtonReport:
@@ -324,10 +331,11 @@ class ContactProblem(ContactEquations):
             return release_slowly(self, self.newton, error)
 
     def accept(self) -> None:
-        """Count slip from the last evaluated state (collective)."""
+        """Count slip and ways of nodes from the last evaluated state (collective)."""
         for contact in self.contacts:
             contact.accept()
             contact.start_step()
+        self.crossings.accept(self.tools.places)
 
     def _accept_moved(self) -> None:
         """Count slip from where bodies were moved to, but for nodes that slid there (collective).
@@ -388,9 +396,10 @@ class ContactProblem(ContactEquations):
         return self._adequacy
 
     def certificate(self) -> Certificate:
-        """Measure balance, signs and penetration of the last evaluated state."""
+        """Measure balance, signs, penetration and crossings of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
-        return replace(certificate, springs=max((p for _, p in self._parts_held()), default=0.0))
+        springs = max((p for _, p in self._parts_held()), default=0.0)
+        return replace(certificate, springs=springs, crossings=self.crossings.find())
 
     def estimate(self) -> ErrorEstimate:
         """Estimate the error of the present state by cells; see ``estimate``.
