@@ -53,6 +53,7 @@ from fenics_mortar.obstacles import (
 from fenics_mortar.options import check_lengths
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.segments import Segments, find_segments
+from fenics_mortar.sight import Outline, Sight, View
 from fenics_mortar.slip import Measure, Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface
@@ -142,6 +143,8 @@ class Contact(Interface):
         self.offset = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self._reference: _Reference | None = None
+        self._sight: Sight | None = None
+        self._view: View | None = None
         self._borne: tuple[npt.NDArray[np.bool_], Array] | None = None
         self.partners: Partners
         self.accepted: Partners
@@ -155,6 +158,16 @@ class Contact(Interface):
         if self.obstacle is not None:
             return surface_without_nodes(self.slave, self.pair.master_name)
         return super()._master_surface(space)
+
+    def see(self, outline: Outline) -> Outline:
+        """See ``Interface``: through what partners may lie behind the slave.
+
+        Not behind an obstacle: what faces it from outside has it in front.
+        """
+        if self.obstacle is None:
+            normals, _ = evaluate_normals(self.slave, self.slave.X, self.pair.normals)
+            self._sight = Sight(outline, self.slave, self.master, normals)
+        return outline
 
     def _find_master_planes(self, prescribed: npt.NDArray[np.bool_]) -> Array:
         """Normals of master nodes on symmetry planes, nan elsewhere (collective)."""
@@ -233,15 +246,24 @@ class Contact(Interface):
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""
-        x = self.slave.X + self.slave.gather(u)
-        m = self.master.X + self.master.gather(u)
+        view, x, m = self._look(u)
         if self.pair.sliding == "small":
             operators = self._after_small_motion(x, m)
         else:
-            operators = self._evaluate(x, m, linearization)
+            operators = self._evaluate(x, m, linearization, view)
         self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
         if self.pair.slip == "operators":
             _ = self.operators.vectors  # by all ranks
+
+    def _look(self, u: Array | None) -> tuple[View | None, Array, Array]:
+        """The view at ``u``, or undeformed, and the places of slave and master (collective)."""
+        sides = self.slave, self.master
+        if self._sight is not None:
+            view, *moved = self._sight.look(u)
+        else:
+            view, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
+        x, m = (side.X + change for side, change in zip(sides, moved, strict=True))
+        return view, x, m
 
     @property
     def _slip_measure(self) -> Measure:
@@ -249,13 +271,16 @@ class Contact(Interface):
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.slip
 
-    def _evaluate(self, x: Array, m: Array, linearization: Linearization) -> MortarOperators:
+    def _evaluate(
+        self, x: Array, m: Array, linearization: Linearization, view: View | None
+    ) -> MortarOperators:
         """The operators where the nodes are at ``x`` and ``m`` (collective)."""
-        planes = self._carriers.plane_normals
+        planes, self._view = self._carriers.plane_normals, view
         if self.obstacle is None:
             return evaluate_mortar(
-                self.slave, self.master, x, m, self.carries, planes, self.options, linearization
-            )
+                self.slave, self.master, x, m, self.carries, planes, self.options, linearization,
+                view,
+            )  # fmt: skip
         return evaluate_obstacle(
             self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
             self.options, linearization,
@@ -265,8 +290,8 @@ class Contact(Interface):
         """The operators of the undeformed mesh, with the gap of the present positions."""
         kept = self._reference
         if kept is None or not np.array_equal(kept.carries, self.carries):
-            X, frozen = (self.slave.X, self.master.X), LINEARIZATIONS["frozen"]
-            operators = self._evaluate(*X, frozen).freeze()
+            view, *X = self._look(None)
+            operators = self._evaluate(*X, LINEARIZATIONS["frozen"], view).freeze()
             place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
             kept = self._reference = _Reference(operators, self.carries.copy(), place)
         if self.obstacle is None:
@@ -291,13 +316,14 @@ class Contact(Interface):
             return o.segments
         return find_segments(
             self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
-            radius=options.radius, least_cosine=options.least_cosine,
+            radius=options.radius, least_cosine=options.least_cosine, view=self._view,
         )  # fmt: skip
 
     def adopt(self, other: Contact) -> None:
         """Take over offset, weight and undeformed operators of the same pair by another model."""
         self.offset, self.c_n = other.offset, other.c_n
         self._reference = other._reference or self._reference
+        self._view = other._view or self._view
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve, and what they bore."""

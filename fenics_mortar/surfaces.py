@@ -126,7 +126,7 @@ class Surface:
         Returns:
             Values at the nodes of the surface, shape (n, 2), equal on all ranks.
         """
-        return _replicate(values[self.local_dofs], self.owners, self.comm)
+        return replicate(values[self.local_dofs], self.owners, self.comm)
 
     def dofs_of(self, which: Indices) -> Indices:
         """Global dofs (..., 2 k) of the nodes ``which`` (..., k) of the surface; -1 stays -1."""
@@ -209,14 +209,14 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
         nodes,
         owners,
         owned,
-        _replicate(local_dofs + space.first, owners, comm),
+        replicate(local_dofs + space.first, owners, comm),
         local_dofs,
         comm,
     )
 
 
-def _replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.NDArray[Any]:
-    """Collect values (owned nodes, 2) of all ranks: (nodes, 2), in the order of nodes."""
+def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.NDArray[Any]:
+    """Collect values (owned nodes, 2) of all ranks: (nodes, 2), in the order of nodes (collective)."""
     everything = np.empty((owners.size, 2), mine.dtype)
     counts = np.bincount(owners, minlength=comm.size)
     comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))
@@ -246,11 +246,23 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
             f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
             f"one at {where}; a contact surface is part of the outline of one body"
         )
-    facet_cells, cell_facets = mesh.topology.connectivity(1, 2), mesh.topology.connectivity(2, 1)
+    ends, x = oriented_facets(V, tagged), V.tabulate_dof_coordinates()[:, :2]
+    names = compat.input_nodes(V)
+    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
+    to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
+    return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
+
+
+def oriented_facets(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
+    """Local nodes of local ``facets`` (m,) of the mesh, in order, the body on the left: (m, K).
+
+    Local; facets and cells of the mesh have to be connected.
+    """
+    topology, layout = V.mesh.topology, V.dofmap.dof_layout
+    facet_cells, cell_facets = topology.connectivity(1, 2), topology.connectivity(2, 1)
     dofmap, x = compat.dofmap(V), V.tabulate_dof_coordinates()[:, :2]
-    layout = V.dofmap.dof_layout
-    ends = np.empty((tagged.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
-    for i, facet in enumerate(tagged):
+    ends = np.empty((facets.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
+    for i, facet in enumerate(facets):
         cell = facet_cells.links(facet)[0]
         local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
         a, b, *inside = dofmap[cell][layout.entity_closure_dofs(1, local)]
@@ -258,10 +270,7 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
         edge = x[b] - x[a]
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
         ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
-    names = compat.input_nodes(V)
-    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
-    to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
-    return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
+    return ends
 
 
 def _number_nodes(

@@ -21,11 +21,14 @@ as covered up to its node: both are rounding where two bodies end at one place.
 For points that are fixed on the slave facets, a ray asks the same question of the two ends of each
 master facet. One upon a master node, within rounding, has a partner by rule, so that aligned meshes
 do not leave it to chance.
+
+Of the facets behind a slave point only those count that are the nearer way out, see ``sight``. To
+a depth that is safe for each slave facet this is not asked.
 """
 
 import numpy as np
 
-from fenics_mortar.kernels import curved, kernel
+from fenics_mortar.kernels import curved, kernel, sight
 from fenics_mortar.kernels.projection import master_to_slave, side_of_ray, slave_to_master
 
 
@@ -157,8 +160,8 @@ def find_interval(y, N, is_node):
 
 
 @kernel
-def distance_if_facing(y, N, xi, least_cosine):
-    """|g| at ``xi``, or inf where the normals of slave and master are not opposed enough."""
+def gap_if_facing(y, N, xi, least_cosine):
+    """Gap at ``xi``, or inf where the normals of slave and master are not opposed enough."""
     curved.tabulate_shapes(xi, N)
     nx, ny = curved.combine(y, 1, N, 0)
     if N.shape[1] == 2:
@@ -170,7 +173,25 @@ def distance_if_facing(y, N, xi, least_cosine):
     size = np.sqrt(nx * nx + ny * ny)
     if not -(nx * ay - ny * ax) >= least_cosine * size * np.sqrt(ax * ax + ay * ay):
         return np.inf
-    return abs(alpha) * size
+    return alpha * size
+
+
+@kernel
+def is_seen(y, N, xi, gap, radius, view, facets):
+    """Whether a facing partner at ``gap`` is within ``radius`` and, behind, the nearer way out.
+
+    ``view`` = (safe depths and bodies of the slave facets, bodies of the master facets, outline,
+    part of a facet that is rounding), see ``sight``; ``facets`` = (slave facet, master facet).
+    """
+    if not abs(gap) <= radius:
+        return False
+    safe, slave_bodies, master_bodies, outline, least = view
+    if -gap <= safe[facets[0]]:
+        return True
+    last = 2 * N.shape[1] - 2
+    length = np.sqrt((y[last] - y[0]) ** 2 + (y[last + 1] - y[1]) ** 2)
+    bodies = slave_bodies[facets[0]], master_bodies[facets[1]]
+    return sight.is_way_out(y, N, xi, -gap, outline, bodies, least * length)
 
 
 @kernel
@@ -206,8 +227,8 @@ def keep_nearest(found, count, tolerance):
 
 
 @kernel
-def facet_segments(geometry, slave, master_facets, hits, radius, limits, found):
-    """Fill ``found`` (see ``keep_nearest``) for one slave facet; return the number of rows."""
+def facet_segments(geometry, e, slave, master_facets, hits, radius, view, limits, found):
+    """Fill ``found`` (see ``keep_nearest``) for the slave facet ``e``; return the number of rows."""
     x, n, m = geometry
     least_cosine, least_cover = limits
     y, N = np.empty(6 * slave.size), np.empty((3, slave.size))
@@ -218,9 +239,10 @@ def facet_segments(geometry, slave, master_facets, hits, radius, limits, found):
         meets, lower, upper = find_interval(y, N, is_node)
         if not meets:
             continue
-        distance = distance_if_facing(y, N, 0.5 * (lower + upper), least_cosine)
-        if distance <= radius:
-            found[count, 0], found[count, 1], found[count, 2] = distance, lower, upper
+        middle = 0.5 * (lower + upper)
+        gap = gap_if_facing(y, N, middle, least_cosine)
+        if is_seen(y, N, middle, gap, radius, view, (e, hits[hit])):
+            found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
             found[count, 3] = hits[hit]
             found[count, 4], found[count, 5] = is_node[0], is_node[1]
             count += 1
@@ -262,7 +284,9 @@ def ray_hits(y, N, is_start, tolerance):
 
 
 @kernel
-def point_partners(geometry, slave, master_facets, starts, hits, points, radius, limits, partners):
+def point_partners(
+    geometry, e, slave, master_facets, starts, hits, points, radius, view, limits, partners
+):
     """Fill ``partners`` (p,): the nearest master facet of each point, -1 for none; how many have.
 
     At equal distance it is the facet of the lower number.
@@ -280,15 +304,16 @@ def point_partners(geometry, slave, master_facets, starts, hits, points, radius,
             curved.tabulate_shapes(points[p], N)
             if not ray_hits(y, N, starts[master_facets[hit, 0]], tolerance):
                 continue
-            distance = distance_if_facing(y, N, points[p], least_cosine)
-            same = distance == distances[p] and hit < partners[p]
-            if distance <= radius and (distance < distances[p] or same):
+            gap = gap_if_facing(y, N, points[p], least_cosine)
+            distance = abs(gap)
+            nearer = distance < distances[p] or (distance == distances[p] and hit < partners[p])
+            if nearer and is_seen(y, N, points[p], gap, radius, view, (e, hit)):
                 partners[p], distances[p] = hit, distance
     return (partners >= 0).sum()
 
 
 @kernel
-def find_points(geometry, slave_facets, master_facets, radius, limits, points, least_points):
+def find_points(geometry, slave_facets, master_facets, radius, view, limits, points, least_points):
     """Find the partners of the same ``points`` (p,), in order, on each of ``slave_facets`` (f, K).
 
     As ``find_segments``; here ``limits`` = (least cosine, part of a slave facet within which a ray
@@ -308,7 +333,7 @@ def find_points(geometry, slave_facets, master_facets, radius, limits, points, l
         nodes = slave_facets[e]
         near = candidates(boxes, controls, nodes, radius, stack, hits)
         paired = point_partners(
-            geometry, nodes, master_facets, starts, near, points, radius, limits, partners
+            geometry, e, nodes, master_facets, starts, near, points, radius, view, limits, partners
         )
         end = offsets[e]
         for p in range(points.size):
@@ -324,12 +349,12 @@ def find_points(geometry, slave_facets, master_facets, radius, limits, points, l
 
 
 @kernel
-def find_segments(geometry, slave_facets, master_facets, radius, limits):
+def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
     """Find the segments of ``slave_facets`` (f, K).
 
-    ``geometry`` = (slave positions, slave normals, master positions); ``limits`` = (least cosine
-    between slave normal and reversed master normal, least length in xi). Returns offsets (f + 1,),
-    master facet (n,), end_is_node (n, 2), ends (n, 2).
+    ``geometry`` = (slave positions, slave normals, master positions), ``view`` as in ``is_seen``;
+    ``limits`` = (least cosine between slave normal and reversed master normal, least length in xi).
+    Returns offsets (f + 1,), master facet (n,), end_is_node (n, 2), ends (n, 2).
     """
     x, n, m = geometry
     boxes = build_tree(control_points(m, master_facets), master_facets)
@@ -344,7 +369,9 @@ def find_segments(geometry, slave_facets, master_facets, radius, limits):
         near = candidates(boxes, controls, nodes, radius, stack, hits)
         if near.size > found.shape[0]:
             found = np.empty((2 * near.size, 6))
-        kept = facet_segments(geometry, nodes, master_facets, near, radius, limits, found)
+        kept = facet_segments(
+            geometry, e, nodes, master_facets, near, radius, view, limits, found
+        )
         start = offsets[e]
         if start + kept > rows.shape[0]:
             longer = np.empty((2 * (start + kept), 6))
