@@ -22,6 +22,11 @@ For points that are fixed on the slave facets, a ray asks the same question of t
 master facet. One upon a master node, within rounding, has a partner by rule, so that aligned meshes
 do not leave it to chance.
 
+While two surfaces come near each other, a slave facet at a corner may face two parts of a master,
+one far behind the other. Functions that are negative somewhere, as the dual ones, make an overlap
+of such gaps, and the facet would press from a distance. So until the nearer part is within half a
+facet, where there may be contact, the farther one does not count.
+
 Of the facets behind a slave point only those count that are the nearer way out, see ``sight``. To
 a depth that is safe for each slave facet this is not asked.
 """
@@ -30,6 +35,10 @@ import numpy as np
 
 from fenics_mortar.kernels import curved, kernel, sight
 from fenics_mortar.kernels.projection import master_to_slave, side_of_ray, slave_to_master
+
+# A part of a slave facet: what is farther away than this cannot be in contact, as the certificate
+# sees it.
+APART = 0.5
 
 
 @kernel
@@ -227,6 +236,38 @@ def keep_nearest(found, count, tolerance):
 
 
 @kernel
+def keep_near_parts(found, count, master_facets, apart):
+    """Where all is farther than ``apart``, drop parts that are farther than the nearest by as much.
+
+    Rows of ``found`` as ``keep_nearest`` leaves them; those of master facets that share a node are
+    of one part. Returns how many stay.
+    """
+    nearest = np.inf
+    for i in range(count):
+        nearest = min(nearest, found[i, 0])
+    if nearest <= apart:
+        return count
+    kept, start = 0, 0
+    while start < count:
+        stop, distance = start + 1, found[start, 0]
+        while stop < count and is_next(master_facets, found[stop - 1, 3], found[stop, 3]):
+            distance = min(distance, found[stop, 0])
+            stop += 1
+        if distance <= nearest + apart:
+            for i in range(start, stop):
+                found[kept] = found[i]
+                kept += 1
+        start = stop
+    return kept
+
+
+@kernel
+def is_next(master_facets, one, other):
+    """Whether the master facet ``other`` goes before ``one``, so comes next along the slave."""
+    return master_facets[int(one), 0] == master_facets[int(other), -1]
+
+
+@kernel
 def facet_segments(geometry, e, slave, master_facets, hits, radius, view, limits, found):
     """Fill ``found`` (see ``keep_nearest``) for the slave facet ``e``; return the number of rows."""
     x, n, m = geometry
@@ -247,6 +288,9 @@ def facet_segments(geometry, e, slave, master_facets, hits, radius, view, limits
             found[count, 4], found[count, 5] = is_node[0], is_node[1]
             count += 1
     kept = keep_nearest(found, count, least_cover)
+    edge = x[slave[-1]] - x[slave[0]]
+    apart = APART * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
+    kept = keep_near_parts(found, kept, master_facets, apart)
     if kept == 0:
         return 0
     if found[0, 1] < -1.0 + least_cover:
