@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fenics_mortar.dead_end import why_path_ends
+from fenics_mortar.dead_end import why_it_is_a_jump, why_path_ends
 from fenics_mortar.equations import State
 from fenics_mortar.errors import MortarError, NotConvergedError, call_together
 from fenics_mortar.files import make_folder, try_together, without_suffix
@@ -214,7 +214,7 @@ def follow_path(
         load(time + step)
         accepted = predictor.last
         try:
-            report = predictor.solve(time + step, partial(_solve_soundly, problem))
+            report = predictor.solve(time + step, partial(_solve_soundly, problem, accepted))
         except NotConvergedError as failure:
             path.failures.append(failure.report)
             problem.restore(accepted)
@@ -248,12 +248,12 @@ def _last_words(time: float, step: float, why: str, failure: NotConvergedError) 
     return f"the path ends at {time:.6g}: a step of {step:.1e} fails; {failure}. {HINT}"
 
 
-def _solve_soundly(problem: ContactProblem) -> NewtonReport:
-    """Solve; a state that violates its certificate is not accepted."""
+def _solve_soundly(problem: ContactProblem, before: State) -> NewtonReport:
+    """Solve; neither a state that violates its certificate is accepted, nor a jump to it."""
     report = problem.solve()
-    violations = "; ".join(report.certificate.violations())
-    if violations:
-        report.converged, report.reason = False, f"converged to a wrong state: {violations}"
+    wrong = "; ".join(report.certificate.violations()) or why_it_is_a_jump(problem, before)
+    if wrong:
+        report.converged, report.reason = False, f"converged to a wrong state: {wrong}"
         raise NotConvergedError(report.reason, report)
     return report
 

@@ -268,8 +268,13 @@ def is_next(master_facets, one, other):
 
 
 @kernel
-def facet_segments(geometry, e, slave, master_facets, hits, radius, view, limits, found):
-    """Fill ``found`` (see ``keep_nearest``) for the slave facet ``e``; return the number of rows."""
+def facet_segments(
+    geometry, slave, master_facets, hits, radius, limits, found, view=None, number=0
+):
+    """Fill ``found`` (see ``keep_nearest``) for one slave facet; return the number of rows.
+
+    ``view`` as in ``is_seen``, in which the facet has this ``number``; without it all is seen.
+    """
     x, n, m = geometry
     least_cosine, least_cover = limits
     y, N = np.empty(6 * slave.size), np.empty((3, slave.size))
@@ -282,7 +287,11 @@ def facet_segments(geometry, e, slave, master_facets, hits, radius, view, limits
             continue
         middle = 0.5 * (lower + upper)
         gap = gap_if_facing(y, N, middle, least_cosine)
-        if is_seen(y, N, middle, gap, radius, view, (e, hits[hit])):
+        if view is None:
+            counts = abs(gap) <= radius
+        else:
+            counts = is_seen(y, N, middle, gap, radius, view, (number, hits[hit]))
+        if counts:
             found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
             found[count, 3] = hits[hit]
             found[count, 4], found[count, 5] = is_node[0], is_node[1]
@@ -414,7 +423,7 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
         if near.size > found.shape[0]:
             found = np.empty((2 * near.size, 6))
         kept = facet_segments(
-            geometry, e, nodes, master_facets, near, radius, view, limits, found
+            geometry, nodes, master_facets, near, radius, limits, found, view, e
         )
         start = offsets[e]
         if start + kept > rows.shape[0]:
