@@ -70,6 +70,8 @@ NEAR = 0.5
 # A sticking node that other pairs hold, too, gives way to its shear: by this part of what the bulk
 # does.
 GIVE = 1e-3
+# Overlaps of active nodes are told of from so many facets on: iterates of Newton have smaller ones.
+MANY = 2.0
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
 
@@ -468,7 +470,7 @@ class Contact(Interface):
         if not self.covered.any():
             return (
                 f"no node of '{self.slave.name}' faced '{self.master.name}' before the first "
-                f"solve: nothing within {self.pair.search_radius or self._reach():.3g} along its "
+                f"solve: nothing within {self.options.radius:.3g} along its "
                 "normals, so the pair bears no force until they come nearer"
             )
         overlap = -np.nan_to_num(self.gap)
@@ -479,6 +481,30 @@ class Contact(Interface):
             f"'{self.slave.name}' and '{self.master.name}' overlap by up to {overlap[j]:.3g} at "
             f"{place(self.operators.x[j])} before the first solve, which counts as interference; "
             "initial_gap=0 would take it for an error of the mesh"
+        )
+
+    @property
+    def reach(self) -> str:
+        """How far away partners are looked for, in words."""
+        if self.obstacle is not None:
+            return f"up to {self.options.radius:.3g}"
+        return (
+            f"up to {self.options.radius:.3g}, behind the surface at most up to half of what both "
+            "bodies are thick there"
+        )
+
+    def describe_overlap(self) -> str:
+        """The active node that overlaps the most, in words; "" if by a few facets only."""
+        overlap = np.where(self.active, -np.nan_to_num(self.gap) / self.nodal_lengths, 0.0)
+        j = int(np.argmax(overlap))
+        if overlap[j] <= MANY:
+            return ""
+        depth = overlap[j] * self.nodal_lengths[j]
+        return (
+            f"the node at {place(self.operators.x[j])} of '{self.slave.name}' overlaps "
+            f"'{self.master.name}' by {overlap[j]:.1f} facets; partners are looked for "
+            f"{self.reach}: take smaller steps, or, if that is no contact, a search_radius below "
+            f"{depth:.3g}"
         )
 
     def gap_change(self, on_slave: Array, on_master: Array) -> Array:
