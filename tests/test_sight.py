@@ -199,8 +199,9 @@ def bump(x, middle, width):
     return np.cos(0.5 * np.pi * t) ** 2
 
 
-@pytest.mark.parametrize("slave", ["hook", "catch"])
-@pytest.mark.parametrize("barb, wide", [(0.15, 0.2), (0.1, 0.35)])
+@pytest.mark.parametrize(
+    "slave, barb, wide", [("hook", 0.1, 0.35), ("catch", 0.1, 0.35), ("catch", 0.15, 0.2)]
+)
 def test_hook_snaps_behind_a_catch(slave, barb, wide):
     """A barb on an arm is pushed over a ridge, with whole outlines, and rests behind it."""
 
