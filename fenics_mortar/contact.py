@@ -99,6 +99,7 @@ class Contact(Interface):
         partners: What the slave nodes faced at the last accepted state.
         accepted: What they faced when the present state was accepted: the next step's partners.
         operators: D, M, gap and derivatives at the last evaluated state.
+        sight: What it sees of the bodies behind the slave, ``None`` of an obstacle.
         offset: Length taken off the pointwise gap, interpolated between the slave nodes, shape
             (slave nodes,) [length]. May be set: to ramp an overlap of the mesh, go with ``t`` from
             0 to 1 by ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
@@ -145,7 +146,7 @@ class Contact(Interface):
         self.offset = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self._reference: _Reference | None = None
-        self._sight: Sight | None = None
+        self.sight: Sight | None = None
         self._view: View | None = None
         self._borne: tuple[npt.NDArray[np.bool_], Array] | None = None
         self.partners: Partners
@@ -168,7 +169,7 @@ class Contact(Interface):
         """
         if self.obstacle is None:
             normals, _ = evaluate_normals(self.slave, self.slave.X, self.pair.normals)
-            self._sight = Sight(outline, self.slave, self.master, normals)
+            self.sight = Sight(outline, self.slave, self.master, normals)
         return outline
 
     def _find_master_planes(self, prescribed: npt.NDArray[np.bool_]) -> Array:
@@ -260,8 +261,8 @@ class Contact(Interface):
     def _look(self, u: Array | None) -> tuple[View | None, Array, Array]:
         """The view at ``u``, or undeformed, and the places of slave and master (collective)."""
         sides = self.slave, self.master
-        if self._sight is not None:
-            view, *moved = self._sight.look(u)
+        if self.sight is not None:
+            view, *moved = self.sight.look(u)
         else:
             view, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
         x, m = (side.X + change for side, change in zip(sides, moved, strict=True))

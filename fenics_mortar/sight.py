@@ -162,13 +162,16 @@ class Sight:
         outline: Boundary of the mesh.
         slave, master: The surfaces.
         normals: Normals of the slave nodes in the undeformed mesh, shape (slave nodes, 2).
+
+    Attributes:
+        outline: Boundary of the bodies of the two.
     """
 
     def __init__(
         self, outline: Outline, slave: Surface, master: Surface, normals: Array
     ) -> None:
         bodies = [self._bodies(outline, side) for side in (slave, master)]
-        self._outline = outline = outline.of_bodies(np.unique(np.concatenate(bodies)))
+        self.outline = outline = outline.of_bodies(np.unique(np.concatenate(bodies)))
         self._slave_bodies, self._master_bodies = bodies
         self._of_slave, self._of_master = map(outline.places_of, (slave.nodes, master.nodes))
         lengths = np.empty(len(slave.facets))
@@ -185,7 +188,7 @@ class Sight:
         return of_node[outline.places_of(surface.nodes[surface.facets[:, 0]])]
 
     def _pieces(self, x: Array) -> tuple[Array, Indices, Indices]:
-        return x, self._outline.pieces, self._outline.bodies
+        return x, self.outline.pieces, self.outline.bodies
 
     def look(self, u: Array | None) -> tuple[View, Array, Array]:
         """The view at the displacement ``u``, a local array, or undeformed (collective).
@@ -193,7 +196,7 @@ class Sight:
         Returns:
             The view, and the displacements of the nodes of slave and master, each (nodes, 2).
         """
-        X = self._outline.X
-        moved = np.zeros_like(X) if u is None else self._outline.gather(u)
+        X = self.outline.X
+        moved = np.zeros_like(X) if u is None else self.outline.gather(u)
         view = View(self._safe, self._slave_bodies, self._master_bodies, self._pieces(X + moved))
         return view, moved[self._of_slave], moved[self._of_master]
