@@ -187,7 +187,8 @@ def simulate(dofs):
         ghosted = (own + other) * slave + needed * master + segments / at * segment
         # positions and forces of master nodes; positions, forces, sums of slave nodes of others
         sent = 32 * needed * (ranks > 1) + 80 * other
-        cells = [f"{ranks}", f"{now / 1e6:.1f}", f"{FACTOR * bytes_of(contact, S, M) * (ranks > 1):.0f}"]
+        sent_now = FACTOR * bytes_of(contact, S, M) * (ranks > 1)
+        cells = [f"{ranks}", f"{now / 1e6:.1f}", f"{sent_now:.0f}"]
         cells += [f"{CALLS * 2 * np.ceil(np.log2(ranks)):.0f}"]
         cells += [f"{8 * strip * (S + M) * (ranks > 1):.0f}"]
         cells += [f"{at}", f"{ghosted / 1e6:.1f}", f"{sent}", f"{4 * partners * (ranks > 1)}"]

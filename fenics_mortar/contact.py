@@ -293,8 +293,9 @@ class Contact(Interface):
         """The operators of the undeformed mesh, with the gap of the present positions."""
         kept = self._reference
         if kept is None or not np.array_equal(kept.carries, self.carries):
-            view, *X = self._look(None)
-            operators = self._evaluate(*X, LINEARIZATIONS["frozen"], view).freeze()
+            view, X, X_master = self._look(None)
+            frozen = LINEARIZATIONS["frozen"]
+            operators = self._evaluate(X, X_master, frozen, view).freeze()
             place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
             kept = self._reference = _Reference(operators, self.carries.copy(), place)
         if self.obstacle is None:

@@ -227,7 +227,7 @@ class ContactEquations:
         return dict(zip(mine, slowest.tolist(), strict=True))
 
     def diagnose(self) -> str:
-        """Name inverted cells, bodies that nothing holds, edges that a shear peels off, overlaps."""
+        """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
         deep = [c.describe_overlap() for c in self.contacts if isinstance(c, Contact)]
         return "; ".join(filter(None, (self._describe_loose(), *deep)))
 

@@ -18,7 +18,6 @@ from typing import NamedTuple
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
@@ -143,13 +142,14 @@ def extract_outline(space: DisplacementSpace, labels: Indices) -> Outline:
     nodes, first, inverse = np.unique(given, return_index=True, return_inverse=True)
     begin, end = index_map.local_range
     starts = np.array(comm.allgather(begin))
+    owners = np.asarray(np.searchsorted(starts, nodes, side="right") - 1, np.int64)
     owned = nodes[(nodes >= begin) & (nodes < end)]
     return Outline(
         coordinates[first],
         inverse.reshape(given.shape).astype(np.int64),
         bodies.astype(np.int64),
         nodes,
-        np.searchsorted(starts, nodes, side="right") - 1,
+        owners,
         space.dofs[owned - begin],
         comm,
     )
@@ -167,9 +167,7 @@ class Sight:
         outline: Boundary of the bodies of the two.
     """
 
-    def __init__(
-        self, outline: Outline, slave: Surface, master: Surface, normals: Array
-    ) -> None:
+    def __init__(self, outline: Outline, slave: Surface, master: Surface, normals: Array) -> None:
         bodies = [self._bodies(outline, side) for side in (slave, master)]
         self.outline = outline = outline.of_bodies(np.unique(np.concatenate(bodies)))
         self._slave_bodies, self._master_bodies = bodies

@@ -237,7 +237,7 @@ def keep_nearest(found, count, tolerance):
 
 @kernel
 def keep_near_parts(found, count, master_facets, apart):
-    """Where all is farther than ``apart``, drop parts that are farther than the nearest by as much.
+    """Where all is farther than ``apart``, drop parts farther than the nearest by as much.
 
     Rows of ``found`` as ``keep_nearest`` leaves them; those of master facets that share a node are
     of one part. Returns how many stay.
@@ -366,7 +366,9 @@ def point_partners(
 
 
 @kernel
-def find_points(geometry, slave_facets, master_facets, radius, view, limits, points, least_points):
+def find_points(
+    geometry, slave_facets, master_facets, radius, view, limits, points, least_points
+):
     """Find the partners of the same ``points`` (p,), in order, on each of ``slave_facets`` (f, K).
 
     As ``find_segments``; here ``limits`` = (least cosine, part of a slave facet within which a ray
@@ -422,9 +424,7 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
         near = candidates(boxes, controls, nodes, radius, stack, hits)
         if near.size > found.shape[0]:
             found = np.empty((2 * near.size, 6))
-        kept = facet_segments(
-            geometry, nodes, master_facets, near, radius, limits, found, view, e
-        )
+        kept = facet_segments(geometry, nodes, master_facets, near, radius, limits, found, view, e)
         start = offsets[e]
         if start + kept > rows.shape[0]:
             longer = np.empty((2 * (start + kept), 6))
