@@ -81,6 +81,8 @@ class PairCertificate:
             over the largest pressure (or what the law allows, where that is more).
         overlap: Largest negative mean gap of a slave node over its length; of a tied pair how far
             the sides have moved apart.
+        overlap_at: Where that is.
+        reach: How far away partners are looked for, in words.
         complementarity: Largest |(z_n + a) g|, a: the adhesion, over largest pressure and length.
         penetration: Deepest point of a segment in the master over its facet's length: what the
             discretisation allows between the nodes, of second order in the facets.
@@ -107,6 +109,8 @@ class PairCertificate:
     tension: float = 0.0
     shear: float = 0.0
     overlap: float = 0.0
+    overlap_at: str = ""
+    reach: str = ""
     complementarity: float = 0.0
     penetration: float = 0.0
     distance: float = 0.0
@@ -134,7 +138,8 @@ class PairCertificate:
         for name in ("force", "tension", "shear", "overlap", "complementarity"):
             value = getattr(self, name)
             if not value <= tolerance:
-                yield f"{self.pair}: {name} {value:.1e} (allowed {tolerance:.1e})"
+                where = f" {self.overlap_at}" if name == "overlap" else ""
+                yield f"{self.pair}: {name} {value:.1e} (allowed {tolerance:.1e}){where}"
         if not self.penetration <= penetration:
             yield (
                 f"{self.pair}: penetration of {self.penetration:.2f} facets between the nodes, at "
@@ -145,7 +150,8 @@ class PairCertificate:
         if self.unpaired:
             yield (
                 f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "
-                "contact was missed; take smaller steps or a larger search_radius"
+                f"contact was missed, since partners are looked for {self.reach}; take smaller "
+                "steps or a larger search_radius"
             )
 
     def _remarks_on_corners(self) -> Iterator[str]:
@@ -330,6 +336,9 @@ def _certify_pair(
         tension=max(float(tension.max()), 0.0) / largest,
         shear=max(float(excess.max()), 0.0) / max(largest, float(bound.max())),
         overlap=max(-float(gap.min()), 0.0),
+        overlap_at=f"at {place(contact.operators.x[gap.argmin()])}, in facets; partners are looked "
+        f"for {contact.reach}",
+        reach=contact.reach,
         complementarity=float(np.abs(tension * gap).max()) / largest,
         **_between_nodes(contact),
         **_slant(contact, pressure),

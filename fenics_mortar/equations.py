@@ -267,7 +267,12 @@ class ContactEquations:
         return dict(zip(mine, slowest.tolist(), strict=True))
 
     def diagnose(self) -> str:
-        """Name inverted cells, bodies that nothing holds and edges that a shear peels off."""
+        """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
+        deep = [c.describe_overlap() for c in self.contacts if isinstance(c, Contact)]
+        return "; ".join(filter(None, (self._describe_loose(), *deep)))
+
+    def _describe_loose(self) -> str:
+        """The first of inverted cells, bodies that nothing holds and edges that peel, in words."""
         inverted = self._describe_inverted()
         if inverted:
             return inverted

@@ -42,6 +42,7 @@ from fenics_mortar.options import check_choice, check_kind, check_number
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
+from fenics_mortar.sight import extract_outline
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.system import (
     DIRECT,
@@ -53,7 +54,7 @@ from fenics_mortar.system import (
     obstacle_to_condensation,
 )
 from fenics_mortar.tangent import TangentCheck, check_tangent
-from fenics_mortar.tied import TiedPair, bind
+from fenics_mortar.tied import Tie, TiedPair, bind
 from fenics_mortar.undo import undone_if_interrupted
 
 
@@ -156,6 +157,7 @@ class ContactProblem(ContactEquations):
         check_folds(space.V, contacts)
         bulk.check_input()
         super().__init__(bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions())
+        self._show_outlines()
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(contacts) else "condensed"
         automatic = solver == "auto"
@@ -177,6 +179,13 @@ class ContactProblem(ContactEquations):
         self._adequacy = adequacy
         if adequacy is not None:
             adequacy.prepare(self)
+
+    def _show_outlines(self) -> None:
+        """Show each contact the bodies that it may look through, tied ones as one."""
+        outline = extract_outline(self.bulk.space, self.floating.labels)
+        ties = [contact for contact in self.contacts if isinstance(contact, Tie)]
+        for contact in [*ties, *(c for c in self.contacts if isinstance(c, Contact))]:
+            outline = contact.see(outline)
 
     def _begin_where_meshed(self) -> None:
         """Evaluate the contacts at the start, and take its gaps for what the pairs say."""

@@ -216,7 +216,7 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
 
 
 def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.NDArray[Any]:
-    """Collect values (owned nodes, 2) of all ranks: (nodes, 2), in the order of nodes."""
+    """Values (owned nodes, 2) of all ranks in the order of nodes, (nodes, 2) (collective)."""
     everything = np.empty((owners.size, 2), mine.dtype)
     counts = np.bincount(owners, minlength=comm.size)
     comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))
