@@ -366,9 +366,7 @@ def point_partners(
 
 
 @kernel
-def find_points(
-    geometry, slave_facets, master_facets, radius, view, limits, points, least_points
-):
+def find_points(geometry, slave_facets, master_facets, radius, view, limits, points, least_points):
     """Find the partners of the same ``points`` (p,), in order, on each of ``slave_facets`` (f, K).
 
     As ``find_segments``; here ``limits`` = (least cosine, part of a slave facet within which a ray
