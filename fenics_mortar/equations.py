@@ -180,6 +180,7 @@ class ContactEquations:
     def _begin(self) -> None:
         """Forget the cycles of the last solve."""
         self._recent_sets, self._residuals = [], []
+        self._redundancy.begin()
         for contact in self.contacts:
             contact.begin()
 
