@@ -260,6 +260,15 @@ class DrivenObstacles:
         """Take the springs of ``hold`` away."""
         self._springs = None
 
+    @property
+    def springs(self) -> tuple[Array | None, Array]:
+        """Stiffness of the springs of ``hold``, if there are any, and where they are anchored."""
+        return self._springs, self._anchor
+
+    @springs.setter
+    def springs(self, springs: tuple[Array | None, Array]) -> None:
+        self._springs, self._anchor = springs
+
     def travel(self) -> float:
         """How far an obstacle has moved since ``hold``, in shortest facets."""
         moves = np.linalg.norm(np.where(self.driven, self._strain(), 0.0), axis=1)

@@ -17,6 +17,7 @@ All is in the frame of the obstacle, so that the tool may have moved and turned 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -30,7 +31,7 @@ from fenics_mortar.bodies import find_floating_bodies, label_bodies
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.checks import check_residual, check_space
 from fenics_mortar.contact import Contact
-from fenics_mortar.errors import MeshError, check_same_words, together
+from fenics_mortar.errors import MeshError, call_together, check_same_words, together
 from fenics_mortar.facing import nearest_facets, points_of
 from fenics_mortar.mesh import MeshData
 from fenics_mortar.obstacles import Obstacle
@@ -167,8 +168,10 @@ class _Touching:
         return np.asarray((motion * normals).sum(axis=1))
 
     def distances(self, X: Array) -> Array:
-        """Signed distances from the obstacle of what of the tool the points touch."""
-        return self._obstacle.local(self._on_tool(X))[0]
+        """Signed distances from the obstacle of what of the tool the points touch (collective)."""
+        distance = f"the distance of '{self._obstacle.name}'"
+        local = partial(self._obstacle.local, self._on_tool(X))
+        return call_together(self._contact.slave.comm, distance, local)[0]
 
     def means(self, values: Array) -> Array:
         """Means of values at the points for each slave node, 0 where none is near (collective)."""

@@ -32,6 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -45,7 +46,7 @@ from scipy.sparse.linalg import splu
 from fenics_mortar import compat
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
-from fenics_mortar.errors import together
+from fenics_mortar.errors import call_together, together
 from fenics_mortar.facing import GAUSS, Points, Rule, face, points_behind, points_of
 from fenics_mortar.fluxes import Fluxes, ReferenceCell
 from fenics_mortar.interface import Interface
@@ -399,14 +400,20 @@ def gap_defects(contact: Contact) -> Defects:
     here, gap = points_of(segments), _gaps(contact, segments)
     closed = contact.active[here.slave[:, [0, -1]]].all(axis=1)[:, None]
     wrong, opening = np.where(closed, gap, np.minimum(gap, 0.0)), np.maximum(gap, 0.0)
-    pull, _ = contact.pair.law.adhesion(opening)
+    pull, _ = _ask(contact, "adhesion", opening)
     pressure = np.maximum(here.of(contact.pressure) + pull, 0.0)
     work = np.where(closed, 0.0, pressure * opening)
     return _on_facets(contact, here, wrong[..., None] * here.direction(o.n), work)
 
 
+def _ask(contact: Contact, what: str, values: Array) -> Any:
+    """What the law of a contact answers; what it raises is raised on all ranks (collective)."""
+    law = contact.pair.law
+    return call_together(contact.slave.comm, repr(law), partial(getattr(law, what), values))
+
+
 def _gaps(contact: Contact, segments: Segments) -> Array:
-    """Gaps less the offset at the points of segments, shape (n, q) [length] (local).
+    """Gaps less the offset at the points of segments, shape (n, q) [length] (collective).
 
     With small sliding they are linear in the motion, as those of the nodes are.
     """
@@ -431,7 +438,7 @@ def slip_defects(contact: Contact) -> Defects:
     ends, held = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
     sticking = contact.sticking[ends]
     sticks = ((sticking | held[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
-    node, bound = contact.nodal, contact.pair.law.bound(contact.pressure)
+    node, bound = contact.nodal, _ask(contact, "bound", contact.pressure)
     shear, bound = (here.of(np.where(contact.active, a, 0.0)) for a in (node.z_tau, bound))
     lost = np.maximum(bound * np.abs(slip) - shear * slip, 0.0)
     work = np.where(sticks | (bound <= 0.0), 0.0, lost)

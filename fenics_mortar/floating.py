@@ -212,6 +212,15 @@ class FloatingBodies:
         self._springs = None
 
     @property
+    def springs(self) -> tuple[Array | None, Array]:
+        """Stiffness of the springs of ``hold``, if there are any, and where they are anchored."""
+        return self._springs, self._anchor
+
+    @springs.setter
+    def springs(self, springs: tuple[Array | None, Array]) -> None:
+        self._springs, self._anchor = springs
+
+    @property
     def held(self) -> bool:
         """Whether springs of ``hold`` are there."""
         return self._springs is not None

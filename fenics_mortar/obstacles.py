@@ -29,6 +29,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Self
 
 from mpi4py import MPI
@@ -488,9 +489,11 @@ class ObstacleOperators(MortarOperators):
         return self.x + self.phi[:, None] * self.n, -self.force(z)[0]
 
     def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
-        """Phi at the points -1..1 of each facet of this share, shape (f, points)."""
+        """Phi at the points -1..1 of each facet of this share, (f, points) (collective)."""
         at = np.einsum("kp,ekc->epc", _shapes(points, s.slave.shape[1])[0], x[s.slave])
-        return self.obstacle.evaluate(at.reshape(-1, 2))[0].reshape(at.shape[:2])
+        distance = f"the distance of '{self.obstacle.name}'"
+        evaluate = partial(self.obstacle.evaluate, at.reshape(-1, 2))
+        return call_together(self.slave.comm, distance, evaluate)[0].reshape(at.shape[:2])
 
 
 def surface_without_nodes(slave: Surface, name: str) -> Surface:

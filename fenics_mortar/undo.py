@@ -28,19 +28,19 @@ class Before:
     def __init__(self, problem: Any) -> None:
         self._problem, self._state, self._depth = problem, problem.state(), clock.depth
         self._contacts = [(c.operators, c.c_n, c.offset.copy()) for c in problem.contacts]
+        self._springs = problem.floating.springs, problem.tools.springs
         adequacy = problem.adequacy
         self._take_back_adequacy = adequacy.remember() if adequacy is not None else None
 
     def take_back(self, *, renew: bool) -> None:
-        """Go back, springs let go; ``renew``: make matrices and solvers anew in the next solve."""
+        """Go back; ``renew``: make matrices and solvers anew in the next solve."""
         problem = self._problem
         clock.leave(self._depth)
         drop_added_options()
         problem.put(self._state)
         for contact, kept in zip(problem.contacts, self._contacts, strict=True):
             contact.operators, contact.c_n, contact.offset = kept
-        problem.floating.let_go()
-        problem.tools.let_go()
+        problem.floating.springs, problem.tools.springs = self._springs
         if self._take_back_adequacy is not None:
             self._take_back_adequacy()
         problem.interrupted |= renew

@@ -32,6 +32,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar import compat
 from fenics_mortar.errors import NotFiniteError
+from fenics_mortar.obstacles import ObstacleOperators
 
 COMM = MPI.COMM_WORLD
 LAST = COMM.rank == COMM.size - 1
@@ -138,6 +139,33 @@ def test_distance_that_raises_at_nodes_on_one_rank_raises_on_all():
         problem.solve()
     floor.on = False
     assert problem.solve().converged
+
+
+@several_ranks
+@pytest.mark.parametrize("after", ["solve", "estimate"])
+def test_distance_that_raises_between_the_nodes_on_one_rank_raises_on_all(after, monkeypatch):
+    """Certificate and estimate look at points of their own, each rank at those of its share."""
+
+    def fails(x, *fields):
+        if LAST:
+            raise ZeroDivisionError("no distance here")
+        return fields
+
+    floor, sample = Floor(fails, at_once=False), ObstacleOperators.sample_gaps
+
+    def spoilt_sample(self, *arguments):
+        floor.on = True
+        try:
+            return sample(self, *arguments)
+        finally:
+            floor.on = False
+
+    problem = on_obstacle(floor.obstacle)
+    if after == "estimate":
+        problem.solve()
+    monkeypatch.setattr(ObstacleOperators, "sample_gaps", spoilt_sample)
+    with raised_on_the_last_rank(ZeroDivisionError, "no distance here"):
+        problem.solve() if after == "solve" else problem.estimate()
 
 
 @several_ranks

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from scenes import linear_elastic, neo_hookean, pressed_blocks
 from test_adequacy import climbing
+from test_driven import block_under
+from test_floating import falling_disk
 
 import fenics_mortar as fm
 from fenics_mortar.clock import clock
@@ -55,7 +57,7 @@ def everything(problem):
     state = problem.state()
     contacts = [(c.c_n, c.offset.copy(), c.operators) for c in problem.contacts]
     options = PETSc.Options("test_").getAll()
-    springs = problem.floating.held, problem.tools._springs is None
+    springs = [id(array) for of in (problem.floating, problem.tools) for array in of.springs]
     return state, contacts, options, problem.newton, springs, clock.depth
 
 
@@ -123,6 +125,21 @@ def test_a_solve_may_be_interrupted_anywhere(name):
     scene.problem.solve()
     push[:] = (0.1, -0.1)
     interrupt_at_random(scene.problem, scene.problem.solve, seed=len(name), times=25)
+
+
+@pytest.mark.serial
+def test_a_release_by_springs_may_be_interrupted_anywhere():
+    """A disk that may roll, held by springs that let go."""
+    problem = falling_disk(0.1)
+    interrupt_at_random(problem, problem.solve, seed=3, times=4)
+
+
+@pytest.mark.serial
+def test_a_driven_obstacle_may_be_interrupted_anywhere():
+    lid = fm.Plane((1.0, 1.02), (0.0, -1.0), name="lid")
+    problem = block_under(lid)
+    lid.push(y=-0.2, moment=0.0)
+    interrupt_at_random(problem, problem.solve, seed=4, times=8)
 
 
 @pytest.mark.serial
