@@ -15,7 +15,7 @@ from mpi4py import MPI
 import numpy as np
 from random_bodies import corner_areas, depths, distances, lengths
 from random_cases import Case
-from random_held import EARLIEST, MARGIN, HeldCase
+from random_held import EARLIEST, MARGIN, TOLD_MARGIN, HeldCase
 from trial_scene import Scene, build
 
 import fenics_mortar as fm
@@ -71,7 +71,7 @@ def confirm(case: HeldCase, record: Record) -> None:
     beyond, and bodies that slid where they are held, are wrong.
     """
     reached = record.get("refused", record.get("time", 0.0))
-    late = case.end * (1.0 + MARGIN)
+    late = case.end * (1.0 + (TOLD_MARGIN if record.get("remarks") else MARGIN))
     if record["outcome"] not in ("converged", "failed"):
         return
     if "refused" not in record and reached > late:
