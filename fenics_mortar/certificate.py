@@ -27,6 +27,7 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -445,31 +446,36 @@ def _misdirected(contact: Contact, forces: Array) -> float:
             (slave.following, np.pi / 2, 1.0),
         )
     )
-    runs, corner = _runs(contact), after - before > CORNER
-    low, high = np.minimum(before, 0.0) * corner, np.maximum(after, 0.0) * corner
-    angle = np.clip(_angle(o.n, -_master_normals(contact, runs)), low, high)
-    return float(np.abs(np.bincount(runs, forces * np.sin(angle))).sum())
+    corners = np.flatnonzero(contact.active & (after - before > CORNER))
+    if not corners.size:
+        return 0.0
+    runs = np.where(contact.active, _runs(contact), -1)
+    kept, labels = np.unique(runs[corners], return_inverse=True)
+    low, high = np.minimum(before[corners], 0.0), np.maximum(after[corners], 0.0)
+    normals = np.array([_master_normal(contact, runs == run) for run in kept])
+    angle = np.clip(_angle(o.n[corners], -normals[labels]), low, high)
+    return float(np.abs(np.bincount(labels, forces[corners] * np.sin(angle))).sum())
 
 
-def _master_normals(contact: Contact, runs: Indices) -> Array:
-    """Normals of the master around what each run of slave nodes faces, (slave nodes, 2).
+def _master_normal(contact: Contact, run: npt.NDArray[np.bool_]) -> Array:
+    """Normal of the master around what some slave nodes face, of any length (collective).
 
-    Of a chord that goes some facets beyond on either side, since facets beneath a corner are dented
-    (collective). Not of unit length.
+    That of a chord which goes some facets beyond on either side: beneath a corner they are dented.
+
+    Args:
+        contact: The pair.
+        run: The active nodes of a run, shape (slave nodes,), bool.
     """
     o, s, master = contact.operators, contact.operators.segments, contact.master
-    faced = np.zeros((int(runs.max()) + 1, master.num_nodes), bool)
-    presses = contact.active[s.slave].any(axis=1)
-    faced[runs[s.slave[presses]].min(axis=1)[:, None], s.master[presses]] = True
+    faced = np.zeros(master.num_nodes, bool)
+    faced[s.master[run[s.slave].any(axis=1)]] = True
     contact.slave.comm.Allreduce(MPI.IN_PLACE, faced, MPI.LOR)
-    on_facet = faced[:, master.facets].all(axis=2)
+    on_facet = faced[master.facets].all(axis=1)
     for _ in range(AROUND_CORNERS):
-        nodes = np.zeros_like(faced)
-        for run, facets in enumerate(on_facet):
-            nodes[run, master.facets[facets].ravel()] = True
-        on_facet = nodes[:, master.facets].any(axis=2)
-    vectors = o.m[master.facets[:, -1]] - o.m[master.facets[:, 0]]
-    return _right_of(on_facet.astype(float) @ vectors)[runs]
+        faced[master.facets[on_facet]] = True
+        on_facet = faced[master.facets].any(axis=1)
+    ends = o.m[master.facets[on_facet]]
+    return _right_of((ends[:, -1] - ends[:, 0]).sum(axis=0, keepdims=True))[0]
 
 
 def _right_of(directions: Array) -> Array:
