@@ -186,21 +186,17 @@ def gap_if_facing(y, N, xi, least_cosine):
 
 
 @kernel
-def is_seen(y, N, xi, gap, radius, view, facets):
-    """Whether a facing partner at ``gap`` is within ``radius`` and, behind, the nearer way out.
+def is_hidden(y, N, xi, depth, view, facets):
+    """Whether a facing partner at ``depth`` behind the slave surface is not the nearer way out.
 
     ``view`` = (safe depths and bodies of the slave facets, bodies of the master facets, outline,
     part of a facet that is rounding), see ``sight``; ``facets`` = (slave facet, master facet).
     """
-    if not abs(gap) <= radius:
-        return False
-    safe, slave_bodies, master_bodies, outline, least = view
-    if -gap <= safe[facets[0]]:
-        return True
+    _, slave_bodies, master_bodies, outline, least = view
     last = 2 * N.shape[1] - 2
     length = np.sqrt((y[last] - y[0]) ** 2 + (y[last + 1] - y[1]) ** 2)
     bodies = slave_bodies[facets[0]], master_bodies[facets[1]]
-    return sight.is_way_out(y, N, xi, -gap, outline, bodies, least * length)
+    return not sight.is_way_out(y, N, xi, depth, outline, bodies, least * length)
 
 
 @kernel
@@ -273,12 +269,15 @@ def facet_segments(
 ):
     """Fill ``found`` (see ``keep_nearest``) for one slave facet; return the number of rows.
 
-    ``view`` as in ``is_seen``, in which the facet has this ``number``; without it all is seen.
+    ``view`` as in ``is_hidden``, in which the facet has this ``number``; without it all is seen.
     """
     x, n, m = geometry
     least_cosine, least_cover = limits
     y, N = np.empty(6 * slave.size), np.empty((3, slave.size))
     is_node = np.empty(2, np.bool_)
+    safe = np.inf
+    if view is not None:
+        safe = view[0][number]
     count = 0
     for hit in range(hits.size):
         curved.gather(x, n, m, slave, master_facets[hits[hit]], y)
@@ -287,15 +286,15 @@ def facet_segments(
             continue
         middle = 0.5 * (lower + upper)
         gap = gap_if_facing(y, N, middle, least_cosine)
-        if view is None:
-            counts = abs(gap) <= radius
-        else:
-            counts = is_seen(y, N, middle, gap, radius, view, (number, hits[hit]))
-        if counts:
-            found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
-            found[count, 3] = hits[hit]
-            found[count, 4], found[count, 5] = is_node[0], is_node[1]
-            count += 1
+        if not abs(gap) <= radius or gap == np.inf:
+            continue
+        if view is not None:
+            if -gap > safe and is_hidden(y, N, middle, -gap, view, (number, hits[hit])):
+                continue
+        found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
+        found[count, 3] = hits[hit]
+        found[count, 4], found[count, 5] = is_node[0], is_node[1]
+        count += 1
     kept = keep_nearest(found, count, least_cover)
     edge = x[slave[-1]] - x[slave[0]]
     apart = APART * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
@@ -349,7 +348,7 @@ def point_partners(
     y, N = np.empty(6 * slave.size), np.empty((3, slave.size))
     edge = x[slave[-1]] - x[slave[0]]
     tolerance = tie * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
-    partners[:] = -1
+    partners[:], safe = -1, view[0][e]
     distances = np.full(points.size, np.inf)
     for hit in hits:
         curved.gather(x, n, m, slave, master_facets[hit], y)
@@ -360,8 +359,11 @@ def point_partners(
             gap = gap_if_facing(y, N, points[p], least_cosine)
             distance = abs(gap)
             nearer = distance < distances[p] or (distance == distances[p] and hit < partners[p])
-            if nearer and is_seen(y, N, points[p], gap, radius, view, (e, hit)):
-                partners[p], distances[p] = hit, distance
+            if not (nearer and distance <= radius):
+                continue
+            if -gap > safe and is_hidden(y, N, points[p], -gap, view, (e, hit)):
+                continue
+            partners[p], distances[p] = hit, distance
     return (partners >= 0).sum()
 
 
@@ -405,7 +407,7 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
 def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
     """Find the segments of ``slave_facets`` (f, K).
 
-    ``geometry`` = (slave positions, slave normals, master positions), ``view`` as in ``is_seen``;
+    ``geometry`` = (slave positions, slave normals, master positions), ``view`` as in ``is_hidden``;
     ``limits`` = (least cosine between slave normal and reversed master normal, least length in xi).
     Returns offsets (f + 1,), master facet (n,), end_is_node (n, 2), ends (n, 2).
     """
