@@ -477,8 +477,9 @@ class Contact(Interface):
         row = Row(*(np.where(rubs, a, b) for a, b in zip(ours, without, strict=True)))
         if not self.overheld.any():
             return row
-        k, zero = ELASTIC * node.stiffness, np.zeros_like(node.slip)
-        elastic = Row(node.z_tau - self.partners.shear - k * node.slip, zero, -k, zero, zero + 1.0)
+        k, zero = node.stiffness, np.zeros_like(node.slip)
+        shear = (node.z_tau - self.partners.shear) / ELASTIC
+        elastic = Row(shear - k * node.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
         return Row(*(np.where(self.overheld, a, b) for a, b in zip(elastic, row, strict=True)))
 
     @property
@@ -601,14 +602,14 @@ class Contact(Interface):
             there is no limit. Third, the adhesion of a closed gap [stress].
         """
         law = self.pair.law
-        at, beyond = (law.bound(np.full(len(self.z), p)) for p in (pressure, 2.0 * pressure))
+        at, beyond = (self.asker.bound(law, np.full(len(self.z), p), self.slave.X) for p in (pressure, 2.0 * pressure))
         unlimited = np.isinf(at)
         at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
         slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
         shear = np.maximum(at - slope * pressure, 0.0)
         shear = np.where(self._rubs & (shear > KINK * at), shear, 0.0)
         slope = np.where(self._rubs, np.where(unlimited, np.inf, slope), 0.0)
-        return slope, shear, law.adhesion(np.zeros(len(self.z)))[0]
+        return slope, shear, self.asker.adhesion(law, np.zeros(len(self.z)), self.slave.X)[0]
 
     def _change(self, blocks: list[Block], on_slave: Array, on_master: Array) -> Array:
         """What blocks of slave nodes change in a direction, (slave nodes,) (collective)."""
