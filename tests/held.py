@@ -272,7 +272,7 @@ def jaws(
         moves = block(2, n + 2, width=width, height=2.0 * height, corner=(end, -0.5 * height))
         bodies += [
             Body(Grid("left", still), clamped=("left",)),
-            Body(Grid("right", moves), push=1.0, guided=(("right", 1),)),
+            Body(Grid("right", moves), push=1.0, guided=(("top", 1),)),
         ]
         touches += [
             Touch("block0/left", "left/right", law),

@@ -128,8 +128,10 @@ def structure(
         wrenches.append(np.array(rows).reshape(-1, 3))
     guided = np.zeros((len(number), 3), bool)
     for body in free:
-        for _, component in body.guided:
+        for side, component in body.guided:
             guided[number[body.grid.name], [component, 2]] = True
+            if not np.ptp(line_of(body.grid, side)[:, 1 - component]) > 0.0:
+                raise ValueError(f"{side}: a guide has to keep the body from turning, too")
     for name, flat in driven.items():
         along = int(np.abs(flat.normal).argmax())
         guided[number[name], [1 - along, 2]] = True

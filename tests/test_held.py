@@ -188,7 +188,7 @@ def held_without_judge(held):
 # Several bodies
 
 
-@pytest.mark.parametrize("number", [5, 9])
+@pytest.mark.parametrize("number", [5, pytest.param(9, marks=pytest.mark.slow)])
 def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough(number):
     """Milankovitch: t/R = 0.1075 for many; for few limit analysis knows."""
     held = arch(0.15, number)
@@ -210,8 +210,10 @@ def test_joint_of_two_blocks_under_a_third_passes_the_patch_test(side, cells, sl
 
 
 @pytest.mark.parametrize("cells", [(4,), (4, 6, 2)])
-@pytest.mark.parametrize("mu", [0.2, 0.6, 1.0])
-@pytest.mark.parametrize("rows, cols", [(2, 1), (2, 2), (3, 2)])
+@pytest.mark.parametrize(
+    "rows, cols, mu",
+    [(2, 1, 0.2), (2, 1, 1.0), (2, 2, 0.1), (2, 2, 0.4), (2, 2, 1.0), (3, 2, 0.2), (3, 2, 1.0)],
+)
 def test_brick_wall_bears_its_weight_and_a_quarter_of_what_friction_does(rows, cols, mu, cells):
     held = wall(rows, cols, mu, cells=cells)
     stays(held, most=MOST)
@@ -235,6 +237,7 @@ def test_other_walls_of_five_bricks(options):
     stays(wall(2, 2, 0.6, **options), most=MOST)
 
 
+@pytest.mark.slow
 def test_wall_pushed_by_more_than_friction_bears_gives_way():
     gives_way(wall(2, 2, 0.4, push=1.2))
 
@@ -250,6 +253,5 @@ def test_random_tower_bears_half_of_the_lateral_force_that_limit_analysis_allows
     stays(tower(seed), most=MOST)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-def test_random_tower_gives_way_beyond_it(seed):
-    gives_way(tower(seed, part=1.2))
+def test_random_tower_gives_way_beyond_it():
+    gives_way(tower(1, part=1.2))

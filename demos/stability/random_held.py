@@ -349,7 +349,7 @@ def _row(rng: np.random.Generator, seed: int) -> HeldCase:
         friction=[mu] * len(pairs),
         clamped=("left",),
         supports=[("left", "left")],
-        guides=[("right", "right", 1)],
+        guides=[("right", "top", 1)],
     )
 
 
