@@ -6,17 +6,18 @@ in the contact evaluation asks who owns a facet. Nodes are numbered along the cu
 and in an order that follow from the coordinates alone, so the numbering does not depend on how
 the mesh is distributed.
 
-What that costs each rank: with S slave and M master nodes, a Newton iteration collects positions,
-16 (S + M) bytes, sums of D, gap and cover, 32 S, contact forces, 16 (S + M), and forces on slave
-nodes to recover the multipliers, 16 S; multigrid weighs what these follow, 8 S. Together that is
-88 S + 32 M bytes, however many ranks there are. `demos/bench_ranks.py` counts it: 12,592 bytes in 7
-calls, the formula says 12,584, with 41,000 unknowns on one and on two ranks, of which each has 49.7
-to 50.3 % of the segments. An iteration at 161,000 unknowns takes 0.55 s on one rank and 0.35 s on
+What that costs each rank: with S slave and M master nodes, and B nodes on the outlines of their
+bodies, a Newton iteration collects positions, 16 B bytes (of a rigid obstacle's slave 16 S), sums
+of D, gap and cover, 32 S, contact forces, 16 (S + M), and forces on slave nodes to recover the
+multipliers, 16 S; multigrid weighs what these follow, 8 S. Together that is 72 S + 16 M + 16 B,
+however many ranks there are. `demos/bench_ranks.py` counts it: 21,744 bytes in 6 calls, the formula
+says 21,736, with 41,000 unknowns. On two ranks each has 49.7 to 50.3 % of the segments.
+An iteration at 161,000 unknowns takes 0.55 s on one rank and 0.35 s on
 two, one at 322,000 on two ranks 0.81 s, on a machine of two cores.
 
 What limits many ranks is simulated there, not run: an interface like that of two blocks, bodies cut
 into squares. With 1e9 unknowns on 1e3 ranks S = 12,911 and M = 25,821; each rank holds 5.8 MB and
-is handed 2.0 MB in an iteration, as much as on 10 ranks. That is little beside a million unknowns
+is handed 3.4 MB in an iteration, as much as on 10 ranks. That is little beside a million unknowns
 of its own; but it does not shrink, nor does the work on all nodes that every rank repeats (normals,
 the sorted boxes of the search). With solver "iterative" the strip along the interface costs more:
 its right-hand side, 1.9 MB, goes to all ranks in every linear iteration, and each makes all of its
