@@ -100,6 +100,9 @@ class PairCertificate:
         lean: Pressure beside a slave node that is held over that of the next nodes, the largest.
         lean_at: Where that is.
         undecided_at: Where a node is covered by about as much as makes it carry a multiplier.
+        overheld: Sticking nodes that other constraints hold as well: their shear is not unique, see
+            ``redundancy``.
+        overheld_at: Where one of them is.
         unpaired: Nodes of the two surfaces inside another body without any partner.
         uncovered: Slave nodes without a partner.
     """
@@ -123,6 +126,8 @@ class PairCertificate:
     lean: float = 0.0
     lean_at: str = ""
     undecided_at: str = ""
+    overheld: int = 0
+    overheld_at: str = ""
     unpaired: int = 0
     uncovered: int = 0
 
@@ -194,6 +199,12 @@ class PairCertificate:
             yield (
                 f"{self.pair}: a body leans on a held slave node, at {self.lean_at}, which carries "
                 "no multiplier: the force may be far too small; take the other body as slave"
+            )
+        if self.overheld:
+            yield (
+                f"{self.pair}: {self.overheld} sticking nodes are held by other pairs as well, one "
+                f"at {self.overheld_at}: their shear is not unique, and stays as near as it can to "
+                "that of the last state"
             )
         if self.undecided_at:
             yield (
@@ -345,6 +356,8 @@ def _certify_pair(
         **_slant(contact, pressure),
         friction=_friction(bound, pressure),
         **_lean(contact, pressure),
+        overheld=int(contact.overheld.sum()),
+        overheld_at=place(contact.operators.x[contact.overheld.argmax()]),
         undecided_at=" and ".join(map(place, contact.operators.x[contact.undecided])),
         unpaired=_count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.carries & ~contact.covered).sum()),

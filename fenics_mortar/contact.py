@@ -602,14 +602,16 @@ class Contact(Interface):
             there is no limit. Third, the adhesion of a closed gap [stress].
         """
         law = self.pair.law
-        at, beyond = (self.asker.bound(law, np.full(len(self.z), p), self.slave.X) for p in (pressure, 2.0 * pressure))
-        unlimited = np.isinf(at)
+        ones, X = np.ones(len(self.z)), self.slave.X
+        at = self.asker.bound(law, pressure * ones, X)
+        beyond = self.asker.bound(law, 2.0 * pressure * ones, X)
+        unlimited = np.isinf(at + beyond)
         at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
         slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
         shear = np.maximum(at - slope * pressure, 0.0)
         shear = np.where(self._rubs & (shear > KINK * at), shear, 0.0)
         slope = np.where(self._rubs, np.where(unlimited, np.inf, slope), 0.0)
-        return slope, shear, self.asker.adhesion(law, np.zeros(len(self.z)), self.slave.X)[0]
+        return slope, shear, self.asker.adhesion(law, 0.0 * ones, X)[0]
 
     def _change(self, blocks: list[Block], on_slave: Array, on_master: Array) -> Array:
         """What blocks of slave nodes change in a direction, (slave nodes,) (collective)."""
