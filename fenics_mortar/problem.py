@@ -208,9 +208,9 @@ class ContactProblem(ContactEquations):
                 the user. Displacement and multipliers are as before the call then.
         """
         self._renew_if_interrupted()
+        self.bulk.check_input()
+        self._check_contacts()
         with undone_if_interrupted(self):
-            self.bulk.check_input()
-            self._check_contacts()
             report = None if self._adequacy is None else self._adequacy.climb()
             report = report or self._solve_by_this_model()
             if self._adequacy is not None:
