@@ -248,13 +248,8 @@ class ContactProblem(ContactEquations):
         """
         self._renew_if_interrupted()
         self.bulk.check_input()
-        self._check_contacts()
+        self._remarks = self._inputs.check(self.newton, accept_violations)
         with undone_if_interrupted(self):
-<<<<<<< HEAD
-            self.bulk.check_input()
-            self._remarks = self._inputs.check(self.newton, accept_violations)
-=======
->>>>>>> kept
             report = None if self._adequacy is None else self._adequacy.climb()
             report = report or self._solve_by_this_model(accept_violations)
             if self._adequacy is not None:
