@@ -44,7 +44,7 @@ class Damped:
     def __init__(self, equations: Stateful, options: NewtonOptions) -> None:
         self._equations, self._options = equations, options
         self.merge_sets, self.seconds = equations.merge_sets, equations.seconds
-        self.diagnose = equations.diagnose
+        self.diagnose, self.drifts = equations.diagnose, equations.drifts
         self._residual = 0.0
 
     def advance(self) -> Step:

@@ -40,6 +40,9 @@ from fenics_mortar.tied import Tie
 LESS_WEIGHT = 1e-3
 # A node wavers if it was both open and closed in so many iterations.
 WAVERING = 4
+# Forces along free motions are slight below this part of all forces: a hundredth of what averaged
+# normals of facets may err.
+SLIGHT = 5e-4
 EPSILON = float(np.finfo(float).eps)
 # Squared norms of what all ranks know may differ by this part; a spread that is found as the root
 # of a difference of squares has the root of rounding.
@@ -334,6 +337,18 @@ class ContactEquations:
         """Record of a step taken, by its largest increment [length]."""
         size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
         return Step(increment / size, part, note)
+
+    def drifts(self) -> str:
+        """Say which bodies only slight forces along free motions move on (collective).
+
+        Contact forces act along averaged normals of facets, so that smooth bodies without friction
+        are driven by a small part of them, and may have no equilibrium near by; "" if there are no
+        such bodies, or other forces are left as well.
+        """
+        if self.floating.held or self._residuals[-1] > SLIGHT * self._force:
+            return ""
+        names = self.floating.names(self.floating.loose())
+        return f"only a slight force is left, which moves {names} on" if names else ""
 
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of the active set or of sticking and sliding nodes; say how.

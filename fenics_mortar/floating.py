@@ -328,9 +328,13 @@ class FloatingBodies:
             for motion in np.eye(len(body.motions))
         )
 
+    def names(self, bodies: Sequence[FloatingBody]) -> str:
+        """Names of bodies in words."""
+        return " and ".join(sorted({self.name_of(body.label) for body in bodies}))
+
     def remark(self, loose: Sequence[FloatingBody]) -> str:
         """What is done about the loose bodies, in words."""
-        names = " and ".join(sorted({self.name_of(body.label) for body in loose}))
+        names = self.names(loose)
         return (
             f"a spring in the tangent keeps {names}, which contact holds in part" if names else ""
         )

@@ -70,6 +70,9 @@ class Equations(Protocol):
     def advance(self) -> Step:
         """Solve one linear system and move."""
 
+    def drifts(self) -> str:
+        """Say which bodies only slight forces along free motions move on; "" if there are none."""
+
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of sets, or such as never settle, for one iteration, and say how."""
 
@@ -272,6 +275,10 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             return report
         if number == 1 and not _is_near(report.residuals, options.most_left):
             raise _failure(equations, report, "the first iteration left most of the residual")
+        if number and not status.num_changed and _makes_no_headway(report.residuals):
+            drifting = equations.drifts()
+            if drifting:
+                raise _failure(equations, report, drifting)
         sets = [*sets, status.sets] if status.num_changed else [status.sets]
         period = UNSETTLED if _is_stuck(sets, report.residuals) else period_of(sets)
         if period:
@@ -294,6 +301,11 @@ def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonRepo
 def _is_near(residuals: Sequence[float], most_left: float) -> bool:
     """Whether the first iteration has lowered the residual as it does near a solution."""
     return np.isinf(most_left) or residuals[1] <= most_left * residuals[0]
+
+
+def _makes_no_headway(residuals: Sequence[float]) -> bool:
+    """Whether the last two iterations have not even halved the residual together."""
+    return len(residuals) > 2 and residuals[-1] > 0.5 * residuals[-3]
 
 
 def _is_stuck(sets: list[bytes], residuals: list[float]) -> bool:

@@ -41,7 +41,7 @@ from fenics_mortar.operators import OperatorMatrices
 from fenics_mortar.options import check_choice, check_kind, check_number
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
-from fenics_mortar.release import release_slowly
+from fenics_mortar.release import hold_here, release_slowly
 from fenics_mortar.sight import extract_outline
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.system import (
@@ -336,6 +336,8 @@ class ContactProblem(ContactEquations):
             loose = bool(self.floating.bodies) or self.tools.driven.any()
             if self.newton.tentative or not loose:
                 raise
+            if self.drifts():
+                return hold_here(self, self.newton, error)
             self.restore(start)
             return release_slowly(self, self.newton, error)
 

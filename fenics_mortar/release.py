@@ -85,16 +85,37 @@ def release_slowly(
     try:
         return after(report, partial(solve, equations, options))
     except NotConvergedError as error:
-        report = error.report
         equations.restore(arrived)
-        for _ in range(REPEATS):
-            equations.hold(TRAVEL)
-            report = after(report, partial(solve, equations, options))
-        part, words = equations.remaining()
-        if part > MOST_HELD:
-            raise NotConvergedError(f"{failed.report.reason}; {words}", report) from error
-        report.notes.append(words)
-        return report
+        again = NotConvergedError(failed.report.reason, error.report)
+        return hold_here(equations, options, again, repeats=REPEATS)
+
+
+def hold_here(
+    equations: Held, options: NewtonOptions, failed: NotConvergedError, *, repeats: int = 1
+) -> NewtonReport:
+    """Solve with weak springs that stay (collective).
+
+    Args:
+        equations: What to solve, near a state that nothing but slight forces moves on.
+        options: Of the solves.
+        failed: What a solve without springs ended with.
+        repeats: How often springs are tied anew.
+
+    Returns:
+        The record of all iterations, those of ``failed`` included.
+
+    Raises:
+        NotConvergedError: On all ranks, if a solve fails or springs hold more than ``MOST_HELD``.
+    """
+    report = failed.report
+    for _ in range(repeats):
+        equations.hold(TRAVEL)
+        report = after(report, partial(solve, equations, options))
+    part, words = equations.remaining()
+    if part > MOST_HELD:
+        raise NotConvergedError(f"{failed}; {words}", report) from failed
+    report.notes.append(words)
+    return report
 
 
 def _move_on_springs(
