@@ -67,13 +67,19 @@ def say(line):
 
 
 # +
+def bytes_of(contact, S, M):
+    """What the formula says for so many nodes, where the outlines have as many more as here."""
+    outline = len(contact.sight.outline.X) / (contact.slave.num_nodes + contact.master.num_nodes)
+    return 72 * S + 16 * M + 16 * outline * (S + M)
+
+
 def measure(kind, dofs):
     """Print a row; return the problem."""
     problem, _, top = two_pressed_blocks(dofs, solver="iterative")
     problem.solve()
     contact, counting = problem.contacts[0], Counting(problem.contacts[0].slave.comm)
-    for surface in (contact.slave, contact.master):
-        object.__setattr__(surface, "comm", counting)
+    for part in (contact.slave, contact.master, contact.sight.outline):
+        object.__setattr__(part, "comm", counting)
     problem.evaluate(start=True)
     counting.calls = counting.bytes = 0
     problem.advance()
@@ -92,19 +98,19 @@ def measure(kind, dofs):
         phases += seconds["search"] + seconds["integrals"]
         iterations += report.num_iterations
     segments = comm.allgather(contact.operators.segments.num_segments)
-    S, M = contact.slave.num_nodes, contact.master.num_nodes
+    sent_now = bytes_of(contact, contact.slave.num_nodes, contact.master.num_nodes)
     cells = [kind, f"{comm.size}", f"{size_of(problem)}"]
     cells += [f"{iterations}", *(f"{1e3 * t / iterations:.1f}" for t in (clock, cpu, phases))]
     least, most = (100 * share / sum(segments) for share in (min(segments), max(segments)))
-    cells += [f"{least:.1f} to {most:.1f}", f"{calls}", f"{sent}", f"{88 * S + 32 * M}"]
+    cells += [f"{least:.1f} to {most:.1f}", f"{calls}", f"{sent}", f"{sent_now:.0f}"]
     cells += [f"{counting.bytes / iterations:.0f}", f"{contact.total_force[1]:.9f}"]
     say(f"| {' | '.join(cells)} |")
-    return problem, calls, sent / (88 * S + 32 * M)
+    return problem, calls, sent / sent_now
 
 
 titles = ["scaling", "ranks", "dofs", "iterations", "clock [ms]", "CPU [ms]"]
 titles += ["search, integrals [ms]", "segments of a rank [%]", "calls", "bytes"]
-titles += ["88 S + 32 M", "bytes, all told", "force"]
+titles += ["72 S + 16 M + 16 B", "bytes, all told", "force"]
 say(f"per Newton iteration\n\n| {' | '.join(titles)} |\n|{'---:|' * len(titles)}")
 measure("weak", DOFS * comm.size)
 problem, CALLS, FACTOR = measure("strong", DOFS)
@@ -181,7 +187,8 @@ def simulate(dofs):
         ghosted = (own + other) * slave + needed * master + segments / at * segment
         # positions and forces of master nodes; positions, forces, sums of slave nodes of others
         sent = 32 * needed * (ranks > 1) + 80 * other
-        cells = [f"{ranks}", f"{now / 1e6:.1f}", f"{FACTOR * (88 * S + 32 * M) * (ranks > 1):.0f}"]
+        sent_now = FACTOR * bytes_of(contact, S, M) * (ranks > 1)
+        cells = [f"{ranks}", f"{now / 1e6:.1f}", f"{sent_now:.0f}"]
         cells += [f"{CALLS * 2 * np.ceil(np.log2(ranks)):.0f}"]
         cells += [f"{8 * strip * (S + M) * (ranks > 1):.0f}"]
         cells += [f"{at}", f"{ghosted / 1e6:.1f}", f"{sent}", f"{4 * partners * (ranks > 1)}"]

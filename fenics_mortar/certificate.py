@@ -3,7 +3,8 @@
 
 Newton says that the equations it was given are solved. Whether they are those of contact, is asked
 here of the state alone: balance of slave and master and of reactions and loads, signs,
-complementarity, penetration between the nodes, and nodes inside another body that found no partner.
+complementarity, penetration between the nodes, nodes inside another body that found no partner, and
+outlines that cross, whether contact sees them or not.
 
 All that may hold where a corner presses, and the force still be far off. That of a slave's corner
 acts along its own averaged normal, not along that of the smooth surface it presses on: an error
@@ -20,18 +21,20 @@ on any mesh. What tells of that is a peak of pressure there.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.asking import raise_noted
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
+from fenics_mortar.crossing import Crossing
 from fenics_mortar.errors import place
 from fenics_mortar.interface import Interface
 from fenics_mortar.surfaces import Array, Indices
@@ -79,6 +82,8 @@ class PairCertificate:
             over the largest pressure (or what the law allows, where that is more).
         overlap: Largest negative mean gap of a slave node over its length; of a tied pair how far
             the sides have moved apart.
+        overlap_at: Where that is.
+        reach: How far away partners are looked for, in words.
         complementarity: Largest |(z_n + a) g|, a: the adhesion, over largest pressure and length.
         penetration: Deepest point of a segment in the master over its facet's length: what the
             discretisation allows between the nodes, of second order in the facets.
@@ -95,6 +100,9 @@ class PairCertificate:
         lean: Pressure beside a slave node that is held over that of the next nodes, the largest.
         lean_at: Where that is.
         undecided_at: Where a node is covered by about as much as makes it carry a multiplier.
+        overheld: Sticking nodes that other constraints hold as well: their shear is not unique, see
+            ``redundancy``.
+        overheld_at: Where one of them is.
         unpaired: Nodes of the two surfaces inside another body without any partner.
         uncovered: Slave nodes without a partner.
     """
@@ -105,6 +113,8 @@ class PairCertificate:
     tension: float = 0.0
     shear: float = 0.0
     overlap: float = 0.0
+    overlap_at: str = ""
+    reach: str = ""
     complementarity: float = 0.0
     penetration: float = 0.0
     distance: float = 0.0
@@ -116,6 +126,8 @@ class PairCertificate:
     lean: float = 0.0
     lean_at: str = ""
     undecided_at: str = ""
+    overheld: int = 0
+    overheld_at: str = ""
     unpaired: int = 0
     uncovered: int = 0
 
@@ -132,7 +144,8 @@ class PairCertificate:
         for name in ("force", "tension", "shear", "overlap", "complementarity"):
             value = getattr(self, name)
             if not value <= tolerance:
-                yield f"{self.pair}: {name} {value:.1e} (allowed {tolerance:.1e})"
+                where = f" {self.overlap_at}" if name == "overlap" else ""
+                yield f"{self.pair}: {name} {value:.1e} (allowed {tolerance:.1e}){where}"
         if not self.penetration <= penetration:
             yield (
                 f"{self.pair}: penetration of {self.penetration:.2f} facets between the nodes, at "
@@ -143,7 +156,8 @@ class PairCertificate:
         if self.unpaired:
             yield (
                 f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "
-                "contact was missed; take smaller steps or a larger search_radius"
+                f"contact was missed, since partners are looked for {self.reach}; take smaller "
+                "steps or a larger search_radius"
             )
 
     def _remarks_on_corners(self) -> Iterator[str]:
@@ -186,6 +200,12 @@ class PairCertificate:
                 f"{self.pair}: a body leans on a held slave node, at {self.lean_at}, which carries "
                 "no multiplier: the force may be far too small; take the other body as slave"
             )
+        if self.overheld:
+            yield (
+                f"{self.pair}: {self.overheld} sticking nodes are held by other pairs as well, one "
+                f"at {self.overheld_at}: their shear is not unique, and stays as near as it can to "
+                "that of the last state"
+            )
         if self.undecided_at:
             yield (
                 f"{self.pair}: the master ends just beside the node at {self.undecided_at}, where "
@@ -215,6 +235,8 @@ class Certificate:
     inverted: int
     springs: float = 0.0
     strayed: float = 0.0
+    crossings: list[Crossing] = field(default_factory=list)
+    passages: list[str] = field(default_factory=list)
 
     def violations(
         self, tolerance: float = 1e-6, penetration: float = 0.5, springs: float = 0.005
@@ -241,7 +263,8 @@ class Certificate:
             )
         if self.inverted:
             found.append(f"{self.inverted} cells are inverted")
-        return found
+        found += [str(crossing) for crossing in self.crossings if crossing.facets > penetration]
+        return found + self.passages
 
     def remarks(self) -> list[str]:
         """What holds in the mean only, since the mesh is too coarse; in words."""
@@ -325,11 +348,16 @@ def _certify_pair(
         tension=max(float(tension.max()), 0.0) / largest,
         shear=max(float(excess.max()), 0.0) / max(largest, float(bound.max())),
         overlap=max(-float(gap.min()), 0.0),
+        overlap_at=f"at {place(contact.operators.x[gap.argmin()])}, in facets; partners are looked "
+        f"for {contact.reach}",
+        reach=contact.reach,
         complementarity=float(np.abs(tension * gap).max()) / largest,
         **_between_nodes(contact),
         **_slant(contact, pressure),
         friction=_friction(bound, pressure),
         **_lean(contact, pressure),
+        overheld=int(contact.overheld.sum()),
+        overheld_at=place(contact.operators.x[contact.overheld.argmax()]),
         undecided_at=" and ".join(map(place, contact.operators.x[contact.undecided])),
         unpaired=_count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.carries & ~contact.covered).sum()),
@@ -431,31 +459,36 @@ def _misdirected(contact: Contact, forces: Array) -> float:
             (slave.following, np.pi / 2, 1.0),
         )
     )
-    runs, corner = _runs(contact), after - before > CORNER
-    low, high = np.minimum(before, 0.0) * corner, np.maximum(after, 0.0) * corner
-    angle = np.clip(_angle(o.n, -_master_normals(contact, runs)), low, high)
-    return float(np.abs(np.bincount(runs, forces * np.sin(angle))).sum())
+    corners = np.flatnonzero(contact.active & (after - before > CORNER))
+    if not corners.size:
+        return 0.0
+    runs = np.where(contact.active, _runs(contact), -1)
+    kept, labels = np.unique(runs[corners], return_inverse=True)
+    low, high = np.minimum(before[corners], 0.0), np.maximum(after[corners], 0.0)
+    normals = np.array([_master_normal(contact, runs == run) for run in kept])
+    angle = np.clip(_angle(o.n[corners], -normals[labels]), low, high)
+    return float(np.abs(np.bincount(labels, forces[corners] * np.sin(angle))).sum())
 
 
-def _master_normals(contact: Contact, runs: Indices) -> Array:
-    """Normals of the master around what each run of slave nodes faces, (slave nodes, 2).
+def _master_normal(contact: Contact, run: npt.NDArray[np.bool_]) -> Array:
+    """Normal of the master around what some slave nodes face, of any length (collective).
 
-    Of a chord that goes some facets beyond on either side, since facets beneath a corner are dented
-    (collective). Not of unit length.
+    That of a chord which goes some facets beyond on either side: beneath a corner they are dented.
+
+    Args:
+        contact: The pair.
+        run: The active nodes of a run, shape (slave nodes,), bool.
     """
     o, s, master = contact.operators, contact.operators.segments, contact.master
-    faced = np.zeros((int(runs.max()) + 1, master.num_nodes), bool)
-    presses = contact.active[s.slave].any(axis=1)
-    faced[runs[s.slave[presses]].min(axis=1)[:, None], s.master[presses]] = True
+    faced = np.zeros(master.num_nodes, bool)
+    faced[s.master[run[s.slave].any(axis=1)]] = True
     contact.slave.comm.Allreduce(MPI.IN_PLACE, faced, MPI.LOR)
-    on_facet = faced[:, master.facets].all(axis=2)
+    on_facet = faced[master.facets].all(axis=1)
     for _ in range(AROUND_CORNERS):
-        nodes = np.zeros_like(faced)
-        for run, facets in enumerate(on_facet):
-            nodes[run, master.facets[facets].ravel()] = True
-        on_facet = nodes[:, master.facets].any(axis=2)
-    vectors = o.m[master.facets[:, -1]] - o.m[master.facets[:, 0]]
-    return _right_of(on_facet.astype(float) @ vectors)[runs]
+        faced[master.facets[on_facet]] = True
+        on_facet = faced[master.facets].any(axis=1)
+    ends = o.m[master.facets[on_facet]]
+    return _right_of((ends[:, -1] - ends[:, 0]).sum(axis=0, keepdims=True))[0]
 
 
 def _right_of(directions: Array) -> Array:

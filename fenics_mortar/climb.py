@@ -202,7 +202,7 @@ class Climb:
         errors = correct(model.problem, problem)
         self._checked, corrected = (now, errors), problem.state()
         if errors[ENERGY] < FAR:
-            start = replace(corrected, partners=start.partners)
+            start = replace(corrected, partners=start.partners, standing=start.standing)
         if self._is_enough(errors):
             return start, Summit(model, errors, "the climb ended here")
         if model.is_linear and model.is_small and np.isfinite(errors[ENERGY]):

@@ -55,6 +55,7 @@ from fenics_mortar.obstacles import (
 from fenics_mortar.options import check_lengths
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.segments import Segments, find_segments
+from fenics_mortar.sight import Outline, Sight, View
 from fenics_mortar.slip import Measure, Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface
@@ -71,6 +72,8 @@ NEAR = 0.5
 # Stiffness of the elastic stick of overheld nodes over that of the bulk. The slip that curvature
 # leaves is of second order in the strains e: it makes a shear of 1000 e of the pressure.
 ELASTIC = 1e3
+# Overlaps of active nodes are told of from so many facets on: iterates of Newton have smaller ones.
+MANY = 2.0
 # An overlap before the first solve is told of above this part of a node's length.
 OVERLAP = 1e-6
 
@@ -98,6 +101,7 @@ class Contact(Interface):
         partners: What the slave nodes faced at the last accepted state.
         accepted: What they faced when the present state was accepted: the next step's partners.
         operators: D, M, gap and derivatives at the last evaluated state.
+        sight: What it sees of the bodies behind the slave, ``None`` of an obstacle.
         offset: Length taken off the pointwise gap, interpolated between the slave nodes, shape
             (slave nodes,) [length]. May be set: to ramp an overlap of the mesh, go with ``t`` from
             0 to 1 by ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
@@ -147,6 +151,8 @@ class Contact(Interface):
         self.offset = np.zeros(self.slave.num_nodes)
         self.c_n = pair.c_n
         self._reference: _Reference | None = None
+        self.sight: Sight | None = None
+        self._view: View | None = None
         self._borne: tuple[npt.NDArray[np.bool_], Array] | None = None
         self.partners: Partners
         self.accepted: Partners
@@ -163,6 +169,16 @@ class Contact(Interface):
         if self.obstacle is not None:
             return surface_without_nodes(self.slave, self.pair.master_name)
         return super()._master_surface(space)
+
+    def see(self, outline: Outline) -> Outline:
+        """See ``Interface``: through what partners may lie behind the slave.
+
+        Not behind an obstacle: what faces it from outside has it in front.
+        """
+        if self.obstacle is None:
+            normals, _ = evaluate_normals(self.slave, self.slave.X, self.pair.normals)
+            self.sight = Sight(outline, self.slave, self.master, normals)
+        return outline
 
     def _find_master_planes(self, prescribed: npt.NDArray[np.bool_]) -> Array:
         """Normals of master nodes on symmetry planes, nan elsewhere (collective)."""
@@ -242,15 +258,24 @@ class Contact(Interface):
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""
-        x = self.slave.X + self.slave.gather(u)
-        m = self.master.X + self.master.gather(u)
+        view, x, m = self._look(u)
         if self.pair.sliding == "small":
             operators = self._after_small_motion(x, m)
         else:
-            operators = self._evaluate(x, m, linearization)
+            operators = self._evaluate(x, m, linearization, view)
         self.operators = operators.less_offset(self.offset) if self.offset.any() else operators
         if self.pair.slip == "operators":
             _ = self.operators.vectors  # by all ranks
+
+    def _look(self, u: Array | None) -> tuple[View | None, Array, Array]:
+        """The view at ``u``, or undeformed, and the places of slave and master (collective)."""
+        sides = self.slave, self.master
+        if self.sight is not None:
+            view, *moved = self.sight.look(u)
+        else:
+            view, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
+        x, m = (side.X + change for side, change in zip(sides, moved, strict=True))
+        return view, x, m
 
     @property
     def _slip_measure(self) -> Measure:
@@ -258,13 +283,16 @@ class Contact(Interface):
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.slip
 
-    def _evaluate(self, x: Array, m: Array, linearization: Linearization) -> MortarOperators:
+    def _evaluate(
+        self, x: Array, m: Array, linearization: Linearization, view: View | None
+    ) -> MortarOperators:
         """The operators where the nodes are at ``x`` and ``m`` (collective)."""
-        planes = self._carriers.plane_normals
+        planes, self._view = self._carriers.plane_normals, view
         if self.obstacle is None:
             return evaluate_mortar(
-                self.slave, self.master, x, m, self.carries, planes, self.options, linearization
-            )
+                self.slave, self.master, x, m, self.carries, planes, self.options, linearization,
+                view,
+            )  # fmt: skip
         return evaluate_obstacle(
             self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
             self.options, linearization,
@@ -282,7 +310,8 @@ class Contact(Interface):
 
     def _refer(self) -> _Reference:
         """Evaluate the operators of the undeformed mesh (collective)."""
-        operators = self._evaluate(self.slave.X, self.master.X, LINEARIZATIONS["frozen"]).freeze()
+        view, X, X_master = self._look(None)
+        operators = self._evaluate(X, X_master, LINEARIZATIONS["frozen"], view).freeze()
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
         self._reference = _Reference(operators, self.carries.copy(), place)
         return self._reference
@@ -328,13 +357,14 @@ class Contact(Interface):
             return o.segments
         return find_segments(
             self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
-            radius=options.radius, least_cosine=options.least_cosine,
+            radius=options.radius, least_cosine=options.least_cosine, view=self._view,
         )  # fmt: skip
 
     def adopt(self, other: Contact) -> None:
         """Take over offset, weight and undeformed operators of the same pair by another model."""
         self.offset, self.c_n = other.offset, other.c_n
         self._reference = other._reference or self._reference
+        self._view = other._view or self._view
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve, and what they bore."""
@@ -447,8 +477,9 @@ class Contact(Interface):
         row = Row(*(np.where(rubs, a, b) for a, b in zip(ours, without, strict=True)))
         if not self.overheld.any():
             return row
-        k, zero = ELASTIC * node.stiffness, np.zeros_like(node.slip)
-        elastic = Row(node.z_tau - self.partners.shear - k * node.slip, zero, -k, zero, zero + 1.0)
+        k, zero = node.stiffness, np.zeros_like(node.slip)
+        shear = (node.z_tau - self.partners.shear) / ELASTIC
+        elastic = Row(shear - k * node.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
         return Row(*(np.where(self.overheld, a, b) for a, b in zip(elastic, row, strict=True)))
 
     @property
@@ -495,7 +526,7 @@ class Contact(Interface):
         if not self.covered.any():
             return (
                 f"no node of '{self.slave.name}' faced '{self.master.name}' before the first "
-                f"solve: nothing within {self.pair.search_radius or self._reach():.3g} along its "
+                f"solve: nothing within {self.options.radius:.3g} along its "
                 "normals, so the pair bears no force until they come nearer"
             )
         overlap = -np.nan_to_num(self.gap)
@@ -506,6 +537,30 @@ class Contact(Interface):
             f"'{self.slave.name}' and '{self.master.name}' overlap by up to {overlap[j]:.3g} at "
             f"{place(self.operators.x[j])} before the first solve, which counts as interference; "
             "initial_gap=0 would take it for an error of the mesh"
+        )
+
+    @property
+    def reach(self) -> str:
+        """How far away partners are looked for, in words."""
+        if self.obstacle is not None:
+            return f"up to {self.options.radius:.3g}"
+        return (
+            f"up to {self.options.radius:.3g}, behind the surface at most up to half of what both "
+            "bodies are thick there"
+        )
+
+    def describe_overlap(self) -> str:
+        """The active node that overlaps the most, in words; "" if by a few facets only."""
+        overlap = np.where(self.active, -np.nan_to_num(self.gap) / self.nodal_lengths, 0.0)
+        j = int(np.argmax(overlap))
+        if overlap[j] <= MANY:
+            return ""
+        depth = overlap[j] * self.nodal_lengths[j]
+        return (
+            f"the node at {place(self.operators.x[j])} of '{self.slave.name}' overlaps "
+            f"'{self.master.name}' by {overlap[j]:.1f} facets; partners are looked for "
+            f"{self.reach}: take smaller steps, or, if that is no contact, a search_radius below "
+            f"{depth:.3g}"
         )
 
     def gap_change(self, on_slave: Array, on_master: Array) -> Array:
@@ -547,14 +602,16 @@ class Contact(Interface):
             there is no limit. Third, the adhesion of a closed gap [stress].
         """
         law = self.pair.law
-        at, beyond = (law.bound(np.full(len(self.z), p)) for p in (pressure, 2.0 * pressure))
-        unlimited = np.isinf(at)
+        ones, X = np.ones(len(self.z)), self.slave.X
+        at = self.asker.bound(law, pressure * ones, X)
+        beyond = self.asker.bound(law, 2.0 * pressure * ones, X)
+        unlimited = np.isinf(at + beyond)
         at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
         slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
         shear = np.maximum(at - slope * pressure, 0.0)
         shear = np.where(self._rubs & (shear > KINK * at), shear, 0.0)
         slope = np.where(self._rubs, np.where(unlimited, np.inf, slope), 0.0)
-        return slope, shear, law.adhesion(np.zeros(len(self.z)))[0]
+        return slope, shear, self.asker.adhesion(law, 0.0 * ones, X)[0]
 
     def _change(self, blocks: list[Block], on_slave: Array, on_master: Array) -> Array:
         """What blocks of slave nodes change in a direction, (slave nodes,) (collective)."""

@@ -26,6 +26,8 @@ from fenics_mortar.surfaces import Array, Indices
 
 # Overlap of surfaces that slip off each other, over the shortest facet of both.
 SLIVER = 1e-3
+# Points that pressed on each other have passed if they are so far behind each other [facets].
+PASSED = 0.5
 # Sliding nodes whose ways on are all tried, 2^n of them.
 MOST_SLIDING = 8
 
@@ -66,6 +68,26 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
                 f"{place(o.x[j])}: their overlap vanishes, it is {overlap:.1e}, with a force of "
                 f"{force:.3g} in it that nothing bears beyond"
             )
+
+
+def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
+    """Say which bodies jumped past each other since a state that they pressed in; "" if none.
+
+    Points that pressed on each other at the start of a step are behind each other, and nothing of
+    that contact is left: no way leads there on which each state is in equilibrium.
+    """
+    for contact, active in zip(problem.contacts, before.active, strict=True):
+        if not (isinstance(contact, Contact) and active.any()) or contact.active.any():
+            continue
+        o = contact.operators
+        behind = np.einsum("ja,ja->j", o.n, contact.partners.apart(o)) / contact.nodal_lengths
+        j = int(np.argmax(np.where(active, behind, -np.inf)))
+        if behind[j] > PASSED:
+            return (
+                f"'{contact.slave.name}' and '{contact.master.name}' jumped past each other at "
+                f"{place(o.x[j])}, by {behind[j]:.1f} facets in one step"
+            )
+    return ""
 
 
 def _shortest(facets: Indices, x: Array) -> float:

@@ -22,6 +22,7 @@ from fenics_mortar.asking import raise_noted
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact
+from fenics_mortar.crossing import Crossings, Standing
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.errors import MortarError, place, together
 from fenics_mortar.floating import FloatingBodies
@@ -50,7 +51,7 @@ class State:
     """Displacement, multipliers, active sets and places of obstacles, as copies.
 
     The displacement is the part of this rank. Of each contact there are the partners that its slip
-    counts from, and those at the last accepted state.
+    counts from, and those at the last accepted state; of outlines and obstacles their places then.
     """
 
     u: Array
@@ -60,6 +61,7 @@ class State:
     piece: list[Pieces]
     partners: list[tuple[Partners, Partners]]
     places: Array
+    standing: Standing
     converged: bool
 
     def towards(self, other: State, part: float) -> State:
@@ -84,6 +86,7 @@ class ContactEquations:
     Attributes:
         tools: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions do not hold.
+        crossings: What looks for surfaces that crossed.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
 
@@ -108,6 +111,7 @@ class ContactEquations:
         self.floating = FloatingBodies(bulk, contacts)
         self._set_stiffness()
         self.floating.find()
+        self.crossings = Crossings(bulk, contacts, self.floating)
         self._last_converged = False
         self._residuals: list[float] = []
         self._recent_sets: list[list[tuple[npt.NDArray[np.bool_], Pieces]]] = []
@@ -176,6 +180,7 @@ class ContactEquations:
     def _begin(self) -> None:
         """Forget the cycles of the last solve."""
         self._recent_sets, self._residuals = [], []
+        self._redundancy.begin()
         for contact in self.contacts:
             contact.begin()
 
@@ -263,7 +268,12 @@ class ContactEquations:
         return dict(zip(mine, slowest.tolist(), strict=True))
 
     def diagnose(self) -> str:
-        """Name inverted cells, bodies that nothing holds and edges that a shear peels off."""
+        """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
+        deep = [c.describe_overlap() for c in self.contacts if isinstance(c, Contact)]
+        return "; ".join(filter(None, (self._describe_loose(), *deep)))
+
+    def _describe_loose(self) -> str:
+        """The first of inverted cells, bodies that nothing holds and edges that peel, in words."""
         inverted = self._describe_inverted()
         if inverted:
             return inverted
@@ -386,6 +396,7 @@ class ContactEquations:
             [contact.piece.copy() for contact in self.contacts],
             [(contact.partners, contact.accepted) for contact in self.contacts],
             self.tools.places,
+            self.crossings.accepted,
             self._last_converged,
         )
 
@@ -404,6 +415,7 @@ class ContactEquations:
         """Go back to a state, whose operators are not evaluated (local)."""
         self.bulk.u.x.array[:] = state.u
         self.tools.places = state.places
+        self.crossings.restore(state.standing, state.u)
         for i, contact in enumerate(self.contacts):
             contact.take(state.z[i])
             contact.active, contact.piece = state.active[i].copy(), state.piece[i].copy()

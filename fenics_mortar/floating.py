@@ -335,19 +335,19 @@ class FloatingBodies:
             f"a spring in the tangent keeps {names}, which contact holds in part" if names else ""
         )
 
-    def name_of(self, label: int) -> str:
-        """Name of a body from the cell tags, or where it is."""
-        bulk = self._bulk
+    def name_of(self, label: int, labels: Indices | None = None) -> str:
+        """Name of a body from the cell tags, or where it is; ``labels``: other ones than these."""
+        bulk, labels = self._bulk, self.labels if labels is None else labels
         first = compat.dofmap(bulk.V)[:, 0]
         for data in self._data:
             if data.cell_tags is None:
                 continue
             for name, tag in data.bodies.items():
-                found = self.labels[first[data.cell_tags.find(tag)]] == label
+                found = labels[first[data.cell_tags.find(tag)]] == label
                 if bulk.comm.allreduce(bool(found.any()), MPI.LOR):
                     return f"body '{name}'"
         X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, :2]
-        mine = self.labels[: len(X)] == label
+        mine = labels[: len(X)] == label
         return f"the body around {place(centre_and_size(X[mine], bulk.comm)[0])}"
 
     def _next_moves(self, bulk: Array, contact: Array) -> tuple[list[FloatingBody], list[Array]]:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.mortar import AT_VERTICES, Block, Linearization, MortarOperators
 from fenics_mortar.segments import Segments
+from fenics_mortar.sight import Outline
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 
@@ -98,6 +99,10 @@ class Interface(ABC):
                 f"{both.size} nodes, one at {place(where)}; the two sides must be different "
                 "surfaces that are not joined in the mesh"
             )
+
+    def see(self, outline: Outline) -> Outline:
+        """Take note of the boundary of the mesh; return what others see of it (local)."""
+        return outline
 
     @abstractmethod
     def evaluate(self, u: Array, linearization: Linearization) -> None:

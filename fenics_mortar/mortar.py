@@ -34,6 +34,7 @@ import numpy.typing as npt
 from fenics_mortar.clock import clock
 from fenics_mortar.kernels import basis, curved, normals, segment
 from fenics_mortar.segments import Integration, Segments, find_segments
+from fenics_mortar.sight import View
 from fenics_mortar.surfaces import Array, Indices, Surface
 
 Basis = Literal["dual", "standard", "vertices", "linear"]
@@ -96,7 +97,8 @@ class MortarOptions:
         gap_weights: What weighs the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
         integration: "segments", "elements" or "nodes"; see ``segments``.
         points: Gauss points per segment, with "elements" per slave facet.
-        radius: Farthest distance along the normal at which partners are looked for [length].
+        radius: Farthest distance along the normal at which partners are looked for, behind the
+            slave surface less where the bodies are thin, see ``sight`` [length].
         least_cosine: Least cosine between the slave's normal and the reversed master's.
     """
 
@@ -347,6 +349,7 @@ def evaluate_mortar(
     prescribed_normals: Array,
     options: MortarOptions,
     linearization: Linearization,
+    view: View | None = None,
 ) -> MortarOperators:
     """Evaluate the mortar operators at current positions (collective).
 
@@ -361,6 +364,7 @@ def evaluate_mortar(
             nan where the averaged normal is right.
         options: How to integrate.
         linearization: Which derivatives to fill; the others are zero.
+        view: What lies behind the slave's facets at these positions.
 
     Returns:
         The operators.
@@ -382,6 +386,7 @@ def evaluate_mortar(
         least_cosine=options.least_cosine,
         integration=options.integration,
         points=options.points,
+        view=view,
     )
     integrate = _integrate_straight if slave.degree == 1 else _integrate_curved
     geometry = x, n, dn, m

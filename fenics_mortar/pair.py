@@ -63,9 +63,11 @@ class ContactPair:
             comparison: as points change their partners, the forces jump or have kinks.
         points: Gauss points per segment, with "elements" per slave facet. By default 5, with
             "elements" 5 for each part of a facet between two nodes.
-        search_radius: Farthest distance along the slave normal at which a partner is looked for
-            [length]; the diagonal of the smaller surface's box by default, for an obstacle no
-            limit.
+        search_radius: Farthest distance along the slave normal at which a partner is looked for, in
+            front of the slave and behind it [length]; the diagonal of the smaller surface's box by
+            default, for an obstacle no limit. Behind, where bodies overlap, the nearer way out
+            counts: to half of what both bodies are thick there together, in their present state
+            (tied ones as one). So surfaces may be whole outlines: nothing is seen through a plate.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
             Steeper facets, as the side of a block that stands on the slave, do not count as cover.
         initial_gap: Gap [length] that the nodes near the other surface (half a facet) shall have

@@ -42,6 +42,7 @@ from fenics_mortar.options import check_choice, check_kind, check_number
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import release_slowly
+from fenics_mortar.sight import extract_outline
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.system import (
     DIRECT,
@@ -53,7 +54,7 @@ from fenics_mortar.system import (
     obstacle_to_condensation,
 )
 from fenics_mortar.tangent import TangentCheck, check_tangent
-from fenics_mortar.tied import TiedPair, bind
+from fenics_mortar.tied import Tie, TiedPair, bind
 from fenics_mortar.undo import undone_if_interrupted
 
 
@@ -156,6 +157,7 @@ class ContactProblem(ContactEquations):
         check_folds(space.V, contacts)
         bulk.check_input()
         super().__init__(bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions())
+        self._show_outlines()
         if algorithm is None:
             algorithm = "saddle" if obstacle_to_condensation(contacts) else "condensed"
         automatic = solver == "auto"
@@ -177,6 +179,13 @@ class ContactProblem(ContactEquations):
         self._adequacy = adequacy
         if adequacy is not None:
             adequacy.prepare(self)
+
+    def _show_outlines(self) -> None:
+        """Show each contact the bodies that it may look through, tied ones as one."""
+        outline = extract_outline(self.bulk.space, self.floating.labels)
+        ties = [contact for contact in self.contacts if isinstance(contact, Tie)]
+        for contact in [*ties, *(c for c in self.contacts if isinstance(c, Contact))]:
+            outline = contact.see(outline)
 
     def _begin_where_meshed(self) -> None:
         """Evaluate the contacts at the start, and take its gaps for what the pairs say."""
@@ -238,9 +247,9 @@ class ContactProblem(ContactEquations):
                 the user. Displacement and multipliers are as before the call then.
         """
         self._renew_if_interrupted()
+        self.bulk.check_input()
+        self._remarks = self._inputs.check(self.newton, accept_violations)
         with undone_if_interrupted(self):
-            self.bulk.check_input()
-            self._remarks = self._inputs.check(self.newton, accept_violations)
             report = None if self._adequacy is None else self._adequacy.climb()
             report = report or self._solve_by_this_model(accept_violations)
             if self._adequacy is not None:
@@ -250,6 +259,7 @@ class ContactProblem(ContactEquations):
     def _solve_by_this_model(self, accept_violations: bool) -> NewtonReport:
         """Solve, whatever the model's adequacy."""
         clock.read()
+        self.crossings.begin(self.tools.places)
         for contact in self.contacts:
             contact.start_step()
         try:
@@ -263,6 +273,7 @@ class ContactProblem(ContactEquations):
             moved += self.floating.check()
         except Exception:  # of whatever kind, for all ranks alike
             self._last_converged = False
+            self.crossings.leave()
             self.hold(None)
             raise
         self._last_converged = True
@@ -270,7 +281,10 @@ class ContactProblem(ContactEquations):
         for contact in self.contacts:
             contact.accept()
         self.bulk.free_garbage()
-        report.certificate = replace(self.certificate(), strayed=self.tools.strayed())
+        passages = self.crossings.passages(self.tools.places)
+        report.certificate = replace(
+            self.certificate(), strayed=self.tools.strayed(), passages=passages
+        )
         violations = report.certificate.violations()
         told = [f"VIOLATED: {violation}" for violation in violations]
         remarks = told or report.certificate.remarks()
@@ -282,7 +296,9 @@ class ContactProblem(ContactEquations):
             self._last_converged = False
             for contact, before in zip(self.contacts, accepted, strict=True):
                 contact.accepted = before
+            self.crossings.leave()
             raise _wrong_state(report, violations)
+        self.crossings.accept(self.tools.places)
         return report
 
     def _solve(self) -> NewtonReport:
@@ -324,10 +340,11 @@ class ContactProblem(ContactEquations):
             return release_slowly(self, self.newton, error)
 
     def accept(self) -> None:
-        """Count slip from the last evaluated state (collective)."""
+        """Count slip and ways of nodes from the last evaluated state (collective)."""
         for contact in self.contacts:
             contact.accept()
             contact.start_step()
+        self.crossings.accept(self.tools.places)
 
     def _accept_moved(self) -> None:
         """Count slip from where bodies were moved to, but for nodes that slid there (collective).
@@ -388,9 +405,10 @@ class ContactProblem(ContactEquations):
         return self._adequacy
 
     def certificate(self) -> Certificate:
-        """Measure balance, signs and penetration of the last evaluated state."""
+        """Measure balance, signs, penetration and crossings of the last evaluated state."""
         certificate = certify(self.bulk, self.contacts, self.floating.labels, self.tools.residual())
-        return replace(certificate, springs=max((p for _, p in self._parts_held()), default=0.0))
+        springs = max((p for _, p in self._parts_held()), default=0.0)
+        return replace(certificate, springs=springs, crossings=self.crossings.find())
 
     def estimate(self) -> ErrorEstimate:
         """Estimate the error of the present state by cells; see ``estimate``.

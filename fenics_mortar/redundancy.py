@@ -72,11 +72,15 @@ class Redundancy:
         self._shared = found[count > 1]
 
     def mark(self) -> None:
-        """Set ``overheld`` of all contacts, at their present active sets."""
+        """Add to ``overheld`` of all contacts what follows from their present active sets.
+
+        A node that goes on sticking stays marked: where the gap of a joint is closed by rounding
+        it may open and close again, and the law of the nodes beside it must not change each time.
+        """
         if not self._shared.size:
             return
         for contact in self._contacts:
-            contact.overheld = np.zeros(contact.slave.num_nodes, bool)
+            contact.overheld = contact.overheld & contact.sticking
         if not any(map(self._sticks_at_shared, self._contacts)):
             return
         parts = [self._entries(contact) for contact in self._contacts]
@@ -94,6 +98,11 @@ class Redundancy:
         redundant = dependent(matrix.reshape(len(matrix), -1)) & (sticks == 1)
         for i, j in zip(pair[redundant], slave_node[redundant], strict=True):
             self._contacts[i].overheld[j] = True
+
+    def begin(self) -> None:
+        """Forget the marks of the last solve."""
+        for contact in self._contacts:
+            contact.overheld = np.zeros(contact.slave.num_nodes, bool)
 
     def _sticks_at_shared(self, contact: Contact) -> bool:
         """Whether a node sticks where another pair has a node as well."""

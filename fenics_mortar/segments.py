@@ -27,6 +27,7 @@ import numpy.typing as npt
 
 from fenics_mortar.clock import clock
 from fenics_mortar.kernels import search
+from fenics_mortar.sight import View, open_view
 from fenics_mortar.surfaces import Array, Indices, Surface
 
 Integration = Literal["segments", "elements", "nodes"]
@@ -98,6 +99,7 @@ def find_segments(
     least_cosine: float,
     integration: Integration = "segments",
     points: int = 5,
+    view: View | None = None,
 ) -> Segments:
     """Find the segments of the given slave facets.
 
@@ -112,6 +114,7 @@ def find_segments(
         least_cosine: Least cosine between the slave's normal and the reversed master's.
         integration: What a segment is; see above.
         points: Gauss points per segment, with "elements" per slave facet.
+        view: What lies behind the slave's facets; without it nothing hides a partner there.
 
     Returns:
         The segments; where several master facets lie over one another, the nearest. With "elements"
@@ -121,7 +124,9 @@ def find_segments(
         Local: no communication.
     """
     geometry, nodes = (x, n, m), slave.facets[facets]
-    search_for = geometry, nodes, master.facets, radius, (least_cosine, LEAST_COVER)
+    view = open_view(facets.size) if view is None else view.of(facets)
+    seen = (*view, LEAST_COVER)
+    search_for = geometry, nodes, master.facets, radius, seen, (least_cosine, LEAST_COVER)
     if integration == "segments":
         offsets, masters, pieces = _intersections(search_for, points)
     else:

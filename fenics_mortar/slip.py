@@ -161,11 +161,16 @@ def find_partners(
 
 
 def _midway(o: MortarOperators, M: csr_array, planes: Array) -> Array:
-    """Tangents midway between those of the slave nodes and of what they face, (slave nodes, 2)."""
+    """Tangents midway between those of the slave nodes and of what they face, (slave nodes, 2).
+
+    Where the nearest facet looks the same way, as behind the back of a plate, the slave's own.
+    """
     n = o.n
     if o.master.num_nodes:
         found, _ = evaluate_normals(o.master, o.m, "opposite")
-        n = n - M @ np.where(np.isfinite(planes), planes, found)
+        opposite = -(M @ np.where(np.isfinite(planes), planes, found))
+        faces = np.einsum("ja,ja->j", n, opposite) > 0.0
+        n = np.where(faces[:, None], n + opposite, n)
     n = n / np.linalg.norm(n, axis=1)[:, None]
     return np.stack([-n[:, 1], n[:, 0]], axis=1)
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact import Contact
-from fenics_mortar.dead_end import why_path_ends
+from fenics_mortar.dead_end import why_it_is_a_jump, why_path_ends
 from fenics_mortar.equations import State
 from fenics_mortar.errors import (
     MortarError,
@@ -229,7 +229,7 @@ def follow_path(
     largest = options.largest or options.step
     predictor = Predictor(problem, start, guesses=options.predict)
     forces, kept = _forces(problem), Before(problem)
-    solve = partial(_solve_soundly, problem, _Ways(problem))
+    ways = _Ways(problem)
 
     def load(time: float) -> None:
         call_together(problem.comm, "set_loads", partial(set_loads, time))
@@ -242,7 +242,9 @@ def follow_path(
         with _kept(kept, time):
             load(time + step)
             try:
-                report = predictor.solve(time + step, solve)
+                report = predictor.solve(
+                    time + step, partial(_solve_soundly, problem, ways, accepted)
+                )
             except NotConvergedError as failure:
                 path.failures.append(failure.report)
                 problem.restore(accepted)
@@ -346,12 +348,12 @@ def _has_own_law(contact: Any) -> bool:
     return isinstance(contact, Contact) and not contact.pair.law.is_of_package
 
 
-def _solve_soundly(problem: ContactProblem, ways: _Ways) -> NewtonReport:
-    """Solve; a state that violates its certificate is not accepted."""
+def _solve_soundly(problem: ContactProblem, ways: _Ways, before: State) -> NewtonReport:
+    """Solve; neither a state that violates its certificate is accepted, nor a jump to it."""
     report = ways.solve()
-    violations = "; ".join(report.certificate.violations())
-    if violations:
-        report.converged, report.reason = False, f"converged to a wrong state: {violations}"
+    wrong = "; ".join(report.certificate.violations()) or why_it_is_a_jump(problem, before)
+    if wrong:
+        report.converged, report.reason = False, f"converged to a wrong state: {wrong}"
         raise NotConvergedError(report.reason, report)
     return report
 

@@ -6,17 +6,18 @@ in the contact evaluation asks who owns a facet. Nodes are numbered along the cu
 and in an order that follow from the coordinates alone, so the numbering does not depend on how
 the mesh is distributed.
 
-What that costs each rank: with S slave and M master nodes, a Newton iteration collects positions,
-16 (S + M) bytes, sums of D, gap and cover, 32 S, contact forces, 16 (S + M), and forces on slave
-nodes to recover the multipliers, 16 S; multigrid weighs what these follow, 8 S. Together that is
-88 S + 32 M bytes, however many ranks there are. `demos/bench_ranks.py` counts it: 12,592 bytes in 7
-calls, the formula says 12,584, with 41,000 unknowns on one and on two ranks, of which each has 49.7
-to 50.3 % of the segments. An iteration at 161,000 unknowns takes 0.55 s on one rank and 0.35 s on
+What that costs each rank: with S slave and M master nodes, and B nodes on the outlines of their
+bodies, a Newton iteration collects positions, 16 B bytes (of a rigid obstacle's slave 16 S), sums
+of D, gap and cover, 32 S, contact forces, 16 (S + M), and forces on slave nodes to recover the
+multipliers, 16 S; multigrid weighs what these follow, 8 S. Together that is 72 S + 16 M + 16 B,
+however many ranks there are. `demos/bench_ranks.py` counts it: 21,744 bytes in 6 calls, the formula
+says 21,736, with 41,000 unknowns. On two ranks each has 49.7 to 50.3 % of the segments.
+An iteration at 161,000 unknowns takes 0.55 s on one rank and 0.35 s on
 two, one at 322,000 on two ranks 0.81 s, on a machine of two cores.
 
 What limits many ranks is simulated there, not run: an interface like that of two blocks, bodies cut
 into squares. With 1e9 unknowns on 1e3 ranks S = 12,911 and M = 25,821; each rank holds 5.8 MB and
-is handed 2.0 MB in an iteration, as much as on 10 ranks. That is little beside a million unknowns
+is handed 3.4 MB in an iteration, as much as on 10 ranks. That is little beside a million unknowns
 of its own; but it does not shrink, nor does the work on all nodes that every rank repeats (normals,
 the sorted boxes of the search). With solver "iterative" the strip along the interface costs more:
 its right-hand side, 1.9 MB, goes to all ranks in every linear iteration, and each makes all of its
@@ -126,7 +127,7 @@ class Surface:
         Returns:
             Values at the nodes of the surface, shape (n, 2), equal on all ranks.
         """
-        return _replicate(values[self.local_dofs], self.owners, self.comm)
+        return replicate(values[self.local_dofs], self.owners, self.comm)
 
     def dofs_of(self, which: Indices) -> Indices:
         """Global dofs (..., 2 k) of the nodes ``which`` (..., k) of the surface; -1 stays -1."""
@@ -209,14 +210,14 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
         nodes,
         owners,
         owned,
-        _replicate(local_dofs + space.first, owners, comm),
+        replicate(local_dofs + space.first, owners, comm),
         local_dofs,
         comm,
     )
 
 
-def _replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.NDArray[Any]:
-    """Collect values (owned nodes, 2) of all ranks: (nodes, 2), in the order of nodes."""
+def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.NDArray[Any]:
+    """Values (owned nodes, 2) of all ranks in the order of nodes, (nodes, 2) (collective)."""
     everything = np.empty((owners.size, 2), mine.dtype)
     counts = np.bincount(owners, minlength=comm.size)
     comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))
@@ -246,11 +247,25 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
             f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
             f"one at {where}; a contact surface is part of the outline of one body"
         )
-    facet_cells, cell_facets = mesh.topology.connectivity(1, 2), mesh.topology.connectivity(2, 1)
+    ends = facet_nodes(V, tagged)
+    names = compat.input_nodes(V)
+    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
+    to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
+    x = V.tabulate_dof_coordinates()[:, :2]
+    return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
+
+
+def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
+    """Local nodes (m, K) of facets in order, the cell on the left (local).
+
+    The connectivities between facets and cells have to be there.
+    """
+    topology = V.mesh.topology
+    facet_cells, cell_facets = topology.connectivity(1, 2), topology.connectivity(2, 1)
     dofmap, x = compat.dofmap(V), V.tabulate_dof_coordinates()[:, :2]
     layout = V.dofmap.dof_layout
-    ends = np.empty((tagged.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
-    for i, facet in enumerate(tagged):
+    ends = np.empty((facets.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
+    for i, facet in enumerate(facets):
         cell = facet_cells.links(facet)[0]
         local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
         a, b, *inside = dofmap[cell][layout.entity_closure_dofs(1, local)]
@@ -258,10 +273,7 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
         edge = x[b] - x[a]
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
         ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
-    names = compat.input_nodes(V)
-    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
-    to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
-    return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
+    return ends
 
 
 def _number_nodes(

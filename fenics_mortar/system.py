@@ -363,7 +363,8 @@ class LinearSystem(ABC):
             error = MortarError(f"PETSc's error {of_petsc.ierr}, {what}")
         raise_together(self.comm, error)
         if self._first:
-            self._first, self.remark = False, self.tell_unused()
+            self._first = False
+            self.remark = "; ".join(filter(None, (self.remark, self.tell_unused())))
 
 
 def _defect(matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec, defect: PETSc.Vec) -> float:

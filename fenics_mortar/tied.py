@@ -50,6 +50,7 @@ from fenics_mortar.mortar import (
 from fenics_mortar.options import check_choice, check_kind, check_number
 from fenics_mortar.pair import ContactPair, check_reach
 from fenics_mortar.segments import Integration, Segments
+from fenics_mortar.sight import Outline
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface
 
@@ -332,6 +333,12 @@ class Tie(Interface):
     def force_blocks(self) -> list[Block]:
         """B^T, see ``Interface``; it never changes."""
         return self._force_blocks
+
+    def see(self, outline: Outline) -> Outline:
+        """See ``Interface``: where it is tied, one body goes on in the other."""
+        for side in self._sides:
+            outline = outline.without(side, self.nodes)
+        return outline
 
     # What of a contact is nothing here
 

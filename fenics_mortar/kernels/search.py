@@ -21,12 +21,24 @@ as covered up to its node: both are rounding where two bodies end at one place.
 For points that are fixed on the slave facets, a ray asks the same question of the two ends of each
 master facet. One upon a master node, within rounding, has a partner by rule, so that aligned meshes
 do not leave it to chance.
+
+While two surfaces come near each other, a slave facet at a corner may face two parts of a master,
+one far behind the other. Functions that are negative somewhere, as the dual ones, make an overlap
+of such gaps, and the facet would press from a distance. So until the nearer part is within half a
+facet, where there may be contact, the farther one does not count.
+
+Of the facets behind a slave point only those count that are the nearer way out, see ``sight``. To
+a depth that is safe for each slave facet this is not asked.
 """
 
 import numpy as np
 
-from fenics_mortar.kernels import curved, kernel
+from fenics_mortar.kernels import curved, kernel, sight
 from fenics_mortar.kernels.projection import master_to_slave, side_of_ray, slave_to_master
+
+# A part of a slave facet: what is farther away than this cannot be in contact, as the certificate
+# sees it.
+APART = 0.5
 
 
 @kernel
@@ -157,8 +169,8 @@ def find_interval(y, N, is_node):
 
 
 @kernel
-def distance_if_facing(y, N, xi, least_cosine):
-    """|g| at ``xi``, or inf where the normals of slave and master are not opposed enough."""
+def gap_if_facing(y, N, xi, least_cosine):
+    """Gap at ``xi``, or inf where the normals of slave and master are not opposed enough."""
     curved.tabulate_shapes(xi, N)
     nx, ny = curved.combine(y, 1, N, 0)
     if N.shape[1] == 2:
@@ -170,7 +182,21 @@ def distance_if_facing(y, N, xi, least_cosine):
     size = np.sqrt(nx * nx + ny * ny)
     if not -(nx * ay - ny * ax) >= least_cosine * size * np.sqrt(ax * ax + ay * ay):
         return np.inf
-    return abs(alpha) * size
+    return alpha * size
+
+
+@kernel
+def is_hidden(y, N, xi, depth, view, facets):
+    """Whether a facing partner at ``depth`` behind the slave surface is not the nearer way out.
+
+    ``view`` = (safe depths and bodies of the slave facets, bodies of the master facets, outline,
+    part of a facet that is rounding), see ``sight``; ``facets`` = (slave facet, master facet).
+    """
+    _, slave_bodies, master_bodies, outline, least = view
+    last = 2 * N.shape[1] - 2
+    length = np.sqrt((y[last] - y[0]) ** 2 + (y[last + 1] - y[1]) ** 2)
+    bodies = slave_bodies[facets[0]], master_bodies[facets[1]]
+    return not sight.is_way_out(y, N, xi, depth, outline, bodies, least * length)
 
 
 @kernel
@@ -206,25 +232,73 @@ def keep_nearest(found, count, tolerance):
 
 
 @kernel
-def facet_segments(geometry, slave, master_facets, hits, radius, limits, found):
-    """Fill ``found`` (see ``keep_nearest``) for one slave facet; return the number of rows."""
+def keep_near_parts(found, count, master_facets, apart):
+    """Where all is farther than ``apart``, drop parts farther than the nearest by as much.
+
+    Rows of ``found`` as ``keep_nearest`` leaves them; those of master facets that share a node are
+    of one part. Returns how many stay.
+    """
+    nearest = np.inf
+    for i in range(count):
+        nearest = min(nearest, found[i, 0])
+    if nearest <= apart:
+        return count
+    kept, start = 0, 0
+    while start < count:
+        stop, distance = start + 1, found[start, 0]
+        while stop < count and is_next(master_facets, found[stop - 1, 3], found[stop, 3]):
+            distance = min(distance, found[stop, 0])
+            stop += 1
+        if distance <= nearest + apart:
+            for i in range(start, stop):
+                found[kept] = found[i]
+                kept += 1
+        start = stop
+    return kept
+
+
+@kernel
+def is_next(master_facets, one, other):
+    """Whether the master facet ``other`` goes before ``one``, so comes next along the slave."""
+    return master_facets[int(one), 0] == master_facets[int(other), -1]
+
+
+@kernel
+def facet_segments(
+    geometry, slave, master_facets, hits, radius, limits, found, view=None, number=0
+):
+    """Fill ``found`` (see ``keep_nearest``) for one slave facet; return the number of rows.
+
+    ``view`` as in ``is_hidden``, in which the facet has this ``number``; without it all is seen.
+    """
     x, n, m = geometry
     least_cosine, least_cover = limits
     y, N = np.empty(6 * slave.size), np.empty((3, slave.size))
     is_node = np.empty(2, np.bool_)
+    safe = np.inf
+    if view is not None:
+        safe = view[0][number]
     count = 0
     for hit in range(hits.size):
         curved.gather(x, n, m, slave, master_facets[hits[hit]], y)
         meets, lower, upper = find_interval(y, N, is_node)
         if not meets:
             continue
-        distance = distance_if_facing(y, N, 0.5 * (lower + upper), least_cosine)
-        if distance <= radius:
-            found[count, 0], found[count, 1], found[count, 2] = distance, lower, upper
-            found[count, 3] = hits[hit]
-            found[count, 4], found[count, 5] = is_node[0], is_node[1]
-            count += 1
+        middle = 0.5 * (lower + upper)
+        gap = gap_if_facing(y, N, middle, least_cosine)
+        if not abs(gap) <= radius or gap == np.inf:
+            continue
+        if view is not None:
+            if -gap > safe and is_hidden(y, N, middle, -gap, view, (number, hits[hit])):
+                continue
+        found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
+        found[count, 3] = hits[hit]
+        found[count, 4], found[count, 5] = is_node[0], is_node[1]
+        count += 1
     kept = keep_nearest(found, count, least_cover)
+    edge = x[slave[-1]] - x[slave[0]]
+    apart = APART * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
+    kept = keep_near_parts(found, kept, master_facets, apart)
     if kept == 0:
         return 0
     if found[0, 1] < -1.0 + least_cover:
@@ -262,7 +336,9 @@ def ray_hits(y, N, is_start, tolerance):
 
 
 @kernel
-def point_partners(geometry, slave, master_facets, starts, hits, points, radius, limits, partners):
+def point_partners(
+    geometry, e, slave, master_facets, starts, hits, points, radius, view, limits, partners
+):
     """Fill ``partners`` (p,): the nearest master facet of each point, -1 for none; how many have.
 
     At equal distance it is the facet of the lower number.
@@ -272,7 +348,7 @@ def point_partners(geometry, slave, master_facets, starts, hits, points, radius,
     y, N = np.empty(6 * slave.size), np.empty((3, slave.size))
     edge = x[slave[-1]] - x[slave[0]]
     tolerance = tie * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
-    partners[:] = -1
+    partners[:], safe = -1, view[0][e]
     distances = np.full(points.size, np.inf)
     for hit in hits:
         curved.gather(x, n, m, slave, master_facets[hit], y)
@@ -280,15 +356,19 @@ def point_partners(geometry, slave, master_facets, starts, hits, points, radius,
             curved.tabulate_shapes(points[p], N)
             if not ray_hits(y, N, starts[master_facets[hit, 0]], tolerance):
                 continue
-            distance = distance_if_facing(y, N, points[p], least_cosine)
-            same = distance == distances[p] and hit < partners[p]
-            if distance <= radius and (distance < distances[p] or same):
-                partners[p], distances[p] = hit, distance
+            gap = gap_if_facing(y, N, points[p], least_cosine)
+            distance = abs(gap)
+            nearer = distance < distances[p] or (distance == distances[p] and hit < partners[p])
+            if not (nearer and distance <= radius):
+                continue
+            if -gap > safe and is_hidden(y, N, points[p], -gap, view, (e, hit)):
+                continue
+            partners[p], distances[p] = hit, distance
     return (partners >= 0).sum()
 
 
 @kernel
-def find_points(geometry, slave_facets, master_facets, radius, limits, points, least_points):
+def find_points(geometry, slave_facets, master_facets, radius, view, limits, points, least_points):
     """Find the partners of the same ``points`` (p,), in order, on each of ``slave_facets`` (f, K).
 
     As ``find_segments``; here ``limits`` = (least cosine, part of a slave facet within which a ray
@@ -308,7 +388,7 @@ def find_points(geometry, slave_facets, master_facets, radius, limits, points, l
         nodes = slave_facets[e]
         near = candidates(boxes, controls, nodes, radius, stack, hits)
         paired = point_partners(
-            geometry, nodes, master_facets, starts, near, points, radius, limits, partners
+            geometry, e, nodes, master_facets, starts, near, points, radius, view, limits, partners
         )
         end = offsets[e]
         for p in range(points.size):
@@ -324,12 +404,12 @@ def find_points(geometry, slave_facets, master_facets, radius, limits, points, l
 
 
 @kernel
-def find_segments(geometry, slave_facets, master_facets, radius, limits):
+def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
     """Find the segments of ``slave_facets`` (f, K).
 
-    ``geometry`` = (slave positions, slave normals, master positions); ``limits`` = (least cosine
-    between slave normal and reversed master normal, least length in xi). Returns offsets (f + 1,),
-    master facet (n,), end_is_node (n, 2), ends (n, 2).
+    ``geometry`` = (slave positions, slave normals, master positions), ``view`` as in ``is_hidden``;
+    ``limits`` = (least cosine between slave normal and reversed master normal, least length in xi).
+    Returns offsets (f + 1,), master facet (n,), end_is_node (n, 2), ends (n, 2).
     """
     x, n, m = geometry
     boxes = build_tree(control_points(m, master_facets), master_facets)
@@ -344,7 +424,7 @@ def find_segments(geometry, slave_facets, master_facets, radius, limits):
         near = candidates(boxes, controls, nodes, radius, stack, hits)
         if near.size > found.shape[0]:
             found = np.empty((2 * near.size, 6))
-        kept = facet_segments(geometry, nodes, master_facets, near, radius, limits, found)
+        kept = facet_segments(geometry, nodes, master_facets, near, radius, limits, found, view, e)
         start = offsets[e]
         if start + kept > rows.shape[0]:
             longer = np.empty((2 * (start + kept), 6))

@@ -1,0 +1,470 @@
+# SPDX-License-Identifier: MIT
+"""Boundaries that cross: segments of a state, and ways of nodes through segments in a step.
+
+==========  ======================================================================  ==============
+symbol      meaning                                                                 shape
+==========  ======================================================================  ==============
+x           positions of the nodes of all outlines                                  (n, 2)
+segments    nodes a, b of each segment, its body on the left                        (m, 2)
+after       segment that begins where each one ends, -1 for none                    (m,)
+before      segment that ends where each one begins, -1 for none                    (m,)
+lengths     length of the facet that a segment is a part of                         (m,)
+bodies      body of each segment                                                    (m,)
+==========  ======================================================================  ==============
+
+**A state.** Where two segments cross, at P, the outline of each enters the other's body. From P the
+two are followed inwards. A node on the one way is as deep as it is away from the other way, as long
+as it is on its inner side: a lens between two faceted curves is shallow, however long, a tip that
+went through a plate is deep, however thin the plate.
+
+**A step.** With nodes on straight lines, a point p is on the line of a segment a b where
+
+    c(t) = (b - a) x (p - a) = c0 + c1 t + c2 t^2
+
+has a root, and on the segment if its place s on it is in [0, 1]. The body is where c > 0: p enters
+where c grows, and leaves where it falls.
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.search import build_tree
+
+# What a place on a segment may be beyond its ends by rounding: neighbours leave no hole.
+BEYOND = 1e-12
+# Where two ways inwards are this close, in facets, they have met: rounding.
+MET = 1e-9
+# Segments that one is followed by at the most: a lens is told from a crossing by far fewer.
+LONGEST_WAY = 512
+# A way that leaves a body has gone through it where the outward normals of the places of entry and
+# exit have a cosine below this (more than 100 degrees): round a corner of a block is not through.
+OPPOSITE = -0.17
+# Whose segments a node may go through
+OTHERS, OWN, ALL = 0, 1, 2
+
+
+@kernel
+def cross(ax, ay, bx, by):
+    """The z component of the product of two plane vectors."""
+    return ax * by - ay * bx
+
+
+@kernel
+def side(a, b, p):
+    """Twice the area of the triangle a, b, p: positive if p is on the left of a b."""
+    return cross(b[0] - a[0], b[1] - a[1], p[0] - a[0], p[1] - a[1])
+
+
+@kernel
+def distance_of(a, b):
+    """Distance of two points."""
+    return np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
+
+
+@kernel
+def query_box(boxes, box, stack, hits):
+    """Fill ``hits`` with the leaves of a tree that meet ``box``; return their number.
+
+    It may exceed the size of ``hits``: then call again with a larger one.
+    """
+    leaves = boxes.shape[0] // 2
+    count, top = 0, 1
+    stack[0] = 1
+    while top > 0:
+        top -= 1
+        i = stack[top]
+        if (
+            boxes[i, 0] > box[2]
+            or boxes[i, 2] < box[0]
+            or boxes[i, 1] > box[3]
+            or boxes[i, 3] < box[1]
+        ):
+            continue
+        if i >= leaves:
+            if count < hits.size:
+                hits[count] = i - leaves
+            count += 1
+        else:
+            stack[top], stack[top + 1] = 2 * i, 2 * i + 1
+            top += 2
+    return count
+
+
+@kernel
+def share_node(e, f):
+    """Whether two segments have a node in common."""
+    return e[0] == f[0] or e[0] == f[1] or e[1] == f[0] or e[1] == f[1]
+
+
+@kernel
+def cross_properly(x, e, f):
+    """Whether two segments cross at inner points of both."""
+    a, b, c, d = x[e[0]], x[e[1]], x[f[0]], x[f[1]]
+    first = side(a, b, c) * side(a, b, d)
+    return first < 0.0 and side(c, d, a) * side(c, d, b) < 0.0
+
+
+@kernel
+def crossing_point(x, e, f):
+    """Where two segments that cross do so, shape (2,)."""
+    a, b, c, d = x[e[0]], x[e[1]], x[f[0]], x[f[1]]
+    to_a, to_b = side(c, d, a), side(c, d, b)
+    return a + to_a / (to_a - to_b) * (b - a)
+
+
+@kernel
+def begin_way(x, segments, way, used, e, forward, P):
+    """Let a way begin at P, on segment e, with its first piece."""
+    way[0], way[1], used[0] = P, x[segments[e, 1 if forward else 0]], e
+
+
+@kernel
+def has_piece(x, segments, links, way, used, count, forward, i):
+    """Whether a way of ``count`` pieces has piece i, by now: it is followed by one on demand.
+
+    Piece i goes from ``way[i]`` to ``way[i + 1]`` and is part of segment ``used[i]``. A way ends
+    where it is full, at the end of a curve, or back where it began.
+    """
+    if i < count:
+        return True
+    if i == used.size:
+        return False
+    e = links[0][used[i - 1]] if forward else links[1][used[i - 1]]
+    if e < 0 or e == used[0]:
+        return False
+    way[i + 1], used[i] = x[segments[e, 1 if forward else 0]], e
+    return True
+
+
+@kernel
+def nearest_on_piece(p, a, b):
+    """Squared distance of p from the segment from a to b, and the place on it, 0 to 1."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    square = dx * dx + dy * dy
+    px, py = p[0] - a[0], p[1] - a[1]
+    s = min(max((px * dx + py * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    px, py = px - s * dx, py - s * dy
+    return px * px + py * py, s
+
+
+@kernel
+def is_left(p, way, count, piece, at, forward):
+    """Whether p is on the left of a way at its nearest place; ``forward``: the way runs with it.
+
+    Upon a node the sum of the two unit normals decides.
+    """
+    nx, ny, bx, by = 0.0, 0.0, 0.0, 0.0
+    first = piece - 1 if at <= 0.0 else piece
+    last = piece + 1 if at >= 1.0 else piece
+    for j in range(max(first, 0), min(last, count - 1) + 1):
+        dx, dy = way[j + 1, 0] - way[j, 0], way[j + 1, 1] - way[j, 1]
+        size = np.sqrt(dx * dx + dy * dy)
+        if size > 0.0:
+            nx, ny = nx - dy / size, ny + dx / size
+    bx = way[piece, 0] + at * (way[piece + 1, 0] - way[piece, 0])
+    by = way[piece, 1] + at * (way[piece + 1, 1] - way[piece, 1])
+    left = (p[0] - bx) * nx + (p[1] - by) * ny
+    return left > 0.0 if forward else left < 0.0
+
+
+@kernel
+def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, ahead):
+    """Nearest piece of a way to p, from piece ``begin`` on and no more than ``ahead`` along it.
+
+    ``counts[k]``: its pieces so far. Returns the squared distance, the piece and the place on it.
+    """
+    best, piece, at, j = np.inf, begin, 0.0, begin
+    while ahead >= 0.0 and has_piece(x, segments, links, way, used, counts[k], forward, j):
+        counts[k] = max(counts[k], j + 1)
+        a, b = way[j], way[j + 1]
+        square, s = nearest_on_piece(p, a, b)
+        if square < best:
+            best, piece, at = square, j, s
+        ahead -= distance_of(a, b)
+        j += 1
+    return best, piece, at
+
+
+@kernel
+def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, walked):
+    """Greatest depth of the nodes of one way below the other: (depth / facet, depth).
+
+    ``outlines`` = (x, segments, lengths, bodies); ``order``: numbers of the two ways. What a node
+    is ``allowed`` to overlap by is taken off. The way is followed until it comes out again, or goes
+    no deeper though it is as deep as a facet; of the other one there counts what is about as far
+    along. ``walked`` (m, 2) remembers where a segment was gone past in a direction, and in which
+    body: from there on it is not looked at again.
+    """
+    x, segments, lengths, bodies = outlines
+    one, two = order
+    way, used, other = ways[one], useds[one], ways[two]
+    most, depth, distance, near = 0.0, 0.0, 0.0, 0
+    body, direction = bodies[useds[two][0]], int(forwards[one])
+    for i in range(used.size):
+        if not has_piece(x, segments, links, way, used, counts[one], forwards[one], i):
+            break
+        counts[one] = max(counts[one], i + 1)
+        if walked[used[i], direction] == body:
+            break
+        e, p = used[i], way[i + 1]
+        step = distance_of(way[i], p)
+        room = 2.0 * (distance + step) + lengths[e]
+        begin, back = near, 0.0
+        while begin > 0 and back < room:
+            begin -= 1
+            back += distance_of(other[begin], other[begin + 1])
+        ahead = back + distance_of(other[near], other[near + 1]) + room
+        square, near, at = nearest_on_way(
+            x, segments, links, other, useds[two], counts, two, forwards[two], p, begin, ahead
+        )
+        f = useds[two][near]
+        length, distance = max(lengths[e], lengths[f]), np.sqrt(square)
+        if distance <= MET * length:
+            break
+        if not is_left(p, other, counts[two], near, at, forwards[two]):
+            break
+        if i > 0:
+            walked[e, direction] = body
+        slack = max(
+            max(allowed[segments[e, 0]], allowed[segments[e, 1]]),
+            max(allowed[segments[f, 0]], allowed[segments[f, 1]]),
+        )
+        if distance - slack > most * length:
+            most, depth = (distance - slack) / length, distance
+        elif most > 1.0:
+            break
+    return most, depth
+
+
+@kernel
+def crossing_depth(outlines, links, allowed, pair, P, work, walked):
+    """How deep two outlines are in one another from a crossing P on: (depth / facet, depth)."""
+    x, segments, _, _ = outlines
+    first, second, used_1, used_2, counts = work
+    e, f = pair
+    # The inner end of each segment is the one on the left of the other.
+    on_e = side(x[segments[f, 0]], x[segments[f, 1]], x[segments[e, 1]]) > 0.0
+    on_f = side(x[segments[e, 0]], x[segments[e, 1]], x[segments[f, 1]]) > 0.0
+    begin_way(x, segments, first, used_1, e, on_e, P)
+    begin_way(x, segments, second, used_2, f, on_f, P)
+    counts[:] = 1
+    ways, useds, forwards = (first, second), (used_1, used_2), (on_e, on_f)
+    one = depth_along(outlines, links, allowed, ways, useds, counts, forwards, (0, 1), walked)
+    two = depth_along(outlines, links, allowed, ways, useds, counts, forwards, (1, 0), walked)
+    return one if one[0] >= two[0] else two
+
+
+@kernel
+def grown(rows, count):
+    """``rows`` with room for row ``count``."""
+    if count < rows.shape[0]:
+        return rows
+    longer = np.empty((2 * count, rows.shape[1]))
+    longer[:count] = rows
+    return longer
+
+
+@kernel
+def find_crossings(x, segments, after, before, lengths, bodies, allowed):
+    """Find where segments cross: rows (e, f, depth over facet, depth, x, y).
+
+    ``allowed`` (n,) is what nodes may overlap by [length].
+    """
+    boxes = build_tree(x, segments)
+    leaves = boxes.shape[0] // 2
+    stack, hits = np.empty(128, np.int64), np.empty(64, np.int64)
+    rows, count = np.empty((64, 6)), 0
+    walked = np.full((segments.shape[0], 2), -1)
+    size = min(segments.shape[0], LONGEST_WAY)
+    work = (
+        np.empty((size + 1, 2)),
+        np.empty((size + 1, 2)),
+        np.empty(size, np.int64),
+        np.empty(size, np.int64),
+        np.empty(2, np.int64),
+    )
+    for e in range(segments.shape[0]):
+        found = query_box(boxes, boxes[leaves + e], stack, hits)
+        if found > hits.size:
+            hits = np.empty(2 * found, np.int64)
+            query_box(boxes, boxes[leaves + e], stack, hits)
+        for f in hits[:found]:
+            if f <= e or share_node(segments[e], segments[f]):
+                continue
+            if not cross_properly(x, segments[e], segments[f]):
+                continue
+            P = crossing_point(x, segments[e], segments[f])
+            most, depth = crossing_depth(
+                (x, segments, lengths, bodies), (after, before), allowed, (e, f), P, work, walked
+            )
+            rows = grown(rows, count)
+            rows[count] = float(e), float(f), most, depth, P[0], P[1]
+            count += 1
+    return rows[:count].copy()
+
+
+# Ways
+
+
+@kernel
+def roots_in_step(c0, c1, c2):
+    """Roots of c0 + c1 t + c2 t^2 in [0, 1], nan for none: (t, t)."""
+    square = c1 * c1 - 4.0 * c2 * c0
+    if not square >= 0.0:
+        return np.nan, np.nan
+    q = -0.5 * (c1 + (np.sqrt(square) if c1 >= 0.0 else -np.sqrt(square)))
+    first = q / c2 if c2 != 0.0 else np.nan
+    second = c0 / q if q != 0.0 else np.nan
+    first = first if 0.0 <= first <= 1.0 else np.nan
+    second = second if 0.0 <= second <= 1.0 else np.nan
+    return first, second
+
+
+@kernel
+def find_events(x0, x1, segments, bodies, node_bodies, which):
+    """Find where nodes on their ways from x0 to x1 go through segments on theirs.
+
+    Segments of other bodies than the node's count if ``which`` is OTHERS, of its own with OWN, both
+    with ALL; the two that end at the node never do.
+    Returns rows (node, segment, t, 1 if it enters or -1 if it leaves, outward normal, place).
+    """
+    size = x0.shape[0]
+    both = np.concatenate((x0, x1))
+    boxes = build_tree(both, np.concatenate((segments, segments + size), axis=1))
+    stack, hits, box = np.empty(128, np.int64), np.empty(64, np.int64), np.empty(4)
+    rows, count = np.empty((64, 7)), 0
+    for p in range(size):
+        for d in range(2):
+            box[d], box[2 + d] = min(x0[p, d], x1[p, d]), max(x0[p, d], x1[p, d])
+        found = query_box(boxes, box, stack, hits)
+        if found > hits.size:
+            hits = np.empty(2 * found, np.int64)
+            query_box(boxes, box, stack, hits)
+        for e in hits[:found]:
+            a, b = segments[e]
+            if which != ALL and (bodies[e] == node_bodies[p]) != (which == OWN):
+                continue
+            if p == a or p == b:
+                continue
+            ex, ey = x0[b, 0] - x0[a, 0], x0[b, 1] - x0[a, 1]
+            gx, gy = x1[b, 0] - x1[a, 0] - ex, x1[b, 1] - x1[a, 1] - ey
+            qx, qy = x0[p, 0] - x0[a, 0], x0[p, 1] - x0[a, 1]
+            rx, ry = x1[p, 0] - x1[a, 0] - qx, x1[p, 1] - x1[a, 1] - qy
+            c0, c2 = cross(ex, ey, qx, qy), cross(gx, gy, rx, ry)
+            c1 = cross(ex, ey, rx, ry) + cross(gx, gy, qx, qy)
+            for t in roots_in_step(c0, c1, c2):
+                tx, ty = ex + t * gx, ey + t * gy
+                square, slope = tx * tx + ty * ty, c1 + 2.0 * c2 * t
+                s = ((qx + t * rx) * tx + (qy + t * ry) * ty) / square
+                if not (-BEYOND <= s <= 1.0 + BEYOND) or slope == 0.0:
+                    continue
+                rows = grown(rows, count)
+                length = np.sqrt(square)
+                rows[count] = float(p), float(e), t, np.sign(slope), ty / length, -tx / length, s
+                count += 1
+    return rows[:count].copy()
+
+
+@kernel
+def nearest_segment(x, segments, bodies, body, p, node):
+    """Nearest segment of a body to p, but for those at ``node``, and the squared distance."""
+    best, nearest = np.inf, -1
+    for e in range(segments.shape[0]):
+        if bodies[e] != body or segments[e, 0] == node or segments[e, 1] == node:
+            continue
+        distance, _ = nearest_on_piece(p, x[segments[e, 0]], x[segments[e, 1]])
+        if distance < best:
+            best, nearest = distance, e
+    return best, nearest
+
+
+@kernel
+def normal_of(x, segment):
+    """Outward unit normal of a segment: (nx, ny)."""
+    tx, ty = x[segment[1], 0] - x[segment[0], 0], x[segment[1], 1] - x[segment[0], 1]
+    length = np.sqrt(tx * tx + ty * ty)
+    return ty / length, -tx / length
+
+
+@kernel
+def is_beside(x, segments, links, places, most):
+    """Whether the outline between two places on it, one way or the other, is beside their chord.
+
+    ``places``: two segments, and where on them, 0 to 1. No node between may be farther from the
+    chord than ``most``: a way along it slid along the surface, or round a tip.
+    """
+    e, f, s_e, s_f = places
+    if e == f:
+        return True
+    chord = np.empty((2, 2))
+    for d in range(2):
+        chord[0, d] = x[segments[e, 0], d] + s_e * (x[segments[e, 1], d] - x[segments[e, 0], d])
+        chord[1, d] = x[segments[f, 0], d] + s_f * (x[segments[f, 1], d] - x[segments[f, 0], d])
+    for next_, end in ((links[0], 1), (links[1], 0)):
+        g = e
+        while True:
+            square, _ = nearest_on_piece(x[segments[g, end]], chord[0], chord[1])
+            g = next_[g]
+            if not square <= most * most or g < 0 or g == e:
+                break
+            if g == f:
+                return True
+    return False
+
+
+@kernel
+def place_on(x, segment, p):
+    """Place of p along a segment, 0 to 1."""
+    ax, ay = x[segment[0]]
+    dx, dy = x[segment[1], 0] - ax, x[segment[1], 1] - ay
+    s = ((p[0] - ax) * dx + (p[1] - ay) * dy) / (dx * dx + dy * dy)
+    return min(max(s, 0.0), 1.0)
+
+
+@kernel
+def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
+    """Find the ways that went through a body, or end inside of one.
+
+    ``events``: rows of ``find_events``, sorted by node, body of the segment and time; x0, x1: where
+    nodes were at the start and are at the end. Returns rows (node, segment of the entry, segment of
+    the exit, distance of the node from the first); of a way that ends inside the exit is -1, and
+    the segment the nearest one.
+    """
+    rows, count = np.empty((16, 4)), 0
+    i = 0
+    while i < events.shape[0]:
+        p, body = int(events[i, 0]), bodies[int(events[i, 1])]
+        entry, nx, ny, s, fresh = -1, 0.0, 0.0, 0.0, True
+        while i < events.shape[0] and events[i, 0] == p and bodies[int(events[i, 1])] == body:
+            e = int(events[i, 1])
+            if events[i, 3] > 0.0:
+                if entry < 0:
+                    entry, nx, ny, s = e, events[i, 4], events[i, 5], events[i, 6]
+            else:
+                if entry < 0 and fresh:  # it began inside: in contact, or overlapping
+                    _, entry = nearest_segment(x0, segments, bodies, body, x0[p], p)
+                    if entry >= 0:
+                        nx, ny = normal_of(x0, segments[entry])
+                        s = place_on(x0, segments[entry], x0[p])
+                if entry >= 0:
+                    mx, my = normal_of(x1, segments[entry])
+                    kx, ky = normal_of(x1, segments[e])
+                    opposed = nx * events[i, 4] + ny * events[i, 5] < OPPOSITE
+                    opposed = opposed and mx * kx + my * ky < OPPOSITE
+                    most = max(lengths[entry], lengths[e])
+                    places = (entry, e, s, events[i, 6])
+                    if opposed and not is_beside(x1, segments, (after, before), places, most):
+                        a, b = x1[segments[entry, 0]], x1[segments[entry, 1]]
+                        square, _ = nearest_on_piece(x1[p], a, b)
+                        rows = grown(rows, count)
+                        rows[count] = float(p), float(entry), float(e), np.sqrt(square)
+                        count += 1
+                entry = -1
+            fresh = False
+            i += 1
+        if entry >= 0:
+            square, nearest = nearest_segment(x1, segments, bodies, body, x1[p], p)
+            rows = grown(rows, count)
+            rows[count] = float(p), float(nearest), -1.0, np.sqrt(square)
+            count += 1
+    return rows[:count].copy()

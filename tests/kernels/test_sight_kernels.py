@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: MIT
+"""How far a line stays in a body, by its outline."""
+
+import numpy as np
+import pytest
+
+from fenics_mortar.kernels.sight import is_way_out, length_inside
+
+LEAST = 1e-10
+
+
+def outline(*rings):
+    """Closed polygons (body, points), the body on their left."""
+    x = np.concatenate([np.asarray(points, float) for _, points in rings])
+    pieces, bodies, first = [], [], 0
+    for body, points in rings:
+        k = np.arange(len(points))
+        pieces.append(first + np.stack([k, (k + 1) % len(points)], axis=1))
+        bodies.append(np.full(len(points), body))
+        first += len(points)
+    return x, np.concatenate(pieces), np.concatenate(bodies)
+
+
+def box(low, high, width=1.0):
+    """A rectangle between two heights."""
+    return [(0, low), (width, low), (width, high), (0, high)]
+
+
+def length(where, shape, x=0.4, down=False, own=0):
+    """From a height up or down."""
+    way = np.array([0.0, -1.0 if down else 1.0])
+    return length_inside(np.array([x, where]), way, shape, own, LEAST)
+
+
+def test_line_ends_where_the_body_does():
+    shape = outline((0, box(0.0, 0.3)), (1, box(0.1, 2.0)))
+    assert length(0.0, shape) == pytest.approx(0.3)
+    assert length(0.3, shape, down=True) == pytest.approx(0.3)
+    assert length(0.1, shape, own=1) == pytest.approx(1.9)
+    assert length(0.0, shape, own=2) == np.inf
+
+
+def test_hollow_of_a_ring_is_not_inside():
+    shape = outline((0, box(0.0, 1.0)), (0, [(0.2, 0.2), (0.2, 0.7), (0.8, 0.7), (0.8, 0.2)]))
+    assert length(0.0, shape) == pytest.approx(0.2)
+    assert length(0.7, shape) == pytest.approx(0.3)
+
+
+def test_body_that_overlaps_itself_goes_on():
+    """Two arms of one body, one in the other."""
+    shape = outline((0, box(0.0, 0.5)), (0, box(0.4, 0.9)))
+    assert length(0.0, shape) == pytest.approx(0.9)
+    assert length(0.4, shape) == pytest.approx(0.5)
+    assert length(0.5, shape, down=True) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("x", [0.0, 1.0, 0.5])
+def test_line_through_a_corner_is_counted_once(x):
+    """At the ends of the sides it is within the body, or without, but never half."""
+    shape = outline((0, [(0, 0), (0.5, 0), (1, 0), (1, 1), (0.5, 1), (0, 1)]))
+    assert length(0.0, shape, x=x) in (1.0, np.inf)
+    assert length(0.0, shape, x=0.5) == pytest.approx(1.0)
+
+
+def test_a_place_just_beside_its_own_facet_is_on_it():
+    """As a point of a curved facet is beside its chords, outside or inside."""
+    shape = outline((0, box(0.0, 0.3)))
+    for off in (-1e-3, 1e-3, -1e-16, 1e-16):
+        assert length(off, shape) == pytest.approx(0.3 - off)
+
+
+def test_many_crossings_are_sorted():
+    shape = outline(*((0, box(k, k + 0.5)) for k in range(100)))
+    assert length(0.0, shape) == pytest.approx(0.5)
+    assert length(99.5, shape, down=True) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("thick, other", [(0.1, 0.1), (0.1, 1.0), (1.0, 0.1)])
+@pytest.mark.parametrize("overlap", [-0.05, 0.01, 0.09])
+def test_of_two_ways_out_the_shorter_one_counts(thick, other, overlap):
+    """A slave on a master, that overlaps it: its bottom is behind by the overlap, its top by more.
+
+    Without an overlap neither is: the bottom has the master in front.
+    """
+    shape = outline((0, box(0.0, thick)), (1, box(overlap - other, overlap)))
+    N = np.empty((3, 2))
+    down = np.array([1.0, thick, 0.0, thick, 0.0, 1.0, 0.0, 1.0])
+    low = np.array([0.0, overlap - other, 1.0, overlap - other])
+    through = thick + other - overlap
+    assert not is_way_out(np.concatenate([down, low]), N, 0.1, through, shape, (0, 1), LEAST)
+    if overlap > 0.0:
+        up = np.array([0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, -1.0])
+        top = np.array([1.0, overlap, 0.0, overlap])
+        assert is_way_out(np.concatenate([up, top]), N, 0.1, overlap, shape, (0, 1), LEAST)
