@@ -140,19 +140,40 @@ class Program:
 
 def judge(structure: Structure) -> Verdict:
     """Solve both programs: are the dead loads borne, and how much of the live ones?"""
-    program, rows, size = _program(structure), _rows(structure), _size(structure)
-    weights = np.tile([1.0, 1.0, 1.0 / size], len(structure.dead))[rows]
-    program = replace(program, A=program.A[rows] * weights[:, None])
-    dead = structure.dead.ravel()[rows] * weights
-    live = structure.live.ravel()[rows] * weights
+    units, centre, size, force, push = _without_units(structure)
+    program, rows = _program(units), _rows(structure)
+    program = replace(program, A=program.A[rows])
+    dead, live = units.dead.ravel()[rows], units.live.ravel()[rows]
     defect, motion = _least_defect(program, dead)
-    scale = float(np.abs(dead).sum()) or 1.0
-    mechanism = np.zeros(structure.dead.size)
-    feasible, factor = defect <= ROUNDING * scale, 0.0
+    feasible, factor = defect <= ROUNDING, 0.0
     if feasible:
         factor, motion = _largest_factor(program, dead, live)
-    mechanism[rows] = motion * weights
-    return Verdict(feasible, defect / scale, factor, mechanism.reshape(-1, 3))
+    rates = np.zeros(structure.dead.size)
+    rates[rows] = motion
+    rates = rates.reshape(-1, 3) * np.array([1.0, 1.0, 1.0 / size])
+    rates[:, :2] += rates[:, 2:] * np.array([centre[1], -centre[0]])
+    return Verdict(feasible, defect, factor * force / push, rates)
+
+
+def _without_units(structure: Structure) -> tuple[Structure, Array, float, float, float]:
+    """The same about the middle of its points, in units of its extent and of its loads.
+
+    Returns:
+        The structure, the middle, the extent, and the sums of the dead and the live loads.
+    """
+    x = np.array([point.x for point in structure.points]).reshape(-1, 2)
+    centre = x.mean(axis=0)
+    size = float(np.abs(x - centre).max()) or 1.0
+    loads, sums = [], []
+    for rows in (structure.dead, structure.live):
+        moments = rows[:, 2] - (centre[0] * rows[:, 1] - centre[1] * rows[:, 0])
+        rows = np.column_stack([rows[:, :2], moments / size])
+        loads.append(rows)
+        sums.append(float(np.abs(rows).sum()))
+    force, push = sums[0] or sums[1] or 1.0, sums[1] or 1.0
+    points = [replace(p, x=(p.x - centre) / size, pull=p.pull / force) for p in structure.points]
+    units = replace(structure, points=points, dead=loads[0] / force, live=loads[1] / push)
+    return units, centre, size, force, push
 
 
 def friction_needed(structure: Structure, *, most: float = 64.0, steps: int = 40) -> float:
@@ -247,12 +268,6 @@ def _rows(structure: Structure) -> Array:
     if structure.guided.size == 0:
         return np.ones(structure.dead.size, bool)
     return ~structure.guided.astype(bool).ravel()
-
-
-def _size(structure: Structure) -> float:
-    """Extent of the points [length]."""
-    x = np.array([point.x for point in structure.points]).reshape(-1, 2)
-    return float(np.abs(x).max(initial=0.0)) or 1.0
 
 
 # Where bodies touch

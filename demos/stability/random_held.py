@@ -34,6 +34,8 @@ TOLD_MARGIN = 0.25
 # Where friction is not associated bodies may give way before limit analysis says so: a dead end
 # below this part of what it allows is taken for a failure.
 EARLIEST = 0.9
+# Width of upright joints that are no pairs [length]: bodies that bulge do not meet in them.
+OPEN = 0.02
 # A point with a normal, of a rigid plane.
 Plane = tuple[Array, Array]
 DOWN = np.array([0.0, -1.0])
@@ -241,6 +243,7 @@ def _courses(rng: np.random.Generator, seed: int, rows: list[list[float]], name:
     for r, joints in enumerate(rows):
         height, row = rng.uniform(0.3, 0.7), []
         for c, (a, b) in enumerate(itertools.pairwise(joints)):
+            b -= OPEN * (not upright and c < len(joints) - 2)
             counts = (max(round((b - a) * alike), 1), 2) if alike else _counts(rng, b - a)
             bodies.append(_box(rng, f"b{r}_{c}", a, y, b - a, height, counts, cells))
             row.append((f"b{r}_{c}", a, b))
