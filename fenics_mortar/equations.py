@@ -347,7 +347,7 @@ class ContactEquations:
         """
         if self.floating.held or self._residuals[-1] > SLIGHT * self._force:
             return ""
-        names = self.floating.names(self.floating.loose())
+        names = self.floating.names(self.floating.loose() or self.floating.bodies)
         return f"only a slight force is left, which moves {names} on" if names else ""
 
     def merge_sets(self, period: int) -> str:
