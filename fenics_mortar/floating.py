@@ -82,10 +82,11 @@ class FloatingBodies:
         self._bulk = bulk
         self._contacts = [contact for contact in contacts if not isinstance(contact, Tie)]
         self._data: list[MeshData] = [contact.pair.data for contact in contacts]
+        self._surface_labels: dict[int, Array] = {}
         self.labels, count = label_bodies(bulk.V)
         links = [self._links(tie) for tie in contacts if isinstance(tie, Tie)]
         self.labels, self._num_bodies = join_bodies(self.labels, count, links)
-        self._surface_labels: dict[int, Array] = {}
+        self._surface_labels.clear()  # those of bodies before ties joined them
         self.bodies: list[FloatingBody] = []
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bulk.u.x.array

@@ -34,6 +34,9 @@ from fenics_mortar.kernels.search import build_tree
 BEYOND = 1e-12
 # Where two ways inwards are this close, in facets, they have met: rounding.
 MET = 1e-9
+# From so many facets on it is made sure that a node is inside of the other body: along nearly
+# collinear facets, as the tops of two blocks side by side, a way is out again before its first node.
+SURE = 0.1
 # Segments that one is followed by at the most: a lens is told from a crossing by far fewer.
 LONGEST_WAY = 512
 # A way that leaves a body has gone through it where the outward normals of the places of entry and
@@ -186,6 +189,20 @@ def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, 
 
 
 @kernel
+def is_inside(x, segments, bodies, body, p):
+    """Whether p is inside a body: a ray from it to the right meets its outline oddly often."""
+    inside = False
+    for e in range(segments.shape[0]):
+        if bodies[e] != body:
+            continue
+        a, b = x[segments[e, 0]], x[segments[e, 1]]
+        if (a[1] > p[1]) != (b[1] > p[1]):
+            upwards = b[1] > a[1]
+            inside ^= (side(a, b, p) > 0.0) == upwards
+    return inside
+
+
+@kernel
 def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, walked):
     """Greatest depth of the nodes of one way below the other: (depth / facet, depth).
 
@@ -223,6 +240,9 @@ def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, 
             break
         if not is_left(p, other, counts[two], near, at, forwards[two]):
             break
+        if distance > SURE * length and body != bodies[e]:
+            if not is_inside(x, segments, bodies, body, p):  # it came out between its nodes
+                break
         if i > 0:
             walked[e, direction] = body
         slack = max(

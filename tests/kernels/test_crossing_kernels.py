@@ -224,3 +224,16 @@ def test_way_that_ends_inside_tells_how_deep(deep):
     found = passages([plate, block], [plate, block - [0.0, 0.1 + deep]])
     assert (found[:, 2] < 0.0).all()
     assert found[:, 3].max() == pytest.approx(deep)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_blocks_side_by_side_with_tops_in_a_line_overlap_by_rounding(seed):
+    """Their tops cross at the joint under a tiny angle, and go on far from it."""
+    rng = np.random.default_rng(seed)
+    size = 1e-6
+    left, right = rectangle(-1.0, 0.0, 1.0, 1.0, 0.5), rectangle(0.0, 0.0, 1.0, 1.0, 0.25)
+    left, right = (block + size * rng.uniform(-1.0, 1.0, block.shape) for block in (left, right))
+    turn = rng.uniform(0.0, np.pi)
+    R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    rows = crossings(left @ R.T, right @ R.T)
+    assert rows[:, 2].max(initial=0.0) < 10.0 * size / 0.25
