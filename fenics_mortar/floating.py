@@ -400,6 +400,8 @@ class FloatingBodies:
         size = float(np.abs(loads).sum())
         weight = sum(float(c.operators.weight[c.active].sum()) for c in self._contacts)
         pressure = size / weight if weight > 0.0 else 0.0
+        if not self._contacts:
+            return {body.label for body in self.bodies}
         parts = [self._touching(contact, pressure) for contact in self._contacts]
         motion = unresisted_motion(loads, Touching(*map(np.concatenate, zip(*parts, strict=True))))
         ends = np.cumsum([len(body.motions) for body in self.bodies])[:-1]
