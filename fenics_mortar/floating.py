@@ -33,9 +33,10 @@ from fenics_mortar.bodies import (
 )
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.contact import Contact
-from fenics_mortar.errors import MortarError, place
+from fenics_mortar.errors import MortarError, NotConvergedError, place
 from fenics_mortar.holding import Touching, unresisted_motion
 from fenics_mortar.mesh import MeshData
+from fenics_mortar.newton import NewtonReport
 from fenics_mortar.surfaces import Array, Indices, Surface
 from fenics_mortar.tied import Tie
 
@@ -115,12 +116,12 @@ class FloatingBodies:
             Which bodies were moved, in words.
 
         Raises:
-            MortarError: On all ranks, if nothing stops a body.
+            NotConvergedError: On all ranks, if nothing stops a body.
         """
         if not self.bodies:
             return []
         self._unloaded = [body for body in self.bodies if not self._is_loaded(body)]
-        moved, creeping = set[int](), 0
+        moved, creeping, extent = dict[int, float](), 0, self._extent()
         for number in range(MOST_MOVES):
             forces = evaluate()
             if number == 0:
@@ -133,12 +134,16 @@ class FloatingBodies:
                 return [f"{name} was moved rigidly until contact stopped it" for name in names]
             for body, move in zip(driven, moves, strict=True):
                 self._move(body, move)
-                moved.add(body.label)
-        body, move = driven[0], moves[0]
-        raise MortarError(
-            f"{self.name_of(body.label)} can {body.describe(move)} freely: loads drive it, and "
-            "neither Dirichlet conditions nor contact stop it"
+                way = float(np.linalg.norm(move @ body.motions))
+                moved[body.label] = moved.get(body.label, 0.0) + way
+            ways = [moved[body.label] for body in driven]
+            if all(map(self._is_gone, driven, moves, ways, [extent] * len(ways))):
+                break
+        words = (
+            f"{self.name_of(driven[0].label)} can {driven[0].describe(moves[0])} freely: loads "
+            "drive it, and neither Dirichlet conditions nor contact stop it"
         )
+        raise NotConvergedError(words, NewtonReport(reason=words))
 
     @property
     def held_by_contact(self) -> bool:
@@ -421,6 +426,19 @@ class FloatingBodies:
             (weight * shear)[on],
             (weight * adhesion)[on],
         )
+
+    def _extent(self) -> float:
+        """Diagonal of the box around all bodies [length] (collective)."""
+        x, comm = self._bulk.positions()[: self._bulk.space.num_nodes], self._bulk.comm
+        low = comm.allreduce(x.min(axis=0, initial=np.inf), np.minimum)
+        high = comm.allreduce(x.max(axis=0, initial=-np.inf), np.maximum)
+        return float(np.hypot(*(high - low)))
+
+    def _is_gone(self, body: FloatingBody, move: Array, way: float, extent: float) -> bool:
+        """Whether a body has moved past all others, and is not on its way to an obstacle."""
+        if way <= extent:
+            return False
+        return not any(self._is_ahead(contact, body, move) for contact in self._contacts_of(body))
 
     def _creep(self, driven: list[FloatingBody], moves: list[Array]) -> bool:
         """Whether no body moves by more than it may overlap."""

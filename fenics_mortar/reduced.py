@@ -481,6 +481,10 @@ class ReducedEquations:
         """As the problem's."""
         return self._problem.seconds()
 
+    def drifts(self) -> str:
+        """See ``Equations``."""
+        return self._problem.drifts()
+
     def diagnose(self) -> str:
         """As the problem's, of the whole bodies."""
         self.finish()

@@ -34,8 +34,8 @@ from fenics_mortar.kernels.search import build_tree
 BEYOND = 1e-12
 # Where two ways inwards are this close, in facets, they have met: rounding.
 MET = 1e-9
-# From so many facets on it is made sure that a node is inside of the other body: along nearly
-# collinear facets, as the tops of two blocks side by side, a way is out again before its first node.
+# From so many facets on it is made sure that a node is inside of the other body: where facets are
+# nearly in a line, as the tops of two blocks side by side, a way is out before its first node.
 SURE = 0.1
 # Segments that one is followed by at the most: a lens is told from a crossing by far fewer.
 LONGEST_WAY = 512
