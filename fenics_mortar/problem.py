@@ -30,7 +30,7 @@ from fenics_mortar.checks import (
 from fenics_mortar.clock import clock
 from fenics_mortar.contact import Contact
 from fenics_mortar.damping import Damped
-from fenics_mortar.equations import ContactEquations
+from fenics_mortar.equations import SLIGHT, ContactEquations
 from fenics_mortar.errors import NotConvergedError, check_same_words, together
 from fenics_mortar.estimate import ErrorEstimate, Estimator
 from fenics_mortar.folds import check_folds
@@ -336,10 +336,14 @@ class ContactProblem(ContactEquations):
             loose = bool(self.floating.bodies) or self.tools.driven.any()
             if self.newton.tentative or not loose:
                 raise
+            failed = error
             if self.drifts():
-                return hold_here(self, self.newton, error)
+                try:
+                    return hold_here(self, self.newton, error, most=SLIGHT)
+                except NotConvergedError as held:
+                    failed = NotConvergedError(error.report.reason, held.report)
             self.restore(start)
-            return release_slowly(self, self.newton, error)
+            return release_slowly(self, self.newton, failed)
 
     def accept(self) -> None:
         """Count slip and ways of nodes from the last evaluated state (collective)."""

@@ -91,7 +91,12 @@ def release_slowly(
 
 
 def hold_here(
-    equations: Held, options: NewtonOptions, failed: NotConvergedError, *, repeats: int = 1
+    equations: Held,
+    options: NewtonOptions,
+    failed: NotConvergedError,
+    *,
+    repeats: int = 1,
+    most: float = MOST_HELD,
 ) -> NewtonReport:
     """Solve with weak springs that stay (collective).
 
@@ -100,19 +105,20 @@ def hold_here(
         options: Of the solves.
         failed: What a solve without springs ended with.
         repeats: How often springs are tied anew.
+        most: Part of the contact force on a body that springs may hold.
 
     Returns:
         The record of all iterations, those of ``failed`` included.
 
     Raises:
-        NotConvergedError: On all ranks, if a solve fails or springs hold more than ``MOST_HELD``.
+        NotConvergedError: On all ranks, if a solve fails or springs hold more.
     """
     report = failed.report
     for _ in range(repeats):
         equations.hold(TRAVEL)
         report = after(report, partial(solve, equations, options))
     part, words = equations.remaining()
-    if part > MOST_HELD:
+    if part > most:
         raise NotConvergedError(f"{failed}; {words}", report) from failed
     report.notes.append(words)
     return report

@@ -96,10 +96,10 @@ def _run(scene: Scene, method: Method, comm: MPI.Comm, record: Record) -> None:
             _fixed(posed, look, record)
     except (fm.MortarError, GivenUpError) as error:
         record.reason = str(error)
-        if "wrong state" in record.reason:  # so the driver says, and does not accept it
-            record.state = "wrong"
-        elif getattr(getattr(error, "report", None), "dead_end", ""):  # no equilibrium beyond
+        if getattr(getattr(error, "report", None), "dead_end", ""):  # no equilibrium beyond
             record.state = "dead end"
+        elif "wrong state" in record.reason:  # so the driver says, and does not accept it
+            record.state = "wrong"
     else:
         wrong = scene.check(posed)
         violations += [wrong] if wrong else []
