@@ -42,7 +42,7 @@ LESS_WEIGHT = 1e-3
 WAVERING = 4
 # Forces along free motions are slight below this part of all forces: a small part of what averaged
 # normals of facets err, and little beside what a certificate allows springs to hold.
-SLIGHT = 1e-4
+SLIGHT = 1e-5
 EPSILON = float(np.finfo(float).eps)
 # Squared norms of what all ranks know may differ by this part; a spread that is found as the root
 # of a difference of squares has the root of rounding.

@@ -46,6 +46,9 @@ class Root:
     def diagnose(self):
         return "x is not finite"
 
+    def drifts(self):
+        return ""
+
 
 def test_newton_converges_quadratically():
     report = solve(Root(), fm.NewtonOptions())

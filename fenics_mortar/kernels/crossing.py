@@ -34,9 +34,6 @@ from fenics_mortar.kernels.search import build_tree
 BEYOND = 1e-12
 # Where two ways inwards are this close, in facets, they have met: rounding.
 MET = 1e-9
-# From so many facets on it is made sure that a node is inside of the other body: where facets are
-# nearly in a line, as the tops of two blocks side by side, a way is out before its first node.
-SURE = 0.1
 # Segments that one is followed by at the most: a lens is told from a crossing by far fewer.
 LONGEST_WAY = 512
 # A way that leaves a body has gone through it where the outward normals of the places of entry and
@@ -189,17 +186,26 @@ def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, 
 
 
 @kernel
-def is_inside(x, segments, bodies, body, p):
-    """Whether p is inside a body: a ray from it to the right meets its outline oddly often."""
-    inside = False
-    for e in range(segments.shape[0]):
-        if bodies[e] != body:
-            continue
-        a, b = x[segments[e, 0]], x[segments[e, 1]]
-        if (a[1] > p[1]) != (b[1] > p[1]):
-            upwards = b[1] > a[1]
-            inside ^= (side(a, b, p) > 0.0) == upwards
-    return inside
+def is_out_at_once(outlines, links, f, forward, P, p):
+    """Whether the way from P to p leaves the other body within a facet of P along its outline.
+
+    The other way goes inwards from P on segment f, ``forward`` or not; looked at is its outline in
+    the other direction. Nearly in a line, as the tops of two blocks side by side that overlap by
+    rounding, a way is out again round a corner before its first node.
+    """
+    x, segments, lengths, _ = outlines
+    here, arc, e = P, 0.0, f
+    while arc <= lengths[f]:
+        next_node = x[segments[e, 0 if forward else 1]]
+        if e != f and side(P, p, here) * side(P, p, next_node) < 0.0:
+            if side(here, next_node, P) * side(here, next_node, p) < 0.0:
+                return True
+        arc += distance_of(here, next_node)
+        here = next_node
+        e = links[1][e] if forward else links[0][e]
+        if e < 0 or e == f:
+            return False
+    return False
 
 
 @kernel
@@ -240,8 +246,9 @@ def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, 
             break
         if not is_left(p, other, counts[two], near, at, forwards[two]):
             break
-        if distance > SURE * length and body != bodies[e]:
-            if not is_inside(x, segments, bodies, body, p):  # it came out between its nodes
+        f = useds[two][0]
+        if i == 0 and bodies[f] != bodies[e]:
+            if is_out_at_once(outlines, links, f, forwards[two], way[0], p):
                 break
         if i > 0:
             walked[e, direction] = body

@@ -226,14 +226,17 @@ def test_way_that_ends_inside_tells_how_deep(deep):
     assert found[:, 3].max() == pytest.approx(deep)
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 @pytest.mark.parametrize("seed", range(20))
-def test_blocks_side_by_side_with_tops_in_a_line_overlap_by_rounding(seed):
-    """Their tops cross at the joint under a tiny angle, and go on far from it."""
+def test_blocks_side_by_side_with_tops_in_a_line_overlap_by_rounding(seed, turn):
+    """Their corners are equally high, as if they stuck: the tops cross in the joint, and go on."""
     rng = np.random.default_rng(seed)
     size = 1e-6
     left, right = rectangle(-1.0, 0.0, 1.0, 1.0, 0.5), rectangle(0.0, 0.0, 1.0, 1.0, 0.25)
-    left, right = (block + size * rng.uniform(-1.0, 1.0, block.shape) for block in (left, right))
-    turn = rng.uniform(0.0, np.pi)
+    left += [size, 0.0]
+    for block in (left, right):
+        free = (block[:, 1] > 0.99) & (np.abs(block[:, 0]) > 0.1)
+        block[free, 1] += size * rng.uniform(-1.0, 1.0, free.sum())
     R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     rows = crossings(left @ R.T, right @ R.T)
     assert rows[:, 2].max(initial=0.0) < 10.0 * size / 0.25
