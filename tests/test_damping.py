@@ -52,6 +52,9 @@ class Arctan:
     def diagnose(self):
         return ""
 
+    def drifts(self):
+        return ""
+
 
 @pytest.mark.serial
 @pytest.mark.parametrize("options", [{"line_search": True}, {"most_motion": 1.0}])

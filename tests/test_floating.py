@@ -4,6 +4,7 @@
 from mpi4py import MPI
 
 import gmsh
+import held
 import numpy as np
 import pytest
 from scenes import internal, neo_hookean, read, rectangles
@@ -197,3 +198,14 @@ def test_closest_vector_below_planes():
         found = closest_below(wanted, rows, room)
         assert (rows @ found <= room + 1e-10).all()
         assert np.abs(found - exact).max() < 1e-7  # SLSQP's: it ends where the sum changes by 1e-14
+
+
+@pytest.mark.parametrize("base", ["plane", "body"])
+def test_block_that_friction_holds_stays_and_one_that_slides_keeps_its_friction(base):
+    """Limit analysis decides before the solve; see also ``test_held``, in serial."""
+    for push, reaches in ((0.1, 0.0), (0.6, 0.1)):
+        scene = held.block_and_wall(push, 0.5, base)
+        reports = list(scene.solve())
+        assert reports[-1].num_iterations <= 5
+        assert scene.motion("block")[0] == pytest.approx(0.3 if reaches else 0.0, abs=2e-3)
+        assert -scene.force(1)[0] == pytest.approx(reaches, abs=1e-3)
