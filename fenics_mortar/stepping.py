@@ -17,6 +17,7 @@ from fenics_mortar.equations import State
 from fenics_mortar.errors import (
     MortarError,
     NotConvergedError,
+    RaisedElsewhereError,
     call_together,
     check_same_words,
     together,
@@ -296,7 +297,8 @@ def _kept(before: Before, time: float) -> Iterator[None]:
     except NotConvergedError:
         raise
     except BaseException as error:
-        before.take_back(renew=not isinstance(error, MortarError))
+        ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
+        before.take_back(renew=not ours)
         error.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
         raise
 

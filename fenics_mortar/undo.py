@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from fenics_mortar.clock import clock
-from fenics_mortar.errors import MortarError
+from fenics_mortar.errors import MortarError, RaisedElsewhereError
 from fenics_mortar.system import drop_added_options
 
 
@@ -54,7 +54,9 @@ def undone_if_interrupted(problem: Any) -> Iterator[None]:
     before = Before(problem)
     try:
         yield
-    except MortarError:
+    except MortarError as error:
+        if isinstance(error, RaisedElsewhereError):  # on that rank it is another error
+            before.take_back(renew=True)
         raise
     except BaseException:
         before.take_back(renew=True)
