@@ -23,12 +23,12 @@ from fenics_mortar.newton import Equations, NewtonOptions, NewtonReport, after, 
 
 # Travel in one solve that springs aim at, and that which ends them, in shortest facets.
 TRAVEL, ARRIVED = 0.25, 0.01
-# After the first failure springs are as stiff as the bodies. The part of the travel that is tried
-# after another one, and how it grows again.
-LESS, MORE = 0.1, 3.0
-MOST_SOLVES, MOST_FAILURES = 20, 3
-# A solve with springs that has not ended by then was begun with too weak ones.
-MOST_ITERATIONS = 20
+# The part of it that is tried after a failure, and how it grows again.
+LESS, MORE = 0.125, 2.0
+# After so many failures in a row springs are as stiff as the bodies, and then: the part of their
+# travel after a failure, and how it grows. A solve that takes more iterations has too weak ones.
+STIFF_AFTER, STIFF_LESS, STIFF_MORE, STIFF_ITERATIONS = 2, 0.1, 3.0, 20
+MOST_SOLVES, MOST_FAILURES = 24, 5
 # Springs that stay are tied anew so often: what contact can carry it does then.
 REPEATS = 3
 # Springs may hold this part of the forces on a body, about what averaged normals err.
@@ -128,25 +128,24 @@ def _move_on_springs(
     equations: Held, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
     """Solve with springs until they are hardly strained any more, or long enough."""
-    rough = replace(
-        options,
-        residual_tolerance=max(ROUGH, options.residual_tolerance),
-        max_iterations=min(MOST_ITERATIONS, options.max_iterations),
-    )
-    report, aim, failures, stiff = failed.report, TRAVEL, 0, False
+    rough = replace(options, residual_tolerance=max(ROUGH, options.residual_tolerance))
+    report, aim, failures, less, more = failed.report, TRAVEL, 0, LESS, MORE
     for _ in range(MOST_SOLVES):
         start = equations.state()
         equations.hold(aim)
         try:
             report = after(report, partial(solve, equations, rough))
         except NotConvergedError as error:
-            report, failures = error.report, failures + 1
+            report, aim, failures = error.report, less * aim, failures + 1
             equations.restore(start)
-            stiff, aim = True, LESS * aim if stiff else equations.stiff_travel()
             if failures == MOST_FAILURES:
                 raise NotConvergedError(failed.report.reason, report) from error
+            if failures == STIFF_AFTER and less == LESS:
+                aim, less, more = equations.stiff_travel(), STIFF_LESS, STIFF_MORE
+                few = min(STIFF_ITERATIONS, options.max_iterations)
+                rough = replace(rough, max_iterations=few)
             continue
         if equations.travel() < ARRIVED * aim / TRAVEL:
             break
-        aim, failures = min(MORE * aim, TRAVEL), 0
+        aim, failures = min(more * aim, TRAVEL), 0
     return report
