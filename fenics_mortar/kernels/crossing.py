@@ -32,7 +32,8 @@ from fenics_mortar.kernels.search import build_tree
 
 # What a place on a segment may be beyond its ends by rounding: neighbours leave no hole.
 BEYOND = 1e-12
-# Where two ways inwards are this close, in facets, they have met: rounding.
+# Where two ways inwards are this close, in facets, they have met, and segments whose ends are so near
+# to each other's line are in one: rounding.
 MET = 1e-9
 # Segments that one is followed by at the most: a lens is told from a crossing by far fewer.
 LONGEST_WAY = 512
@@ -98,10 +99,17 @@ def share_node(e, f):
 
 @kernel
 def cross_properly(x, e, f):
-    """Whether two segments cross at inner points of both."""
+    """Whether two segments cross at inner points of both; not if they are in a line."""
     a, b, c, d = x[e[0]], x[e[1]], x[f[0]], x[f[1]]
-    first = side(a, b, c) * side(a, b, d)
-    return first < 0.0 and side(c, d, a) * side(c, d, b) < 0.0
+    of_c, of_d = side(a, b, c), side(a, b, d)
+    if not of_c * of_d < 0.0:
+        return False
+    of_a, of_b = side(c, d, a), side(c, d, b)
+    if not of_a * of_b < 0.0:
+        return False
+    one, two = distance_of(a, b), distance_of(c, d)
+    rounding = MET * max(one, two)
+    return max(abs(of_c), abs(of_d)) > rounding * one and max(abs(of_a), abs(of_b)) > rounding * two
 
 
 @kernel
