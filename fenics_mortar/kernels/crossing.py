@@ -32,8 +32,8 @@ from fenics_mortar.kernels.search import build_tree
 
 # What a place on a segment may be beyond its ends by rounding: neighbours leave no hole.
 BEYOND = 1e-12
-# Where two ways inwards are this close, in facets, they have met, and segments whose ends are so near
-# to each other's line are in one: rounding.
+# Where two ways inwards are this close, in facets, they have met; and segments whose ends are so
+# near to each other's line are in one: rounding.
 MET = 1e-9
 # Segments that one is followed by at the most: a lens is told from a crossing by far fewer.
 LONGEST_WAY = 512

@@ -242,13 +242,10 @@ def test_blocks_side_by_side_with_tops_in_a_line_overlap_by_rounding(seed, turn)
     assert rows[:, 2].max(initial=0.0) < 10.0 * size / 0.25
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_blocks_that_fit_but_for_rounding_do_not_cross(seed):
-    rng = np.random.default_rng(seed)
-    left, right = rectangle(-1.0, 0.0, 1.0, 1.0, 0.5), rectangle(0.0, 0.0, 1.0, 1.0, 0.25)
-    left += [1e-17, 0.0]
-    for block in (left, right):
-        free = (block[:, 1] > 0.99) & (np.abs(block[:, 0]) > 0.1)
-        block[free, 1] += 2.3e-16 * rng.integers(-2, 3, free.sum())
-    rows = crossings(left, right)
-    assert rows[:, 2].max(initial=0.0) < 1e-8
+def test_segments_in_a_line_but_for_rounding_do_not_cross():
+    """The tops of two blocks that stick to each other, at their corner."""
+    x = np.array([(4e-17, 0.0), (-1 / 3, -1.1e-16), (0.25, -2.2e-16), (4e-19, 0.0)])
+    one, other = np.array([0, 1]), np.array([2, 3])
+    assert not crossing.cross_properly(x, one, other)
+    x[2:] += [(0.0, 0.1), (-0.3, -0.1)]
+    assert crossing.cross_properly(x, one, other)
