@@ -121,6 +121,12 @@ def crossing_point(x, e, f):
 
 
 @kernel
+def is_at_end(x, e, P, rounding):
+    """Whether P is an end of a segment up to a length."""
+    return min(distance_of(x[e[0]], P), distance_of(x[e[1]], P)) <= rounding
+
+
+@kernel
 def begin_way(x, segments, way, used, e, forward, P):
     """Let a way begin at P, on segment e, with its first piece."""
     way[0], way[1], used[0] = P, x[segments[e, 1 if forward else 0]], e
@@ -329,6 +335,9 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
             if not cross_properly(x, segments[e], segments[f]):
                 continue
             P = crossing_point(x, segments[e], segments[f])
+            rounding = MET * max(lengths[e], lengths[f])
+            if is_at_end(x, segments[e], P, rounding) and is_at_end(x, segments[f], P, rounding):
+                continue  # corners that are at one place
             most, depth = crossing_depth(
                 (x, segments, lengths, bodies), (after, before), allowed, (e, f), P, work, walked
             )
