@@ -77,7 +77,14 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
     )
     costs = np.concatenate([-work, touching.shear[bounded] / size])
     bounds = [(-1.0, 1.0)] * loads.size + [(0.0, None)] * count
-    found = linprog(costs, A_ub=rows, b_ub=np.zeros(rows.shape[0]), bounds=bounds, method="highs")
+    found = linprog(
+        costs,
+        A_ub=rows,
+        b_ub=np.zeros(rows.shape[0]),
+        bounds=bounds,
+        method="highs",
+        options={"presolve": False},  # that of scipy 1.10 takes feasible programs for infeasible
+    )
     if not found.success:
         raise ArithmeticError(f"linear program of rigid bodies: {found.message}")
     return found.x[: loads.size] if -found.fun > HELD_WORK else np.zeros(loads.size)

@@ -249,11 +249,3 @@ def test_segments_in_a_line_but_for_rounding_do_not_cross():
     assert not crossing.cross_properly(x, one, other)
     x[2:] += [(0.0, 0.1), (-0.3, -0.1)]
     assert crossing.cross_properly(x, one, other)
-
-
-def test_corners_at_one_place_do_not_cross():
-    """As above, of blocks whose tops meet under an angle: numbers of a wall of bricks."""
-    left = [(2.2e-16, 0.0), (-0.2500158, -2.13e-06), (-0.2500158, -0.25), (-5e-08, -0.25)]
-    right = [(-5e-08, -0.25), (0.5, -0.25), (0.5000333, -5.4e-06), (0.0, 0.0)]
-    rows = crossings(np.array(left), np.array(right))
-    assert rows[:, 2].max(initial=0.0) < 1e-6
