@@ -14,8 +14,8 @@ import numpy as np
 
 root = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(root)]
+from fenics_mortar.interface.segments import find_segments
 from fenics_mortar.kernels import basis, normals, segment
-from fenics_mortar.segments import find_segments
 
 # -
 

@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: MIT
 """Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D."""
 
-from fenics_mortar.adequacy import AdequacyCheck
-from fenics_mortar.checkpoint import load_state, save_state
-from fenics_mortar.compat import mixed_space, vector_space
-from fenics_mortar.elastic_tool import ElasticTool
-from fenics_mortar.errors import MeshError, MortarError, NotConvergedError, SurfaceError
-from fenics_mortar.laws import Coulomb, Frictionless, Law, Tresca
-from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
-from fenics_mortar.newton import NewtonOptions
-from fenics_mortar.obstacles import Circle, Obstacle, Plane, Polygon, SignedDistance, Spline
-from fenics_mortar.pair import ContactPair
+from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
+from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.tied import TiedPair
+from fenics_mortar.io.checkpoint import load_state, save_state
+from fenics_mortar.io.results import ResultsWriter, contact_table, plot
+from fenics_mortar.mesh.reading import MeshData, dirichlet, read_gmsh
+from fenics_mortar.models.adequacy import AdequacyCheck
+from fenics_mortar.models.elastic_tool import ElasticTool
+from fenics_mortar.newton.loop import NewtonOptions
+from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
+from fenics_mortar.obstacles.shapes import Circle, Plane, Polygon, Spline
+from fenics_mortar.path.stepping import SteppingOptions, follow_path
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.results import ResultsWriter, contact_table, plot
-from fenics_mortar.stepping import SteppingOptions, follow_path
-from fenics_mortar.tied import TiedPair
+from fenics_mortar.utils.compat import mixed_space, vector_space
+from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 
 __all__ = [
     "AdequacyCheck",

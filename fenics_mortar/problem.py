@@ -17,34 +17,25 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fenics_mortar import compat
-from fenics_mortar.bulk import Bulk, prescribed_dofs
-from fenics_mortar.certificate import Certificate, certify
-from fenics_mortar.checks import (
+from fenics_mortar.bulk.checks import (
     check_cells,
     check_jacobian,
     check_residual,
     check_slave_nodes,
     check_space,
 )
-from fenics_mortar.clock import clock
-from fenics_mortar.contact import Contact
-from fenics_mortar.damping import Damped
-from fenics_mortar.equations import SLIGHT, ContactEquations
-from fenics_mortar.errors import NotConvergedError, check_same_words, together
-from fenics_mortar.estimate import ErrorEstimate, Estimator
-from fenics_mortar.folds import check_folds
-from fenics_mortar.inputs import Inputs, check_roles
-from fenics_mortar.mortar import LINEARIZATIONS
-from fenics_mortar.newton import NewtonOptions, NewtonReport, once, solve
-from fenics_mortar.operators import OperatorMatrices
-from fenics_mortar.options import check_choice, check_kind, check_number
-from fenics_mortar.pair import ContactPair
-from fenics_mortar.reduced import LinearBulk
-from fenics_mortar.release import hold_here, release_slowly
-from fenics_mortar.sight import extract_outline
-from fenics_mortar.space import DisplacementSpace
-from fenics_mortar.system import (
+from fenics_mortar.bulk.folds import check_folds
+from fenics_mortar.bulk.residual import Bulk, prescribed_dofs
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.tied import Tie, TiedPair, bind
+from fenics_mortar.equations.general import SLIGHT, ContactEquations
+from fenics_mortar.equations.inputs import Inputs, check_roles
+from fenics_mortar.equations.reduced import LinearBulk
+from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.interface.mortar import LINEARIZATIONS
+from fenics_mortar.interface.sight import extract_outline
+from fenics_mortar.la.system import (
     DIRECT,
     ITERATIVE,
     MANY,
@@ -53,9 +44,18 @@ from fenics_mortar.system import (
     Solver,
     obstacle_to_condensation,
 )
-from fenics_mortar.tangent import TangentCheck, check_tangent
-from fenics_mortar.tied import Tie, TiedPair, bind
-from fenics_mortar.undo import undone_if_interrupted
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.newton.damping import Damped
+from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, once, solve
+from fenics_mortar.rigid.release import hold_here, release_slowly
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
+from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.errors import NotConvergedError, check_same_words, together
+from fenics_mortar.verify.certificate import Certificate, certify
+from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
+from fenics_mortar.verify.matrices import OperatorMatrices
+from fenics_mortar.verify.tangent import TangentCheck, check_tangent
 
 
 class ContactProblem(ContactEquations):

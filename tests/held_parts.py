@@ -12,7 +12,7 @@ from limit_analysis import GROUND, Point, Structure, normal_of, touching_lines, 
 from mapped_grids import Grid
 
 import fenics_mortar as fm
-from fenics_mortar.laws import Stick
+from fenics_mortar.contact.laws import Stick
 
 Array = np.ndarray
 Loads = dict[str, float]

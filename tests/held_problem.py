@@ -21,7 +21,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 NU = 0.3
 

@@ -20,7 +20,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.model_error import (
+from fenics_mortar.models.model_error import (
     ENERGY,
     PEAK,
     QUANTITIES,

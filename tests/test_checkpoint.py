@@ -13,7 +13,7 @@ from test_adequacy import climbing
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.files import write_whole
+from fenics_mortar.utils.files import write_whole
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 3, "layers_lower": 3}

@@ -6,7 +6,7 @@ import time
 import pytest
 from scenes import pressed_blocks
 
-from fenics_mortar.clock import PHASES, Clock
+from fenics_mortar.utils.clock import PHASES, Clock
 
 
 def test_time_of_an_inner_phase_is_not_that_of_the_outer(monkeypatch):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Each function of ``fenics_mortar.compat``, on each release of dolfinx and any number of ranks."""
+"""Each function of ``utils.compat``, on each release of dolfinx and any number of ranks."""
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 COMM = MPI.COMM_WORLD
 CELLS = ("triangle", "quadrilateral")

@@ -8,8 +8,8 @@ import pytest
 from scenes import nodal, pressed_blocks
 
 import fenics_mortar as fm
-from fenics_mortar.damping import Damped
-from fenics_mortar.newton import NewtonOptions, Status, Step, solve
+from fenics_mortar.newton.damping import Damped
+from fenics_mortar.newton.loop import NewtonOptions, Status, Step, solve
 
 
 @dataclass

@@ -12,7 +12,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "demos" / "stability")
 import families
 from model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
 
-from fenics_mortar.dead_end import why_path_ends
+from fenics_mortar.path.dead_end import why_path_ends
 
 # A little load beyond a state, as a part of the whole.
 ONWARD = 1e-4

@@ -21,9 +21,9 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
-from fenics_mortar import compat
-from fenics_mortar.space import DisplacementSpace
-from fenics_mortar.surfaces import extract_surface
+from fenics_mortar.interface.surfaces import extract_surface
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils import compat
 
 COMM = MPI.COMM_WORLD
 SMALL = {"n_upper": 4, "n_lower": 6, "layers_upper": 3, "layers_lower": 3}

@@ -17,11 +17,11 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
-from fenics_mortar import compat
-from fenics_mortar.estimate import ErrorEstimate, interface_tractions
-from fenics_mortar.fluxes import Fluxes
-from fenics_mortar.segments import gauss_rule
-from fenics_mortar.space import DisplacementSpace
+from fenics_mortar.bulk.fluxes import Fluxes
+from fenics_mortar.interface.segments import gauss_rule
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils import compat
+from fenics_mortar.verify.estimate import ErrorEstimate, interface_tractions
 
 # Blocks of unlike material with rollers on the left and below, free on the right
 MESH = {"n_upper": 3, "n_lower": 5, "layers_upper": 2, "layers_lower": 3}

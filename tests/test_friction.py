@@ -29,8 +29,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.laws import Nodal, Row
-from fenics_mortar.slip import Measure
+from fenics_mortar.contact.laws import Nodal, Row
+from fenics_mortar.contact.slip import Measure
 
 MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 4, "layers_lower": 4}
 SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}

@@ -30,9 +30,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar import compat
-from fenics_mortar.errors import NotFiniteError
-from fenics_mortar.obstacles import ObstacleOperators
+from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.errors import NotFiniteError
 
 COMM = MPI.COMM_WORLD
 LAST = COMM.rank == COMM.size - 1

@@ -17,9 +17,9 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from fenics_mortar import compat
-from fenics_mortar.errors import MeshError
-from fenics_mortar.mesh import MeshData, dirichlet, read_gmsh
+from fenics_mortar.mesh.reading import MeshData, dirichlet, read_gmsh
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.errors import MeshError
 
 COMM = MPI.COMM_WORLD
 CELLS = ("triangle", "quadrilateral")

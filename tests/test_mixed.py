@@ -24,7 +24,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 comm = MPI.COMM_WORLD
 E, STRETCH = 100.0, 0.9

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar import release
-from fenics_mortar.newton import (
+from fenics_mortar.newton.loop import (
     LOOSEST,
     Iteration,
     NewtonReport,
@@ -19,6 +18,7 @@ from fenics_mortar.newton import (
     period_of,
     solve,
 )
+from fenics_mortar.rigid import release
 
 
 class Root:

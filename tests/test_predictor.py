@@ -11,8 +11,8 @@ from test_obstacles import KINDS, block_under
 from test_stepping import MESH, ironing
 
 import fenics_mortar as fm
-from fenics_mortar.predictor import Predictor
-from fenics_mortar.travel import Travel
+from fenics_mortar.path.predictor import Predictor
+from fenics_mortar.path.travel import Travel
 
 FACET = 1 / 3  # of the block under the tool
 FRICTION = [None, fm.Coulomb(0.1)]

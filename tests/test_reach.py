@@ -12,8 +12,8 @@ from scenes import internal, neo_hookean, pressed_blocks, read
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.bulk import MOST_GROWTHS
-from fenics_mortar.reach import MARGIN, Reach
+from fenics_mortar.bulk.residual import MOST_GROWTHS
+from fenics_mortar.la.reach import MARGIN, Reach
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 8, "n_lower": 40, "layers_upper": 2, "layers_lower": 2, "width_lower": 4.0}

@@ -5,7 +5,7 @@ import held
 import numpy as np
 import pytest
 
-from fenics_mortar.redundancy import dependent, repeating
+from fenics_mortar.contact.redundancy import dependent, repeating
 
 
 @pytest.mark.serial

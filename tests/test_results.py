@@ -16,8 +16,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar import compat
-from fenics_mortar.results import ResultsWriter, contact_table, plot
+from fenics_mortar.io.results import ResultsWriter, contact_table, plot
+from fenics_mortar.utils import compat
 
 COMM = MPI.COMM_WORLD
 CELLS = ("triangle", "quadrilateral")
@@ -325,7 +325,7 @@ def test_plot_refuses_what_is_not_a_scalar(shared_path):
 
 def test_plot_shows_every_cell_once(shared_path, monkeypatch):
     """Also on several ranks, where ghost cells must not be drawn twice."""
-    from fenics_mortar import results
+    from fenics_mortar.io import results
 
     drawn = []
     original = results._draw_bodies

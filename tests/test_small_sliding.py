@@ -10,7 +10,7 @@ from scenes import internal, linear_elastic, neo_hookean, nodal, pressed_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar import contact as contact_module
+from fenics_mortar.contact import contact as contact_module
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
-from fenics_mortar.mortar import Block
-from fenics_mortar.sparse import BlockMatrix, SomeRows, add_blocks
+from fenics_mortar.interface.mortar import Block
+from fenics_mortar.la.sparse import BlockMatrix, SomeRows, add_blocks
 
 comm = MPI.COMM_WORLD
 OWNED = 5  # rows of each rank

@@ -12,7 +12,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.laws import Row
+from fenics_mortar.contact.laws import Row
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 4, "layers_lower": 4}

@@ -13,8 +13,8 @@ from scenes import read
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.space import DisplacementSpace
-from fenics_mortar.surfaces import extract_surface
+from fenics_mortar.interface.surfaces import extract_surface
+from fenics_mortar.mesh.space import DisplacementSpace
 
 comm = MPI.COMM_WORLD
 

@@ -11,7 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from fenics_mortar.compat import input_nodes
+from fenics_mortar.utils.compat import input_nodes
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "demos" / "stability"))

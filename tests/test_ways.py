@@ -8,7 +8,7 @@ from test_crossing_kernels import circle, outline, rectangle
 
 import fenics_mortar as fm
 from fenics_mortar.kernels import crossing
-from fenics_mortar.ways import Motions, own_frame, went_through
+from fenics_mortar.verify.ways import Motions, own_frame, went_through
 
 
 def count_passages(x0, x1, segments, after, before, bodies):

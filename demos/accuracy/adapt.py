@@ -30,7 +30,7 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / "meshes"))
 from _shared import add_lines, add_points, add_surface, generate
 
 import fenics_mortar as fm
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 Row = dict[str, Any]
 Size = Callable[[float, float], float]

@@ -21,7 +21,7 @@ planes; with less force, on the same mesh by a, its error is less. As in ``cylin
 per undeformed length.
 
 The third table is of P = 10, pressed in one step without and with friction. In theory that is the
-same, since equal bodies do not slip; see ``fenics_mortar.slip`` for what makes the difference.
+same, since equal bodies do not slip; see ``contact.slip`` for what makes the difference.
 
 Writes the tables and a picture to ``results/accuracy/cattaneo.md`` and ``.png``.
 """
@@ -43,7 +43,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.slip import Measure
+from fenics_mortar.contact.slip import Measure
 
 FRICTION, PART = 0.2, 0.468080  # Q by mu P
 SIZES, LOADS, FACET = (32, 64, 128), (10.0, 2.5, 0.625), 0.15

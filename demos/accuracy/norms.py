@@ -11,7 +11,7 @@ from scenes_exact import Posed
 
 import ufl
 
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 # Values (n,) at reference places (2, n)
 Traction = Callable[[np.ndarray], np.ndarray]

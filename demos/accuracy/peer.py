@@ -19,7 +19,7 @@ from norms import bulk_errors, contact_errors
 from report import SIZES, Row, peer_table, write
 from scenes_exact import Choice, Posed, hertz
 
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 # Nodes of a cell as most codes count them: corners counterclockwise, then the middles of the sides
 AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 1, 2, 5, 3, 4], 9: [0, 1, 3, 2, 4, 6, 7, 5, 8]}

@@ -40,8 +40,8 @@ from scenes_ladder import (
 from scipy.spatial import cKDTree
 
 import fenics_mortar as fm
-from fenics_mortar.adequacy import touching_tool
-from fenics_mortar.model_error import (
+from fenics_mortar.models.adequacy import touching_tool
+from fenics_mortar.models.model_error import (
     ENERGY,
     FORCE,
     PEAK,

@@ -23,7 +23,7 @@ from families import scene_of
 from methods import ALL_METHODS, Method
 from model import Posed, Scene, fm, pose_problem
 
-from fenics_mortar.newton import NewtonReport
+from fenics_mortar.newton.loop import NewtonReport
 
 # Linear systems after which a contrast method is given up: so many, and more for each of the
 # scene's steps. Those that get through need less.

@@ -12,10 +12,12 @@ from unittest.mock import patch
 
 from whole_facet import whole_facet_basis
 
-from fenics_mortar import bulk, newton, problem
-from fenics_mortar.contact import Contact
-from fenics_mortar.floating import FloatingBodies
-from fenics_mortar.laws import Coulomb, Nodal
+from fenics_mortar import problem
+from fenics_mortar.bulk import residual as bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.laws import Coulomb, Nodal
+from fenics_mortar.newton import loop as newton
+from fenics_mortar.rigid.floating import FloatingBodies
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ import mapped_grids
 from mapped_grids import Grid, block, mapped, sector
 
 import fenics_mortar as fm
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 __all__ = [
     "Body", "Grid", "Posed", "Scene", "Support", "Tool", "block", "fm", "legs", "mapped", "sector",

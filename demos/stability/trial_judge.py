@@ -19,7 +19,7 @@ from random_held import EARLIEST, MARGIN, TOLD_MARGIN, HeldCase
 from trial_scene import Scene, build
 
 import fenics_mortar as fm
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 Record = dict[str, Any]
 

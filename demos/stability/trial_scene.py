@@ -19,7 +19,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 
 @dataclass

@@ -16,8 +16,8 @@ from unittest.mock import patch
 
 import numpy as np
 
-from fenics_mortar import mortar
-from fenics_mortar.contact import Contact
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.interface import mortar
 from fenics_mortar.kernels import basis
 
 A = np.array([[2.0, -1.0], [-1.0, 2.0]])

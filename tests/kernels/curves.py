@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 from derivatives import complex_step
 
+from fenics_mortar.interface.segments import find_segments
 from fenics_mortar.kernels import basis, curved, normals, segment
-from fenics_mortar.segments import find_segments
 
 LIMITS = (0.1, 1e-10)
 

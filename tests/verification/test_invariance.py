@@ -202,7 +202,7 @@ def test_mesh_by_arrays_gives_the_same_as_gmsh():
     """Contact pairs by tag number on a mesh that gmsh never saw."""
     from dolfinx import mesh as dmesh
 
-    from fenics_mortar import compat
+    from fenics_mortar.utils import compat
 
     def grid(nx, ny, left, low, width):
         x = np.stack(np.meshgrid(np.linspace(0, 1, nx + 1), np.linspace(0, 1, ny + 1)), axis=-1)

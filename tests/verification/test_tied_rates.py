@@ -16,7 +16,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar import compat
+from fenics_mortar.utils import compat
 
 pytestmark = pytest.mark.serial
 INTERFACES = {"flat": lambda x: 0.0 * x, "curved": lambda x: 0.15 * np.sin(np.pi * x)}

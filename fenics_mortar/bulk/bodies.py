@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: MIT
+"""The separate bodies of a mesh, and their rigid motions that nothing in the bulk resists."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.errors import place
+
+# A rigid motion counts as resisted if it meets more than this part of the body's stiffness.
+RESISTED = 1e-9
+
+
+@dataclass(frozen=True)
+class FloatingBody:
+    """A body with rigid motions left free by Dirichlet conditions and by the bulk tangent.
+
+    Attributes:
+        label: Number of the body.
+        centre: Mean reference position of its nodes, shape (2,) [length].
+        size: Radius of gyration of its nodes [length].
+        motions: Orthonormal combinations of (translation x, translation y, rotation about the
+            centre times ``size``), shape (number of free motions, 3).
+        stiffest: Largest diagonal entry of K in the body [stress].
+        num_nodes: Its nodes, on all ranks.
+    """
+
+    label: int
+    centre: Array
+    size: float
+    motions: Array
+    stiffest: float
+    num_nodes: int
+
+    def displacement(self, X: Array) -> Array:
+        """Free motions at the points ``X`` (n, 2): shape (motions, n, 2)."""
+        return np.einsum("fm,mnc->fnc", self.motions, _rigid_motions(X, self.centre, self.size))
+
+    def describe(self, motion: Array) -> str:
+        """One free motion in words, its sign apart; ``motion``: coefficients of ``motions``."""
+        x, y, rotation = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
+        x, y = (x, y) if (x, y) > (0.0, 0.0) or rotation else (-x, -y)
+        if abs(rotation) > 0.1:
+            pole = self.centre + self.size / rotation * np.array([-y, x])
+            return f"rotate about {place(pole)}"
+        return f"move along {place((x + 0.0, y + 0.0))}"
+
+
+def _rigid_motions(X: Array, centre: Array, size: float) -> Array:
+    """Two translations and the rotation about ``centre`` over ``size``, shape (3, n, 2)."""
+    r = (X - centre) / size
+    one, zero = np.ones(len(X)), np.zeros(len(X))
+    rows = [(one, zero), (zero, one), (-r[:, 1], r[:, 0])]
+    return np.array([np.stack(row, axis=1) for row in rows])
+
+
+def label_bodies(V: Any) -> tuple[Indices, int]:
+    """Number the connected parts of the mesh (collective).
+
+    Returns:
+        Body of each local node (ghosts included) of the space ``V``, and the number of bodies.
+        Bodies are numbered by their lowest node, so by an order that may depend on the ranks.
+    """
+    comm, index_map, dofs = V.mesh.comm, V.dofmap.index_map, compat.dofmap(V)
+    owned, count = index_map.size_local, index_map.size_local + index_map.num_ghosts
+    first = np.repeat(dofs[:, :1], dofs.shape[1] - 1, axis=1).ravel()
+    links = coo_array((np.ones(first.size), (first, dofs[:, 1:].ravel())), shape=(count, count))
+    parts, part = connected_components(links, directed=False)
+    offsets = np.concatenate([[0], np.cumsum(comm.allgather(parts))])
+    part = part + offsets[comm.rank]
+    begin, end = index_map.local_range
+    ghosts = np.concatenate(comm.allgather(np.asarray(index_map.ghosts)))
+    ghost_part = np.concatenate(comm.allgather(part[owned:]))
+    mine = (ghosts >= begin) & (ghosts < end)
+    pairs = np.stack([ghost_part[mine], part[ghosts[mine] - begin]], axis=1)
+    pairs = np.concatenate(comm.allgather(np.unique(pairs, axis=0)))
+    total = int(offsets[-1])
+    bridges = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(total, total))
+    bodies, body = connected_components(bridges, directed=False)
+    return body[part].astype(np.int64), bodies
+
+
+def join_bodies(labels: Indices, num_bodies: int, links: Sequence[Indices]) -> tuple[Indices, int]:
+    """Give linked bodies one number: new ``labels`` and number of bodies (local).
+
+    Args:
+        labels: Body of each local node.
+        num_bodies: Number of bodies.
+        links: Pairs of bodies, equal on all ranks, shapes (k, 2).
+    """
+    pairs = np.concatenate([np.empty((0, 2), np.int64), *links])
+    bridges = coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(num_bodies, num_bodies))
+    count, body = connected_components(bridges, directed=False)
+    return body[labels].astype(np.int64), count
+
+
+def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[FloatingBody]:
+    """Find bodies with free rigid motions, with ``bulk.K`` as assembled (collective)."""
+    dofs = bulk.space.owned_dofs
+    X = bulk.V.tabulate_dof_coordinates()[: len(dofs), :2]
+    labels = labels[: len(dofs)]
+    diagonal = np.abs(bulk.K.getDiagonal().array_r)
+    found = []
+    for label in range(num_bodies):
+        mine = labels == label
+        body = centre_and_size(X[mine], bulk.comm)
+        motions = np.zeros((3, bulk.num_owned))
+        motions[:, dofs[mine]] = _rigid_motions(X[mine], *body)
+        held = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
+        stiffest = diagonal[dofs[mine]].max(initial=0.0)
+        stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), 1e-300)
+        stiff = bulk.to_force * _apply(bulk.K, motions) / stiffest
+        size, directions = resistance(np.hstack([held, stiff]), bulk.comm)
+        num_nodes = bulk.comm.allreduce(int(mine.sum()))
+        free = directions[size < RESISTED * np.sqrt(num_nodes)]
+        if len(free):
+            found.append(FloatingBody(label, *body, free, stiffest, num_nodes))
+    return found
+
+
+def resistance(answers: Array, comm: MPI.Comm) -> tuple[Array, Array]:
+    """How much motions are resisted, from all that answers to them (collective).
+
+    Args:
+        answers: Local answers to each of m motions, shape (m, n).
+        comm: Communicator of the answers.
+
+    Returns:
+        Norms of the answers to m orthonormal combinations of the motions, in descending order, and
+        these combinations, shape (m, m). Unlike an eigenvalue of the Gram matrix, a norm is right
+        to round-off.
+    """
+    count = len(answers)
+    triangle = np.linalg.qr(np.vstack([answers.T, np.zeros((count, count))]), mode="r")
+    _, norms, combinations = np.linalg.svd(np.concatenate(comm.allgather(triangle)))
+    return norms, combinations
+
+
+def centre_and_size(X: Array, comm: MPI.Comm) -> tuple[Array, float]:
+    """Mean and radius of gyration of the points ``X`` of all ranks (collective)."""
+    count = comm.allreduce(len(X))
+    centre = comm.allreduce(X.sum(axis=0)) / count
+    return centre, float(np.sqrt(comm.allreduce(((X - centre) ** 2).sum()) / count))
+
+
+def _apply(K: Any, vectors: Array) -> Array:
+    """K times each row of ``vectors`` (local parts)."""
+    x, y = K.createVecs()
+    result = np.empty_like(vectors)
+    for row, vector in zip(result, vectors, strict=True):
+        x.array[:] = vector
+        K.mult(x, y)
+        row[:] = y.array_r
+    return result

@@ -1,0 +1,341 @@
+# SPDX-License-Identifier: MIT
+"""Stress, loads and moduli read from the residual that a user gives, whatever energy is behind it.
+
+A residual of first order is linear in v and grad v: P : grad v - f . v in a cell, -t . v on the
+boundary. So its integrand I(v, grad v) tells them by what it makes of single entries,
+
+    f_i = -I(e_i, 0),    P_iJ = I(0, e_i x e_J),    t_i = -I(e_i, 0) on the boundary,
+
+and the same of its derivative gives the moduli dP_iJ / dF_kL. With the test function q = 1 of
+another unknown, as a pressure, it is a constraint on the displacement: zero in all places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+import basix
+import ufl
+from dolfinx import fem
+from ufl.algorithms import expand_derivatives, replace
+from ufl.algorithms.analysis import extract_type
+from ufl.algorithms.map_integrands import map_integrand_dags
+from ufl.corealg.multifunction import MultiFunction
+
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.errors import MortarError
+
+# Gauss points on a side of a cell, and per direction in it
+POINTS = 3
+# A part of the largest of all values that is rounding
+ROUNDING = 1e-10
+Subdomain = tuple[Any, Any]
+
+
+class ReferenceCell:
+    """A triangle or a square, its sides and quadrature points.
+
+    Attributes:
+        sides: Vertices of each side, shape (sides, 2).
+        edges: From the first to the second of them, shape (sides, 2).
+        normals: Outer normals of the length of the sides, shape (sides, 2).
+        s: Gauss points along a side, from 0 to 1, shape (q,).
+        side_weights: Their weights, of sum 1, shape (q,).
+        side_points: The same in the cell, shape (sides q, 2).
+        points, weights: Of the cell, shapes (p, 2) and (p,).
+        midpoint: Shape (1, 2).
+        fill: Area of a square by that of the cell.
+    """
+
+    def __init__(self, name: str) -> None:
+        kind = getattr(basix.CellType, name)
+        corners = np.asarray(basix.geometry(kind))
+        self.sides: Indices = np.array(basix.topology(kind)[1], np.int64)
+        self.midpoint: Array = corners.mean(axis=0, keepdims=True)
+        starts, ends = corners[self.sides[:, 0]], corners[self.sides[:, 1]]
+        self.edges: Array = ends - starts
+        normals = np.stack([self.edges[:, 1], -self.edges[:, 0]], axis=1)
+        outward = np.sign(np.einsum("kc,kc->k", normals, starts - self.midpoint))
+        self.normals: Array = outward[:, None] * normals
+        x, w = np.polynomial.legendre.leggauss(POINTS)
+        self.s, self.side_weights = (x + 1) / 2, w / 2
+        self.side_points: Array = (starts[:, None] + self.s[:, None] * self.edges[:, None]).reshape(
+            -1, 2
+        )
+        s, t = (a.ravel() for a in np.meshgrid(self.s, self.s, indexing="ij"))
+        weights = np.outer(self.side_weights, self.side_weights).ravel()
+        triangle = len(corners) == 3
+        self.fill = 2.0 if triangle else 1.0
+        self.points: Array = np.stack([s, t * (1 - s) if triangle else t], axis=1)
+        self.weights: Array = weights * (1 - s) if triangle else weights
+
+
+class Values(NamedTuple):
+    """Values at points of cells, of whatever shape (...).
+
+    Attributes:
+        jacobian: dx/dX, shape (..., 2, 2) [length].
+        gradient: grad u, shape (..., 2, 2).
+        stress: P, shape (..., 2, 2) [stress].
+        residual: div P + f, shape (..., 2) [stress / length].
+        constraint: What the constraints ought to make zero, shape (..., constraints).
+    """
+
+    jacobian: Array
+    gradient: Array
+    stress: Array
+    residual: Array
+    constraint: Array
+
+
+class Fluxes:
+    """Compiled fluxes of a residual; values are those of the present displacement.
+
+    Args:
+        residual: UFL form, linear in a test function of the space of ``u``.
+        u: Displacement, alone or in a mixed function.
+        space: The displacement's nodes and dofs.
+
+    Raises:
+        MortarError: If the form has integrals that this cannot read.
+    """
+
+    def __init__(self, residual: Any, u: fem.Function, space: DisplacementSpace) -> None:
+        """Read and compile (collective)."""
+        self._mesh = mesh = space.V.mesh
+        self.cell = ReferenceCell(compat.cell_name(mesh))
+        self._num_cells = mesh.topology.index_map(2).size_local
+        # The form's own test function: with dolfinx 0.5 one made now may hash differently, since
+        # the first compilation changes the mesh's element.
+        (test,), trial = residual.arguments(), ufl.TrialFunction(space.whole)
+        displacement = u if not space.is_mixed else ufl.split(u)[space.part]
+        size, first = _unknowns(space)
+        motion = first, first + 1
+        others = [k for k in range(size) if k not in motion]
+        x = ufl.SpatialCoordinate(mesh)  # heads each list: an expression has to know its mesh
+        bulk, boundary = _integrands(expand_derivatives(residual))
+        self._in_cells, self._on_boundary = list(bulk), list(boundary)
+        self._num_constraints = len(others)
+        J, H = ufl.Jacobian(mesh), ufl.grad(displacement)
+        at_points, moduli, loads = [*_entries(J), *_entries(H)], [x[0]], [x[0]]
+        for integrand in bulk.values():
+            I = _Entries(integrand, test, size)
+            P, minus_f = I.of_gradient(motion), I.of_value(motion)
+            constraints, fluxes = I.of_value(others), _flat(I.of_gradient(others))
+            at_points += [*_flat(P), *_entries(ufl.div(ufl.as_tensor(P)) - ufl.as_vector(minus_f))]
+            at_points += [*constraints, *fluxes]
+            derivative = _Entries(
+                expand_derivatives(ufl.derivative(integrand, u, trial)), test, size
+            )
+            parts = _flat(derivative.of_gradient(motion)) + derivative.of_value(others)
+            for part in parts:
+                moduli += _flat(_Entries(part, trial, size).of_gradient(motion))
+        everywhere = np.concatenate([self.cell.points, self.cell.side_points])
+        self._values = self._compile(at_points, everywhere)
+        self._moduli = self._compile(moduli, self.cell.midpoint)
+        self._normal = fem.Constant(mesh, np.zeros(2))
+        K = ufl.JacobianInverse(mesh)
+        normal = ufl.dot(self._normal, K)
+        normal = normal / ufl.sqrt(ufl.dot(normal, normal))
+        for integrand in boundary.values():
+            normals = extract_type(integrand, ufl.FacetNormal)
+            there = replace(integrand, dict.fromkeys(normals, normal))
+            loads += [-t for t in _Entries(there, test, size).of_value(motion)]
+        self._loads = self._compile(loads, self.cell.side_points)
+
+    def in_cells(self) -> tuple[Values, Values]:
+        """Values in the owned cells: at their points (cells, p), on their sides (cells, s, q).
+
+        Raises:
+            MortarError: On all ranks, if an unknown beside the displacement has a flux of its own.
+        """
+        values, count = self._evaluate(self._values), self._num_constraints
+        J, H = (values[..., i : i + 4].reshape(*values.shape[:2], 2, 2) for i in (0, 4))
+        sums = np.zeros((*values.shape[:2], 6 + 3 * count))
+        for number, subdomain in enumerate(self._in_cells):
+            on, first = self._cells_of(subdomain), 8 + sums.shape[2] * number
+            sums[on] += values[on, :, first : first + sums.shape[2]]
+        P, r, c = sums[..., :4].reshape(H.shape), sums[..., 4:6], sums[..., 6 : 6 + count]
+        self._refuse_fluxes(sums[..., 6 + count :], sums)
+        p, sides = len(self.cell.weights), (len(self.cell.sides), self.cell.s.size)
+        inside = Values(*(a[:, :p] for a in (J, H, P, r, c)))
+        along = (a[:, p:].reshape(len(a), *sides, *a.shape[2:]) for a in (J, H, P, r, c))
+        return inside, Values(*along)
+
+    def _refuse_fluxes(self, fluxes: Array, values: Array) -> None:
+        """Raise if these are not rounding beside all values (collective)."""
+        largest = np.array([np.abs(a).max(initial=0.0) for a in (fluxes, values)])
+        self._mesh.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+        if largest[0] > ROUNDING * largest[1]:
+            raise MortarError(
+                "no error can be estimated with the gradient of another test function than that of "
+                "the displacement; right are constraints without it, as (div(u) - p / kappa) * q"
+            )
+
+    def moduli(self) -> tuple[Array, Array]:
+        """Derivatives by F at the midpoints of the owned cells.
+
+        Returns:
+            dP_iJ / dF_kL, shape (cells, 2, 2, 2, 2) [stress], and that of the constraints, shape
+            (cells, constraints, 2, 2).
+        """
+        values = self._evaluate(self._moduli)
+        sums = np.zeros((self._num_cells, 4 + self._num_constraints, 2, 2))
+        for number, subdomain in enumerate(self._in_cells):
+            on, size = self._cells_of(subdomain), sums[0].size
+            here = values[on, 0, size * number + 1 : size * number + size + 1]
+            sums[on] += here.reshape(-1, *sums.shape[1:])
+        return sums[:, :4].reshape(-1, 2, 2, 2, 2), sums[:, 4:]
+
+    def loads(self, cells: Indices, sides: Indices, facets: Indices) -> Array:
+        """Tractions given by the form on sides of cells on the boundary (local).
+
+        Args:
+            cells: Local cells, shape (n,).
+            sides: Which of their sides, shape (n,).
+            facets: Local facets these are, shape (n,).
+
+        Returns:
+            Shape (n, q, 2) [stress].
+        """
+        q = self.cell.s.size
+        t = np.zeros((cells.size, q, 2))
+        for side in range(len(self.cell.sides)):
+            self._normal.value[:] = self.cell.normals[side]
+            here = np.flatnonzero(sides == side)
+            values = self._evaluate(self._loads, cells[here])[:, side * q : (side + 1) * q]
+            for number, subdomain in enumerate(self._on_boundary):
+                on = _within(subdomain, facets[here])
+                t[here[on]] += values[on, :, 2 * number + 1 : 2 * number + 3]
+        return t
+
+    def _compile(self, entries: list[Any], points: Array) -> tuple[Any, tuple[int, int]]:
+        """Compile a list of scalars for reference points (collective)."""
+        compiled = compat.create_expression(ufl.as_vector(entries), points)
+        return compiled, (len(points), len(entries))
+
+    def _evaluate(
+        self, compiled: tuple[Any, tuple[int, int]], cells: Indices | None = None
+    ) -> Array:
+        """Values at all points in owned cells, shape (cells, points, entries) (local)."""
+        expression, shape = compiled
+        cells = np.arange(self._num_cells) if cells is None else cells
+        values = compat.evaluate_expression(expression, self._mesh, cells.astype(np.int32))
+        return np.asarray(values, np.float64).reshape(cells.size, *shape)
+
+    def _cells_of(self, subdomain: Subdomain) -> npt.NDArray[np.bool_]:
+        return _within(subdomain, np.arange(self._num_cells))
+
+
+def _integrands(residual: Any) -> tuple[dict[Subdomain, Any], dict[Subdomain, Any]]:
+    """Integrands over the cells and over the boundary, by subdomain: number and tags."""
+    found: dict[str, dict[Subdomain, Any]] = {"cell": {}, "exterior_facet": {}}
+    for integral in residual.integrals():
+        kind, number, tags = (
+            integral.integral_type(),
+            integral.subdomain_id(),
+            integral.subdomain_data(),
+        )
+        if kind not in found or number == "otherwise":
+            raise MortarError(
+                f"no error can be estimated with an integral of kind {kind!r} over {number!r}; "
+                "right are integrals over cells and boundary"
+            )
+        if number == "everywhere":
+            tags = None
+        elif not hasattr(tags, "find"):
+            raise MortarError(
+                f"no error can be estimated with an integral over part {number} without MeshTags"
+            )
+        group = found[kind]
+        integrand, key = integral.integrand(), (number, tags)
+        group[key] = group[key] + integrand if key in group else integrand
+    return found["cell"], found["exterior_facet"]
+
+
+def _within(subdomain: Subdomain, entities: Indices) -> npt.NDArray[np.bool_]:
+    """Whether each of the local entities belongs to a subdomain."""
+    number, tags = subdomain
+    if tags is None:
+        return np.ones(entities.size, bool)
+    numbers = number if isinstance(number, tuple) else (number,)
+    return np.isin(entities, np.concatenate([tags.find(int(k)) for k in numbers]))
+
+
+def _unknowns(space: DisplacementSpace) -> tuple[int, int]:
+    """Number of components of the whole space, and the first one of the displacement."""
+    if not space.is_mixed:
+        return 2, 0
+    sizes = [int(np.prod(part.ufl_shape)) for part in ufl.split(ufl.TestFunction(space.whole))]
+    return sum(sizes), sum(sizes[: space.part])
+
+
+class _Entries:
+    """What stands with the components of an argument and of its gradient in an integrand.
+
+    Args:
+        integrand: Linear in the argument, derivatives expanded.
+        argument: The argument.
+        size: Its components.
+    """
+
+    def __init__(self, integrand: Any, argument: Any, size: int) -> None:
+        self._integrand, self._argument, self._size = integrand, argument, size
+
+    def of_value(self, components: Sequence[int]) -> list[Any]:
+        """What stands with some components."""
+        return [self._at((k,), None) for k in components]
+
+    def of_gradient(self, components: Sequence[int]) -> list[list[Any]]:
+        """What stands with the gradient of some components, a row each."""
+        return [[self._at(None, (k, J)) for J in range(2)] for k in components]
+
+    def _at(self, value: tuple[int, ...] | None, gradient: tuple[int, ...] | None) -> Any:
+        shape, size = (self._size,), (self._size, 2)
+        given = _Given(self._argument, _unit(shape, value), _unit(size, gradient))
+        return map_integrand_dags(given, self._integrand)
+
+
+class _Given(MultiFunction):
+    """Puts a value and a gradient in the place of an argument's."""
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def __init__(self, argument: Any, value: Any, gradient: Any) -> None:
+        super().__init__()
+        self._argument, self._value, self._gradient = argument, value, gradient
+
+    def argument(self, o: Any) -> Any:
+        """Its value."""
+        return self._value if o == self._argument else o
+
+    def grad(self, o: Any) -> Any:
+        """Its gradient; derivatives are of terminals only."""
+        return self._gradient if o.ufl_operands[0] == self._argument else o
+
+
+def _unit(shape: tuple[int, ...], place: tuple[int, ...] | None) -> Any:
+    """A tensor of zeros, but for 1 at a place."""
+    if place is None:
+        return ufl.zero(*shape)
+    entries = np.zeros(shape)
+    entries[place] = 1.0
+    return ufl.as_tensor(entries.tolist())
+
+
+def _flat(rows: list[list[Any]]) -> list[Any]:
+    """Entries of rows, one after the other."""
+    return [entry for row in rows for entry in row]
+
+
+def _entries(value: Any) -> list[Any]:
+    """Entries of a UFL vector or tensor, row by row."""
+    return [value[index] for index in np.ndindex(*value.ufl_shape)]

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: MIT
+"""Sticking nodes that other constraints hold already: corners where several pairs meet.
+
+A gap is one equation for the motion of the two bodies, stick is a second one. Where the nodes of a
+pair are nodes of other pairs as well, stick may follow from the other equations. Three examples:
+the two gaps of a groove fix a node altogether; a facet of C across the joint of A and B keeps the
+corners of both on one line; where four blocks meet, two of the four sticks close a loop. The shear
+there is not unique then, and the linear system would be singular or, with a gap that opens by
+rounding, nearly so.
+
+Such a node sticks elastically, a thousand times as stiff as the bulk there, k = 1000 k_j,
+
+    z_tau = z_tau,old + (k / l_j) u,      u: slip since the last accepted state,
+
+up to the friction limit. Where its stick follows from other constraints, u vanishes but for their
+curvature, and the shear stays as it was: of all admissible ones the nearest to the last. Where it
+does not, as where one flank of a groove moves on, u is a true slip, and the node soon slides.
+
+The constraints are compared by their rows (D_jk n, -M_jl n) and (D_jk tau, -M_jl tau) as the bodies
+faced each other at the last accepted state. In a sum of rows that cancels, a row whose slave node
+no other pair touches cannot take part: so only rows of shared slave nodes are compared, a few for
+each corner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.utils.arrays import Array, Indices
+
+# Part of a row of stick [1] that has to be independent of the other rows. What is left of a
+# redundant one is of the order of the strains, since the bodies have deformed since the step began.
+INDEPENDENT = 0.1
+# Part of a row [1] below which an entry couples nothing.
+COUPLED = 1e-6
+
+
+class _Entries(NamedTuple):
+    """Entries of the rows of gaps and sticks of a pair.
+
+    Attributes:
+        row: Number of the row, 2 j for the gap of slave node j, 2 j + 1 for its stick.
+        node: Global number of the node.
+        value: Coefficients of its two components, shape (entries, 2) [1].
+        own: Whether the entry is of D, not of M.
+    """
+
+    row: Indices
+    node: Indices
+    value: Array
+    own: npt.NDArray[np.bool_]
+
+
+class Redundancy:
+    """Finds the redundant sticks of all pairs; replicated, all methods are local.
+
+    Args:
+        interfaces: All pairs.
+    """
+
+    def __init__(self, interfaces: Sequence[Interface]) -> None:
+        self._contacts = [c for c in interfaces if isinstance(c, Contact)]
+        nodes = [np.unique(contact.nodes) for contact in self._contacts]
+        found, count = np.unique(np.concatenate([[], *nodes]), return_counts=True)
+        self._shared = found[count > 1]
+
+    def mark(self) -> None:
+        """Add to ``overheld`` of all contacts what follows from their present active sets.
+
+        A node that goes on sticking stays marked: where the gap of a joint is closed by rounding
+        it may open and close again, and the law of the nodes beside it must not change each time.
+        """
+        if not self._shared.size:
+            return
+        for contact in self._contacts:
+            contact.overheld = contact.overheld & contact.sticking
+        if not any(map(self._sticks_at_shared, self._contacts)):
+            return
+        parts = [self._entries(contact) for contact in self._contacts]
+        pair = np.repeat(np.arange(len(parts)), [part.row.size for part in parts])
+        row, node, value, own = (np.concatenate(fields) for fields in zip(*parts, strict=True))
+        kept = repeating(pair, row, node, own)
+        if not kept.any():
+            return
+        pair, row, node, value = pair[kept], row[kept], node[kept], value[kept]
+        rows, place = np.unique(np.stack([row % 2, pair, row // 2]), axis=1, return_inverse=True)
+        nodes, column = np.unique(node, return_inverse=True)
+        matrix = np.zeros((rows.shape[1], nodes.size, 2))
+        np.add.at(matrix, (place.ravel(), column.ravel()), value)
+        sticks, pair, slave_node = rows
+        redundant = dependent(matrix.reshape(len(matrix), -1)) & (sticks == 1)
+        for i, j in zip(pair[redundant], slave_node[redundant], strict=True):
+            self._contacts[i].overheld[j] = True
+
+    def begin(self) -> None:
+        """Forget the marks of the last solve."""
+        for contact in self._contacts:
+            contact.overheld = np.zeros(contact.slave.num_nodes, bool)
+
+    def _sticks_at_shared(self, contact: Contact) -> bool:
+        """Whether a node sticks where another pair has a node as well."""
+        sticks = contact.slave.nodes[contact.sticking]
+        return bool(sticks.size and np.isin(sticks, self._shared).any())
+
+    @staticmethod
+    def _entries(contact: Contact) -> _Entries:
+        """Rows of active gaps and sticks, of length one each; prescribed components are zero."""
+        parts = list(_directed_entries(contact))
+        row, node, value, own = (np.concatenate(fields) for fields in zip(*parts, strict=True))
+        length = np.sqrt(np.bincount(row, (value**2).sum(axis=1)))[row]
+        value = value / np.where(length > 0.0, length, 1.0)[:, None]
+        couples = np.abs(value).max(axis=1) > COUPLED
+        return _Entries(row[couples], node[couples], value[couples], own[couples])
+
+
+def _directed_entries(contact: Contact) -> Iterator[_Entries]:
+    """Entries of D and M at the last accepted state, along the present n and tau."""
+    o, partners = contact.operators, contact.partners
+    for kind, on, direction in ((0, contact.active, o.n), (1, contact.sticking, o.tau)):
+        for surface, matrix, free, sign in (
+            (contact.slave, partners.D, contact.free, 1.0),
+            (contact.master, partners.M, contact.master_free, -1.0),
+        ):
+            entries = csr_array(matrix).tocoo()
+            mine = on[entries.row]
+            j, k, c = entries.row[mine], entries.col[mine], sign * entries.data[mine]
+            value = c[:, None] * direction[j] * free[k]
+            own = np.full(j.size, surface is contact.slave)
+            yield _Entries(2 * j.astype(np.int64) + kind, surface.nodes[k], value, own)
+
+
+def repeating(
+    pair: Indices, row: Indices, node: Indices, own: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Entries of rows that may cancel in a sum: those whose slave nodes other pairs touch.
+
+    Left out are, again and again, rows with a slave node that is in no row of another pair.
+
+    Args:
+        pair: Number of the pair of each entry, shape (entries,).
+        row: Number of its row in the pair, shape (entries,).
+        node: Number of its node, shape (entries,).
+        own: Whether an entry is that of a slave node, shape (entries,), bool.
+
+    Returns:
+        Shape (entries,), bool.
+    """
+    kept = np.ones(row.size, bool)
+    _, number = np.unique(np.stack([pair, row]), axis=1, return_inverse=True)
+    number = number.ravel()
+    while kept.any():
+        couples = np.unique(np.stack([node[kept], pair[kept]]), axis=1)
+        found, count = np.unique(couples[0], return_counts=True)
+        alone = own & ~np.isin(node, found[count > 1])
+        lost = np.bincount(number, alone & kept)[number] > 0
+        if not (kept & lost).any():
+            break
+        kept &= ~lost
+    return kept
+
+
+def dependent(rows: Array) -> npt.NDArray[np.bool_]:
+    """Which rows depend on the rows before them up to ``INDEPENDENT``, shape (rows,), bool.
+
+    Args:
+        rows: Rows of length one or zero, shape (rows, columns).
+    """
+    basis = np.empty((0, rows.shape[1]))
+    found = np.zeros(len(rows), bool)
+    for i, row in enumerate(rows):
+        rest = row - basis.T @ (basis @ row)
+        rest -= basis.T @ (basis @ rest)
+        size = float(np.linalg.norm(rest))
+        found[i] = size < INDEPENDENT
+        if not found[i]:
+            basis = np.vstack([basis, rest / size])
+    return found

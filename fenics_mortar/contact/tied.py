@@ -1,0 +1,432 @@
+# SPDX-License-Identifier: MIT
+"""Tied pairs: two surfaces whose meshes need not match are joined (mesh tying).
+
+With D and M of the reference configuration, once and for all, the displacement of the slave follows
+that of the master,
+
+    sum_k D[j, k] u_k - sum_l M[j, l] u_l = 0    for every slave node j that carries a multiplier,
+
+in both components. Nothing here depends on the displacement: of a linear bulk the whole system has
+a constant matrix, and eliminating the slave leaves a symmetric one, Q^T K Q with u_s = D^-1 M u_m.
+
+If D X_s = M X_m as well, which `close_gaps` sees to, the same holds for current positions: rigid
+motions of everything are free of stress, and the torques of D^T z and M^T z cancel to round-off
+(Puso 2004). Where the facets of a curved interface leave a gap vector g = D X_s - M X_m, it is kept
+by the rows above as it is, without turning: a rotation by an angle a strains the bodies by about
+a |g| over their size, and the torques of the two sides differ by g x z.
+
+A node would be constrained twice if it is prescribed or lies on another pair's surface, too, as
+where several tied interfaces meet. Then it carries no multiplier, and its neighbours take over its
+function (Wohlmuth 2000): constants are still met on all of the interface.
+
+Where a joint ends in a contact surface, the corners of the two bodies are one node of that surface,
+the master's: contact sees a surface that goes on across the joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.linalg import spsolve
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import NO_WELDS, Interface, Rows
+from fenics_mortar.contact.pair import ContactPair, check_reach
+from fenics_mortar.interface.mortar import (
+    Basis,
+    Block,
+    Linearization,
+    MortarOperators,
+    MortarOptions,
+    evaluate_mortar,
+    evaluate_normals,
+)
+from fenics_mortar.interface.segments import Integration, Segments
+from fenics_mortar.interface.sight import Outline
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.mesh.reading import MeshData
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.errors import SurfaceError, check_same_words, place, together
+
+Gap = Literal["removed", "kept"]
+# A slave node of which less than this part is covered hands its function to its neighbours.
+LEAST_COVER = 0.05
+# Partners are looked for within this part of the longest facet, unless a radius is given.
+NEAR = 0.5
+# Ends of both sides are one corner of the outline within this part of the node's length.
+SAME_PLACE = 1e-6
+# A gap is rounding below this part of the interface's size and place.
+CLOSED = 1e-14
+
+
+class TiedPair:
+    """Joins a slave to a master surface, whose meshes need not match.
+
+    Args:
+        data: Mesh, tags and names.
+        slave: Name or tag of the side that carries the multiplier; either side will do, the finer
+            or softer one gives smoother tractions.
+        master: Name or tag of the other side.
+        basis: "dual" (diagonal D, can be condensed), "standard", or of quadratic facets multipliers
+            at their vertices only, "vertices" or "linear"; see ``ContactPair``.
+        gap: What becomes of the gap that the facets of a curved interface leave. "removed": when
+            the problem is set up, slave nodes move onto the master in the mesh itself, which
+            is then free of stress; so make the problem before you interpolate anything. A
+            displacement of degree 2 needs cells of second order for that, unless the interface is
+            straight. "kept": the mesh stays, and so does the gap vector. It does not turn with
+            the bodies: right for small rotations only, unless there is no gap.
+        points: Gauss points per segment.
+        search_radius: Farthest distance along the slave normal at which a partner is looked for
+            [length]; half the longest facet of the two sides by default. What has no partner stays
+            free.
+        max_angle: Largest angle between the slave normal and the reversed master normal [degree].
+
+    Raises:
+        ValueError: If an option is not one of those named.
+        MeshError: If a name or tag is unknown or has no facets.
+
+    Note:
+        Collective.
+    """
+
+    integration: Integration = "segments"
+
+    def __init__(
+        self,
+        data: MeshData,
+        slave: str | int,
+        master: str | int,
+        *,
+        basis: Basis = "dual",
+        gap: Gap = "removed",
+        points: int = 5,
+        search_radius: float | None = None,
+        max_angle: float = 70.0,
+    ) -> None:
+        check_kind("data", data, MeshData, "the MeshData of the mesh")
+        self.data = data
+        self.slave_name, self.master_name = str(slave), str(master)
+        self.master = master
+        self.basis, self.gap, self.points = basis, gap, points
+        self.search_radius, self.max_angle = search_radius, max_angle
+        with together(data.mesh.comm, "TiedPair"):
+            self.check()
+            self.slave_tag = data.boundary_tag(slave)
+            data.boundary_tag(master)
+        check_same_words(data.mesh.comm, "TiedPair", vars(self))
+        for name in (slave, master):
+            data.boundary_facets(name)
+
+    def check(self) -> None:
+        """Refuse options that are not allowed (local).
+
+        Raises:
+            ValueError: If an option is not one of those named.
+        """
+        check_choice("basis", self.basis, get_args(Basis))
+        check_choice("gap", self.gap, get_args(Gap))
+        right = "a whole number, at least 2 per segment"
+        check_number("points", self.points, right, lambda n: n >= 2, whole=True)
+        check_reach(self.search_radius, self.max_angle)
+
+    def __repr__(self) -> str:
+        """The two sides."""
+        return f"TiedPair({self.slave_name!r}, {self.master_name!r})"
+
+
+@dataclass(frozen=True)
+class TiedOperators(MortarOperators):
+    """D and M of the reference configuration; only positions and normals are the current ones."""
+
+    def gap_derivative(self) -> list[Block]:
+        """Nothing: there is no weighted gap."""
+        return []
+
+
+class Tie(Interface):
+    """One tied pair bound to a displacement space. Replicated, as a ``Contact``.
+
+    Attributes:
+        D: Slave matrix, rows of nodes that carry only, (slave nodes, slave nodes) [length].
+        M: Master matrix, likewise, shape (slave nodes, master nodes) [length].
+        jump: D u_s - M u_m at the last evaluated state, shape (slave nodes, 2) [length^2].
+    """
+
+    def __init__(
+        self, pair: TiedPair, space: DisplacementSpace, prescribed: npt.NDArray[np.bool_]
+    ) -> None:
+        """Extract the surfaces and integrate D and M (collective)."""
+        super().__init__(pair, space, prescribed)
+        count = self.slave.num_nodes
+        self.obstacle, self.arm, self.c_n = None, 0.0, 1.0
+        self.offset: Array = np.zeros(count)
+        longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
+        self.options = MortarOptions(
+            pair.basis, "opposite", "basis", pair.integration, self._points(),
+            pair.search_radius or NEAR * longest, float(np.cos(np.radians(pair.max_angle))),
+        )  # fmt: skip
+        self.carries = self.free.sum(axis=1) == 2.0
+        if self._at_vertices:
+            self.carries &= ~self.slave.inner
+        self._check_carriers(~self.carries)
+        self._integrate()
+        if not (self.operators.cover > 0.0).any():
+            raise SurfaceError(
+                f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
+                "search_radius sets how far they may be apart"
+            )
+        self.release(self.operators.cover < LEAST_COVER * self.nodal_lengths)
+
+    def release(self, nodes: npt.NDArray[np.bool_]) -> None:
+        """Let the neighbours take over the functions of ``nodes`` (slave nodes,) (collective)."""
+        if (nodes & self.carries).any():
+            self.carries = self.carries & ~nodes
+            self._check_carriers(nodes)
+            self._integrate()
+
+    def _check_carriers(self, released: npt.NDArray[np.bool_]) -> None:
+        if not self.carries.any():
+            where = place(self.slave.X[np.flatnonzero(released)[0]])
+            raise SurfaceError(
+                f"{self._names} cannot be tied: every slave node that has a partner is prescribed "
+                f"or lies on the surface of another pair, as the one at {where}; change the roles, "
+                "or refine the slave"
+            )
+
+    @property
+    def _names(self) -> str:
+        return f"slave '{self.slave.name}' and master '{self.master.name}'"
+
+    def _integrate(self) -> None:
+        """Integrate D and M at the reference positions."""
+        slave, master = self.slave, self.master
+        no_normals, nothing = np.full((slave.num_nodes, 2), np.nan), Linearization(False, False)
+        o = evaluate_mortar(
+            slave, master, slave.X, master.X, self.carries, no_normals, self.options, nothing
+        )
+        constant = {name: np.zeros_like(getattr(o, name)) for name in ("dD", "dM", "dgap", "gap")}
+        values = vars(o) | constant | {"linearization": Linearization(False, False, frozen=True)}
+        self.operators = TiedOperators(**values)
+        self.active = self.carries & (o.diagonal > 0.0)
+        self._may_carry = self.active
+        s, shape = o.segments, (slave.num_nodes, master.num_nodes)
+        self.D = self._replicate(o.facet_nodes, o.facet_nodes, o.D, shape[:1] * 2)
+        self.M = self._replicate(s.slave, s.master, o.M, shape)
+        self._force_blocks = super().force_blocks()
+
+    def _replicate(
+        self, rows: Indices, columns: Indices, values: Array, shape: tuple[int, int]
+    ) -> csr_array:
+        """Sum of the blocks of all ranks, on each of them; rows of active nodes only."""
+        values = np.where(self.active[rows][:, :, None], values, 0.0)
+        i, j = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+        parts = self.slave.comm.allgather((i.ravel(), j.ravel(), values.ravel()))
+        i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
+        matrix = coo_array((v, (i, j)), shape=shape).tocsr()
+        matrix.eliminate_zeros()
+        return matrix
+
+    @property
+    def covered(self) -> npt.NDArray[np.bool_]:
+        """Whether a slave node carries a multiplier."""
+        return self.active
+
+    @property
+    def nodes(self) -> Indices:
+        """Global numbers of the nodes of both sides that take part."""
+        met = np.unique(self.M.indices)
+        return np.concatenate(
+            [self.slave.nodes[self.operators.cover > 0.0], self.master.nodes[met]]
+        )
+
+    def welds(self) -> Indices:
+        """Ends of the slave and of the master at the same place: global nodes (k, 2)."""
+        ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in self._sides]
+        apart = self.slave.X[ends[0], None] - self.master.X[ends[1]]
+        near = np.linalg.norm(apart, axis=2) < SAME_PLACE * self.nodal_lengths[ends[0], None]
+        j, l = np.nonzero(near)
+        return np.stack([self.slave.nodes[ends[0][j]], self.master.nodes[ends[1][l]]], axis=1)
+
+    @property
+    def _sides(self) -> tuple[Surface, Surface]:
+        return self.slave, self.master
+
+    @property
+    def gap(self) -> Array:
+        """Mean distance that the two sides have moved apart, nan without multiplier [length]."""
+        gap, on = np.full(self.slave.num_nodes, np.nan), self.active
+        gap[on] = np.linalg.norm(self.jump[on], axis=1) / self.operators.weight[on]
+        return gap
+
+    def evaluate(self, u: Array, linearization: Linearization) -> None:
+        """Evaluate jump, positions and normals at ``u``, a local array (collective)."""
+        on_slave, on_master = self.slave.gather(u), self.master.gather(u)
+        x, m = self.slave.X + on_slave, self.master.X + on_master
+        n, dn = evaluate_normals(self.slave, x, self.options.weighting)
+        self.operators = replace(self.operators, x=x, m=m, n=n, dn=dn)
+        self.jump: Array = self.D @ on_slave - self.M @ on_master
+
+    @property
+    def as_faced(self) -> MortarOperators:
+        """The operators with the nodes where they are on the reference mesh."""
+        n, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
+        return replace(self.operators, x=self.slave.X, m=self.master.X, n=n)
+
+    def intersections(self) -> Segments:
+        """Where the facets of this rank's share meet the master."""
+        return self.operators.segments
+
+    def close_gap(self, space: DisplacementSpace) -> bool:
+        """Move active nodes to where D X_s = M X_m (collective); return whether any had to."""
+        on, slave = self.active_nodes, self.slave
+        idle = np.where(self.active[:, None], 0.0, slave.X)
+        rhs = (self.M @ self.master.X - self.D @ idle)[on]
+        X = spsolve(self.D[on][:, on].tocsc(), rhs).reshape(-1, 2)
+        size = np.hypot(*np.ptp(slave.X, axis=0)) + np.abs(slave.X).max()
+        if np.abs(X - slave.X[on]).max() <= CLOSED * size:
+            return False
+        space.move_nodes(slave.nodes[on], X)
+        return True
+
+    def look_at(self, space: DisplacementSpace) -> None:
+        """See where the nodes of the mesh are now (collective)."""
+        X = space.positions()
+        self.slave = replace(self.slave, X=self.slave.gather(X))
+        self.master = replace(self.master, X=self.master.gather(X))
+
+    def rows(self) -> Rows:
+        """Rows of the multipliers: the force blocks transposed, so that the system is symmetric."""
+        diagonal, weight = self.frame()
+        blocks = [
+            Block(block.columns, block.rows, block.values * weight[block.columns[:, :1, None] // 2])
+            for block in self._force_blocks
+        ]
+        inactive = np.where(self.active, 0.0, -diagonal)
+        return Rows(blocks, inactive[:, None, None] * np.eye(2), -weight[:, None] * self.jump)
+
+    def followed(self) -> Array:
+        """See ``Interface``: both directions."""
+        return np.tile(np.eye(2), (self.slave.num_nodes, 1, 1))
+
+    def frame(self) -> tuple[Array, Array]:
+        """What weighs the rows: diagonal of D [length], stiffness over it where active."""
+        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_lengths)
+        return diagonal, np.where(self.active, self.stiffness / diagonal, 0.0)
+
+    def law(self, frame: tuple[Array, Array]) -> Array:
+        """What the rows make zero, weighted by ``frame``, shape (slave nodes, 2)."""
+        diagonal, weight = frame
+        inactive = np.where(self.active, 0.0, diagonal)
+        return weight[:, None] * self.jump - inactive[:, None] * self.z
+
+    def residual(self) -> Array:
+        """The jump of active nodes as a force, shape (slave nodes, 2) [stress length]."""
+        length = np.where(self.active, self.operators.weight, np.inf)
+        return (self.stiffness / length)[:, None] * self.jump
+
+    def force_blocks(self) -> list[Block]:
+        """B^T, see ``Interface``; it never changes."""
+        return self._force_blocks
+
+    def see(self, outline: Outline) -> Outline:
+        """See ``Interface``: where it is tied, one body goes on in the other."""
+        for side in self._sides:
+            outline = outline.without(side, self.nodes)
+        return outline
+
+    # What of a contact is nothing here
+
+    def accept(self) -> None:
+        """Nothing slips."""
+
+    def start_step(self) -> None:
+        """Nothing slips."""
+
+    def begin(self) -> None:
+        """Nothing changes in a solve."""
+
+    def update_carriers(self) -> int:
+        """No node changes."""
+        return 0
+
+    def update_active(self, *, start: bool = False) -> int:
+        """No node changes; with ``start`` multipliers that a failed solve left are forgotten."""
+        if start:
+            self.z[~np.isfinite(self.z)] = 0.0
+        return 0
+
+    def set_initial_gap(self) -> None:
+        """There is none to set."""
+
+    def describe_start(self) -> str:
+        """What is tied does not overlap."""
+        return ""
+
+
+def bind(
+    pairs: Sequence[ContactPair | TiedPair],
+    space: DisplacementSpace,
+    prescribed: npt.NDArray[np.bool_],
+) -> list[Contact | Tie]:
+    """Bind all pairs; remove the gaps of tied ones from the mesh (collective).
+
+    Args:
+        pairs: The pairs.
+        space: The displacement's space; nodes of its mesh may move.
+        prescribed: Local dofs with Dirichlet values.
+
+    Raises:
+        SurfaceError: If a surface is of no use, or a gap cannot be removed; on all ranks.
+    """
+    ties = {pair: Tie(pair, space, prescribed) for pair in pairs if isinstance(pair, TiedPair)}
+    welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in ties.values())])
+
+    def all_bound() -> list[Contact | Tie]:
+        return [
+            ties[pair] if isinstance(pair, TiedPair) else Contact(pair, space, prescribed, welds)
+            for pair in pairs
+        ]
+
+    bound = all_bound()
+    give_way(list(ties.values()), bound)
+    return all_bound() if close_gaps(list(ties.values()), space) else bound
+
+
+def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
+    """Ties release the nodes that other pairs constrain or bear (collective)."""
+    used = [c.nodes for c in bound]
+    for tie in ties:
+        others = [nodes for nodes, c in zip(used, bound, strict=True) if c is not tie]
+        tie.release(np.isin(tie.slave.nodes, np.concatenate([np.empty(0, np.int64), *others])))
+
+
+def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:
+    """Move slave nodes onto their masters where that is wanted (collective).
+
+    D and M stay those of the places before: what they ask for is then met by the new places. A
+    master that is itself a slave moves, too, hence the sweeps.
+
+    Returns:
+        Whether anything moved.
+
+    Raises:
+        SurfaceError: If the mesh cannot follow.
+    """
+    closing = [tie for tie in ties if tie.pair.gap == "removed"]
+    for sweep in range(len(closing) + 2):
+        open_ties = [tie for tie in closing if tie.close_gap(space)]
+        if not open_ties:
+            return sweep > 0
+        for tie in ties:
+            tie.look_at(space)
+    raise SurfaceError(
+        f"the gap of {open_ties[0].pair} cannot be removed: a displacement of degree 2 on straight "
+        "cells does not follow a curved interface; use a mesh of second order, or gap='kept'"
+    )

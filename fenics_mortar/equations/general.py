@@ -1,0 +1,490 @@
+# SPDX-License-Identifier: MIT
+"""All equations of bodies in contact, as Newton's method sees them.
+
+Residual of the bodies, laws of the contacts and balance of driven obstacles are one system, whose
+state is the displacement, the multipliers, the active sets and the places of obstacles. Here it is
+evaluated, moved by one linear solve, kept and taken up again: what ``newton``, ``damping`` and
+``release`` ask of their equations. Who chooses the linear system, the start and the model is
+``problem``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.laws import STICK, Pieces
+from fenics_mortar.contact.redundancy import Redundancy
+from fenics_mortar.contact.slip import Partners
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.mortar import Linearization
+from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
+from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.errors import MortarError, place, together
+from fenics_mortar.verify.crossing import Crossings, Standing
+
+# Largest c_n after a cycle of the active set.
+LESS_WEIGHT = 1e-3
+# A node wavers if it was both open and closed in so many iterations.
+WAVERING = 4
+# Forces along free motions are slight below this part of all forces: a small part of what averaged
+# normals of facets err, and little beside what a certificate allows springs to hold.
+SLIGHT = 1e-5
+EPSILON = float(np.finfo(float).eps)
+# Squared norms of what all ranks know may differ by this part; a spread that is found as the root
+# of a difference of squares has the root of rounding.
+ALIKE = 1e-6
+
+
+@dataclass(frozen=True)
+class State:
+    """Displacement, multipliers, active sets and places of obstacles, as copies.
+
+    The displacement is the part of this rank. Of each contact there are the partners that its slip
+    counts from, and those at the last accepted state; of outlines and obstacles their places then.
+    """
+
+    u: Array
+    z: list[Array]
+    active: list[npt.NDArray[np.bool_]]
+    carries: list[npt.NDArray[np.bool_]]
+    piece: list[Pieces]
+    partners: list[tuple[Partners, Partners]]
+    places: Array
+    standing: Standing
+    converged: bool
+
+    def towards(self, other: State, part: float) -> State:
+        """Part of the way to another state, with the sets of this one."""
+        return replace(
+            self,
+            u=self.u + part * (other.u - self.u),
+            z=[mine + part * (z - mine) for mine, z in zip(self.z, other.z, strict=True)],
+            places=self.places + part * (other.places - self.places),
+        )
+
+
+class ContactEquations:
+    """Bodies, contacts and driven obstacles together; all methods are collective.
+
+    Args:
+        bulk: Bulk residual and tangent.
+        contacts: The pairs bound to the mesh.
+        linearization: Which derivatives the tangent has.
+        newton: When to stop.
+
+    Attributes:
+        tools: The obstacles of the contacts.
+        floating: Bodies that Dirichlet conditions do not hold.
+        crossings: What looks for surfaces that crossed.
+        stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
+        system: The linear system; has to be set before the first ``advance``.
+
+    Raises:
+        MortarError: On all ranks, if the bulk tangent is not finite, or zero at a node.
+    """
+
+    system: LinearSystem
+
+    def __init__(
+        self,
+        bulk: Bulk,
+        contacts: Sequence[Contact | Tie],
+        linearization: Linearization,
+        newton: NewtonOptions,
+    ) -> None:
+        self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
+        self.linearization, self.newton = linearization, newton
+        self.tools = DrivenObstacles(contacts)
+        self._redundancy = Redundancy(contacts)
+        self.bulk.assemble_tangent()
+        self.floating = FloatingBodies(bulk, contacts)
+        self._set_stiffness()
+        self.floating.find()
+        self.crossings = Crossings(bulk, contacts, self.floating)
+        self._last_converged = False
+        self._residuals: list[float] = []
+        self._recent_sets: list[list[tuple[npt.NDArray[np.bool_], Pieces]]] = []
+
+    def _set_stiffness(self) -> None:
+        """Give each contact the mean diagonal of K at its slave nodes."""
+        diagonal = self.bulk.K.getDiagonal().array_r
+        self._check_diagonal(diagonal)
+        largest = float(np.abs(diagonal[self.bulk.space.owned_dofs]).max(initial=0.0))
+        self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
+        self.bulk.set_units(self.stiffest)
+        for contact in self.contacts:
+            contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
+
+    def _check_diagonal(self, diagonal: Array) -> None:
+        """Refuse a bulk tangent with this diagonal (owned dofs,) if a node has no stiffness."""
+        if self.comm.allreduce(not np.isfinite(diagonal).all(), MPI.LOR):
+            reason = self._describe_inverted() or "check the residual form"
+            raise MortarError(
+                f"the bulk tangent is not finite at the initial displacement: {reason}"
+            )
+        dofs = self.bulk.space.owned_dofs
+        if self.comm.allreduce(float(diagonal[dofs].max(initial=-np.inf)), MPI.MAX) < 0.0:
+            raise MortarError(
+                "all stiffnesses are negative: check the signs of the residual, which is internal "
+                "less applied forces, of the jacobian, and of Young's modulus"
+            )
+        loose = np.zeros(diagonal.size, bool)
+        loose[dofs] = (diagonal[dofs] == 0.0) & ~self.bulk.prescribed[dofs]
+        count, where = self.bulk.count_nodes(loose)
+        if count:
+            mine = set(self.floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
+            bodies = sorted(set().union(*self.comm.allgather(mine)))
+            names = ", ".join(self.floating.name_of(label) for label in bodies)
+            raise MortarError(
+                f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
+                "the residual form has to hold the stress of every body"
+            )
+
+    # Where they stand
+
+    def evaluate(self, *, start: bool) -> Status:
+        """Evaluate residual, operators and active sets at the present state."""
+        self.bulk.assemble_residual()
+        self.floating.add_spring_forces()
+        return self.look(start=start)
+
+    def look(self, *, start: bool) -> Status:
+        """Evaluate operators and active sets; the residual of the bulk is there."""
+        if start:
+            self._begin()
+        changed = self._evaluate_contacts(start=start)
+        residual, force = self._residual_and_force()
+        self._force = force
+        self._residuals.append(residual)
+        gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
+        active = sum(int(c.active.sum()) for c in self.contacts)
+        self._recent_sets.append([(c.active.copy(), c.piece.copy()) for c in self.contacts])
+        sets = b"".join(
+            np.packbits([c.active, c.carries]).tobytes() + (c.active * c.piece).tobytes()
+            for c in self.contacts
+        )
+        gap = float(max(gaps, default=0.0))
+        return Status(residual, force, gap, active, changed, self.noise(), sets)
+
+    def _begin(self) -> None:
+        """Forget the cycles of the last solve."""
+        self._recent_sets, self._residuals = [], []
+        self._redundancy.begin()
+        for contact in self.contacts:
+            contact.begin()
+
+    def _evaluate_operators(self) -> None:
+        """Evaluate the operators of all contacts."""
+        for contact in self.contacts:
+            contact.evaluate(self.bulk.u.x.array, self.linearization)
+
+    def _evaluate_contacts(self, *, start: bool) -> int:
+        """Evaluate operators and active sets; return how many nodes changed."""
+        changed = 0
+        for contact in self.contacts:
+            contact.evaluate(self.bulk.u.x.array, self.linearization)
+            handed = contact.update_carriers()
+            if handed:
+                contact.evaluate(self.bulk.u.x.array, self.linearization)
+            changed += handed + contact.update_active(start=start and not self._last_converged)
+        self._redundancy.mark()
+        raise_noted(self.comm, self.contacts)
+        return changed
+
+    def _evaluate_forces(self) -> tuple[Array, Array]:
+        """Evaluate everything; return the forces of the bulk and of contact, owned parts."""
+        self._evaluate_contacts(start=True)
+        bulk, contact, _ = self.forces()
+        return bulk, contact
+
+    def _residual_and_force(self) -> tuple[float, float]:
+        """Norm of all equations and of the forces they are made of [stress length].
+
+        Gaps and distances to prescribed values count as forces by the stiffness of the bulk.
+        """
+        size, held = self.bulk.num_owned, self.bulk.held
+        contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
+        rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
+        raise_noted(self.comm, self.contacts)
+        self._total = total = self.bulk.r.array_r[:size] + contact_force
+        free = self.bulk.to_force * total
+        reactions = free[held]
+        free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
+        mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
+        sums = self.comm.allreduce(np.array([*mine, rows, rows**2]))
+        free2, contact2, reaction2 = sums[:3]
+        force2 = max(contact2, reaction2)
+        self._check_alike(float(sums[3]), float(sums[4]), force2)
+        return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
+
+    def _check_alike(self, total: float, squares: float, force2: float) -> None:
+        """Refuse contact rows, known on all ranks, of which one rank has others (local).
+
+        Args:
+            total: Sum over the ranks of each one's squared norm of these rows.
+            squares: Sum of the squares of that.
+            force2: Squared force that they are compared with.
+        """
+        mean = total / self.comm.size
+        spread = np.sqrt(max(squares / self.comm.size - mean**2, 0.0))
+        if spread > ALIKE * max(mean, force2):
+            raise MortarError(
+                "the equations of contact are not the same on all ranks: a law, a distance or "
+                "something set of a contact or obstacle is another one on some of them"
+            )
+
+    def noise(self) -> float:
+        """Residual that rounding leaves, however long one iterates [stress length]."""
+        num_dofs = self.bulk.r.getSize()
+        bulk = np.sqrt(num_dofs) * self._largest_displacement()
+        noise = self.stiffest * bulk
+        for c in self.contacts:
+            steepest = max(self.stiffest, c.steepness)
+            noise += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
+        return 4.0 * EPSILON * float(noise)
+
+    def _largest_displacement(self) -> float:
+        return max(self.bulk.largest(self.bulk.u.x.array), self.tools.largest())
+
+    def _facet_length(self) -> float:
+        return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
+
+    def seconds(self) -> dict[str, float]:
+        """Seconds since the last call by phase, see ``clock``; of the slowest rank in each."""
+        mine = clock.read()
+        slowest = np.array(list(mine.values()))
+        self.comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
+        return dict(zip(mine, slowest.tolist(), strict=True))
+
+    def diagnose(self) -> str:
+        """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
+        deep = [c.describe_overlap() for c in self.contacts if isinstance(c, Contact)]
+        return "; ".join(filter(None, (self._describe_loose(), *deep)))
+
+    def _describe_loose(self) -> str:
+        """The first of inverted cells, bodies that nothing holds and edges that peel, in words."""
+        inverted = self._describe_inverted()
+        if inverted:
+            return inverted
+        free = self.floating.describe(self.floating.loose()), self.tools.describe(self._force)
+        return ", ".join(filter(None, free)) or self._describe_peeling()
+
+    def _describe_peeling(self) -> str:
+        """Where nodes with shear, but no pressure, opened and closed, in words; "" if nowhere."""
+        recent = self._recent_sets[-WAVERING:]
+        for i, contact in enumerate(self.contacts):
+            if not isinstance(contact, Contact):
+                continue
+            active = np.array([sets[i][0] for sets in recent])
+            wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
+            bound = contact.asker.bound(contact.pair.law, np.zeros(1), contact.slave.X)
+            if wavers.size and 0.0 < bound[0] < np.inf:
+                return (
+                    f"{wavers.size} nodes of '{contact.slave.name}' go on closing and opening, one "
+                    f"at {place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} lets them "
+                    "bear a shear without pressure, which may peel them off each time they close; "
+                    "take smaller steps, or Coulomb(mu, most=...), whose bound vanishes with the "
+                    "pressure"
+                )
+        return ""
+
+    def _describe_inverted(self) -> str:
+        """Number and place of inverted cells, in words; "" if there are none (collective)."""
+        count, where = self.bulk.inverted_cells()
+        return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
+
+    # Where they lead
+
+    def advance(self) -> Step:
+        """Solve one linear system and move, less than all the way where that would be too far."""
+        self.bulk.assemble_tangent()
+        loose = self.floating.loose()
+        self.floating.add_springs(loose, self._total, self._force)
+        with clock("assembly"):
+            self.system.assemble()
+        raise_noted(self.comm, self.contacts)
+        goal = self.newton.residual_tolerance * self._force
+        self.system.forcing = forcing(self._residuals, goal)
+        with clock("solve"):
+            step, multipliers, motion = self.tools.solve(self.system, self.stiffest, self._force)
+        self.floating.drop_undriven(loose, step, self._total, self._force)
+        remarks = [self.system.remark, self.floating.remark(loose)]
+        self.system.remark = ""
+        part = self.bulk.move(step)
+        for contact, z in zip(self.contacts, multipliers, strict=True):
+            contact.move(z, part, step.array_r)
+        self.tools.move(part * motion)
+        increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
+        step.destroy()
+        self.bulk.free_garbage()
+        return self.step(increment, part, "; ".join(filter(None, remarks)))
+
+    def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
+        """Record of a step taken, by its largest increment [length]."""
+        size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
+        return Step(increment / size, part, note)
+
+    def drifts(self) -> str:
+        """Say which bodies only slight forces along free motions move on (collective).
+
+        Contact forces act along averaged normals of facets, so that smooth bodies without friction
+        are driven by a small part of them, and may have no equilibrium near by; "" if there are no
+        such bodies, or other forces are left as well.
+        """
+        if self.floating.held or self._residuals[-1] > SLIGHT * self._force:
+            return ""
+        names = self.floating.names(self.floating.loose() or self.floating.bodies)
+        return f"only a slight force is left, which moves {names} on" if names else ""
+
+    def merge_sets(self, period: int) -> str:
+        """Leave a cycle of the active set or of sticking and sliding nodes; say how.
+
+        All nodes that were active in it are so for one iteration, and gaps weigh less from then on,
+        in later solves too: a large c_n releases nodes for small gaps that a step leaves behind.
+        Nodes that did not always slide in one direction stick for that iteration.
+        """
+        wavering = 0
+        for i, contact in enumerate(self.contacts):
+            recent = [sets[i] for sets in self._recent_sets[-period:]]
+            active, pieces = (np.array(sets) for sets in zip(*recent, strict=True))
+            contact.active = active.any(axis=0) & contact.covered
+            contact.c_n = min(contact.c_n, LESS_WEIGHT)
+            wavers = contact.active & (pieces != pieces[-1]).any(axis=0)
+            contact.piece = np.where(wavers, STICK, contact.piece)
+            wavering += int(wavers.sum())
+        stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
+        return (
+            f"the active set does not settle (last {period} iterations); all nodes active in them "
+            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on{stuck}"
+        )
+
+    # Forces
+
+    def forces(self) -> tuple[Array, Array, Array]:
+        """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).
+
+        At the present state, the first two as parts of this rank [stress length]. What these sum to
+        at prescribed dofs are the reactions of the supports; the third is what holds the obstacles.
+        """
+        self.bulk.assemble_residual()
+        bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
+        self.floating.add_spring_forces()
+        return bulk, self._contact_force(), self.tools.forces()
+
+    def shear_forces(self) -> tuple[Array, Array]:
+        """What of the last two of ``forces`` is shear."""
+        return self._contact_force("shear"), self.tools.forces("shear")
+
+    @clock("assembly")
+    def _contact_force(self, part: str = "z") -> Array:
+        """B^T z on the owned dofs, or that of the contacts' "shear" only."""
+        force = np.zeros(self.bulk.num_owned)
+        for contact in self.contacts:
+            on_slave, on_master = contact.operators.force(getattr(contact, part))
+            contact.slave.scatter_add(on_slave, force)
+            contact.master.scatter_add(on_master, force)
+        return force
+
+    # States
+
+    def state(self) -> State:
+        """Copy the present state."""
+        return State(
+            self.bulk.u.x.array.copy(),
+            [contact.z.copy() for contact in self.contacts],
+            [contact.active.copy() for contact in self.contacts],
+            [contact.carries.copy() for contact in self.contacts],
+            [contact.piece.copy() for contact in self.contacts],
+            [(contact.partners, contact.accepted) for contact in self.contacts],
+            self.tools.places,
+            self.crossings.accepted,
+            self._last_converged,
+        )
+
+    def restore(self, state: State) -> None:
+        """Go back to a state, exactly.
+
+        Raises:
+            MortarError: On all ranks, if it is none, or one of another problem.
+        """
+        with together(self.comm, "restore"):
+            self._check_state(state)
+        self.put(state)
+        self._evaluate_operators()
+
+    def put(self, state: State) -> None:
+        """Go back to a state, whose operators are not evaluated (local)."""
+        self.bulk.u.x.array[:] = state.u
+        self.tools.places = state.places
+        self.crossings.restore(state.standing, state.u)
+        for i, contact in enumerate(self.contacts):
+            contact.take(state.z[i])
+            contact.active, contact.piece = state.active[i].copy(), state.piece[i].copy()
+            contact.carries = state.carries[i].copy()
+            contact.partners, contact.accepted = state.partners[i]
+        self._last_converged = state.converged
+
+    def _check_state(self, state: State) -> None:
+        """Refuse what is no state of these equations (local)."""
+        check_kind("state", state, State, "what state() of the same problem returned")
+        same = state.u.shape == self.bulk.u.x.array.shape and len(state.z) == len(self.contacts)
+        if not same or any(
+            z.shape != contact.z.shape for z, contact in zip(state.z, self.contacts, strict=True)
+        ):
+            raise MortarError("the state is one of another problem: right is what state() returned")
+
+    def interface_motion(self, before: State) -> float:
+        """Largest motion of a surface since a state, in its shortest facets (collective)."""
+        change = (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
+        sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
+        motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
+        return float(max(motions, default=0.0))
+
+    # Springs
+
+    def hold(self, travel: float | None) -> None:
+        """Tie floating bodies and driven obstacles by springs, or let them go; see ``release``."""
+        if travel is None:
+            self.floating.let_go()
+            self.tools.let_go()
+        else:
+            bulk, contact, _ = self.forces()
+            self.floating.hold(bulk + contact, travel)
+            self.tools.hold(travel, self.stiffest)
+
+    def stiff_travel(self) -> float:
+        """The ``travel`` of ``hold`` at which springs are as stiff as the bodies (collective)."""
+        bulk, contact, _ = self.forces()
+        return self.floating.stiff_travel(bulk + contact)
+
+    def travel(self) -> float:
+        """How far what ``hold`` ties has moved since, in shortest facets."""
+        return max(self.floating.travel(), self.tools.travel())
+
+    def remaining(self) -> tuple[float, str]:
+        """Part of the forces that springs hold, and that in words."""
+        parts = self._parts_held()
+        energy = self.floating.spring_energy() + self.tools.spring_energy()
+        each = [f"{name} with {part:.1e} of its contact force" for name, part in parts]
+        return max(part for _, part in parts), (
+            f"springs hold {', '.join(each)}, with an energy of {energy:.3e}: contact does not "
+            "resist its motion more than the facets' corners drive it; prescribe it, or refine"
+        )
+
+    def _parts_held(self) -> list[tuple[str, float]]:
+        """What springs of ``hold`` hold, and which part of the contact force on it."""
+        return self.floating.parts_held() + self.tools.parts_held()

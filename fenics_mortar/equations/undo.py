@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""Solves that are interrupted: the problem is then as it was before.
+
+An interruption is a KeyboardInterrupt, or whatever else comes from elsewhere than the equations, as
+from a function of the user. It may come anywhere, and on one rank only: what is undone is undone
+without communication. What was half made of matrices, factors and solvers is made anew when the
+next solve begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from fenics_mortar.la.system import drop_added_options
+from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
+
+
+class Before:
+    """A problem as it is now, to go back to (local).
+
+    Args:
+        problem: A ``ContactProblem``.
+    """
+
+    def __init__(self, problem: Any) -> None:
+        self._problem, self._state, self._depth = problem, problem.state(), clock.depth
+        self._contacts = [(c.operators, c.c_n, c.offset) for c in problem.contacts]
+        self._springs = problem.floating.springs, problem.tools.springs
+        adequacy = problem.adequacy
+        self._take_back_adequacy = adequacy.remember() if adequacy is not None else None
+
+    def take_back(self, *, renew: bool) -> None:
+        """Go back; ``renew``: make matrices and solvers anew in the next solve."""
+        problem = self._problem
+        clock.leave(self._depth)
+        drop_added_options()
+        problem.put(self._state)
+        for contact, kept in zip(problem.contacts, self._contacts, strict=True):
+            contact.operators, contact.c_n, offset = kept
+            if contact.offset is not offset:
+                contact.offset = offset
+        problem.floating.springs, problem.tools.springs = self._springs
+        if self._take_back_adequacy is not None:
+            self._take_back_adequacy()
+        problem.interrupted |= renew
+
+
+@contextmanager
+def undone_if_interrupted(problem: Any) -> Iterator[None]:
+    """A block after which a ``ContactProblem`` is as before if anything but the package raises."""
+    before = Before(problem)
+    try:
+        yield
+    except MortarError as error:
+        if isinstance(error, RaisedElsewhereError):  # on that rank it is another error
+            before.take_back(renew=True)
+        raise
+    except BaseException:
+        before.take_back(renew=True)
+        raise

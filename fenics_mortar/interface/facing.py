@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: MIT
+"""Material points that face each other: points of slave facets and their partners on the master."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.segments import Segments, gauss_rule
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.utils.arrays import Array, Indices
+
+Rule = tuple[Array, Array]
+# Gauss points on a segment, and its ends
+GAUSS: Rule = gauss_rule(4)
+ENDS: Rule = (np.array([-1.0, 1.0]), np.ones(2))
+# Steps of Newton's method to the place on a curved facet of a point that lies on it
+STEPS = 4
+
+
+@dataclass(frozen=True)
+class Points:
+    """Gauss points of some segments on their facets of one side (all methods are local).
+
+    Attributes:
+        facet: Facet of each segment, shape (n,).
+        slave: Its nodes, shape (n, K).
+        s: Places -1 ... 1 on the facet, shape (n, q).
+        weights: Weights for integrals over these, shape (n, q).
+        shape: Shape functions of the nodes, shape (n, q, K).
+    """
+
+    facet: Indices
+    slave: Indices
+    s: Array
+    weights: Array
+    shape: Array
+
+    def of(self, nodal: Array) -> Array:
+        """Values at the points by those of the side's nodes (nodes, ...): (n, q, ...)."""
+        return np.einsum("nqk,nk...->nq...", self.shape, nodal[self.slave])
+
+    def direction(self, nodal: Array) -> Array:
+        """Unit vectors (n, q, 2) along those of the slave nodes (slave nodes, 2)."""
+        v = self.of(nodal)
+        return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
+
+    def dual_moments(self, x: Array, values: Array) -> tuple[Array, Array]:
+        """Integrals of ``values`` (n, q) with the dual functions of each facet, and of these alone.
+
+        With the slave nodes at ``x``, where each segment is a whole facet: both (n, K).
+        """
+        N, w = self.shape, self.measure(x)
+        mass = np.einsum("nq,nqj,nqk->njk", w, N, N)
+        sizes, moments = np.einsum("nq,nqj->nj", w, N), np.einsum("nq,nqj,nq->nj", w, N, values)
+        return sizes * np.linalg.solve(mass, moments[..., None])[..., 0], sizes
+
+    def measure(self, x: Array) -> Array:
+        """Lengths that the points stand for with the slave nodes at ``x``, shape (n, q)."""
+        _, slope = lagrange(self.s, self.shape.shape[2] - 1)
+        along = np.einsum("nqk,nkc->nqc", slope, x[self.slave])
+        return self.weights * np.linalg.norm(along, axis=2)
+
+
+@dataclass(frozen=True)
+class Facing(Points):
+    """Such points and their partners on the master (all methods are local).
+
+    Attributes:
+        master: Master nodes of each segment, shape (n, K).
+        on_master: Their shape functions at the partners, shape (n, q, K).
+        start: How far along tau a point is from its partner at first, shape (n, q) [length].
+    """
+
+    master: Indices
+    on_master: Array
+    start: Array
+
+    def apart(self, v: Array, w: Array) -> Array:
+        """Difference of v (slave nodes, 2) and w (master nodes, 2) at the points, (n, q, 2)."""
+        return self.of(v) - np.einsum("nqk,nkc->nqc", self.on_master, w[self.master])
+
+    def slip(self, o: MortarOperators) -> Array:
+        """Slip since these points faced each other, shape (n, q) [length]."""
+        return np.einsum("nqc,nqc->nq", self.direction(o.tau), self.apart(o.x, o.m)) - self.start
+
+
+def points_between(facet: Indices, nodes: Indices, ends: Array, rule: Rule = GAUSS) -> Points:
+    """Points of the parts between ``ends`` (n, 2) of facets (n,) with ``nodes`` (n, K) (local)."""
+    middle, half = ends.mean(axis=1)[:, None], np.diff(ends) / 2
+    s = middle + half * rule[0]
+    return Points(facet, nodes, s, half * rule[1], lagrange(s, nodes.shape[1] - 1)[0])
+
+
+def points_of(segments: Segments, rule: Rule = GAUSS) -> Points:
+    """Points of the segments on the slave (local)."""
+    facet = np.repeat(segments.facets, np.diff(segments.offsets))
+    return points_between(facet, segments.slave, segments.ends, rule)
+
+
+def points_behind(o: MortarOperators, segments: Segments) -> Points:
+    """Gauss points of the parts of master facets that the segments face at the state of ``o``."""
+    on_master = face(o, segments, ENDS).on_master
+    ends = np.sort(on_master @ np.linspace(-1.0, 1.0, on_master.shape[2]), axis=1)
+    of_first_node = np.zeros(o.master.num_nodes, np.int64)
+    of_first_node[o.master.facets[:, 0]] = np.arange(len(o.master.facets))
+    facet = of_first_node[segments.master[:, 0]]
+    return points_between(facet, segments.master, np.clip(ends, -1.0, 1.0))
+
+
+def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
+    """Which points of the master those of the segments face at the state of ``o`` (local)."""
+    here, gap = points_of(segments, rule), o.sample_gaps(o.x, segments, rule[0])
+    y = here.of(o.x) + gap[..., None] * here.direction(o.n)
+    master = segments.master
+    on_master, _ = lagrange(_places_on(o.m[master], y), o.master.degree)
+    found = Facing(**vars(here), master=master, on_master=on_master, start=0.0 * gap)
+    return replace(found, start=found.slip(o))
+
+
+def nearest_facets(x: Array, m: Array, surface: Surface) -> tuple[Indices, Array]:
+    """Nearest facets of points, and where these lie along their chords (local).
+
+    Args:
+        x: Points, shape (k, 2).
+        m: Places of the nodes of the surface, shape (nodes, 2).
+        surface: The surface.
+
+    Returns:
+        The two ends of each facet, shape (k, 2), and the places from 0 to 1, or beyond if a point
+        is beyond the ends of the surface, shape (k,).
+    """
+    ends = surface.facets[:, [0, -1]]
+    chord = m[ends[:, 1]] - m[ends[:, 0]]
+    away = x[:, None] - m[ends[:, 0]]
+    part = (away * chord).sum(axis=2) / (chord**2).sum(axis=1)
+    rest = away - np.clip(part, 0.0, 1.0)[:, :, None] * chord
+    facet = np.argmin((rest**2).sum(axis=2), axis=1)
+    return ends[facet], part[np.arange(len(x)), facet]
+
+
+def lagrange(s: Array, degree: int) -> tuple[Array, Array]:
+    """Shape functions along a facet at ``s`` in -1 ... 1 and their slopes: (..., degree + 1)."""
+    if degree == 1:
+        return np.stack([1 - s, 1 + s], -1) / 2, np.stack([-0.5 + 0 * s, 0.5 + 0 * s], -1)
+    shape = np.stack([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2], -1)
+    return shape, np.stack([s - 0.5, -2 * s, s + 0.5], -1)
+
+
+def _places_on(m: Array, y: Array) -> Array:
+    """Places (n, q) on facets with nodes at ``m`` (n, K, 2) of points ``y`` (n, q, 2) on them."""
+    degree = m.shape[1] - 1
+    s = np.zeros(y.shape[:2])
+    for _ in range(STEPS if degree > 1 else 1):
+        shape, slope = lagrange(s, degree)
+        off = y - np.einsum("nqk,nkc->nqc", shape, m)
+        along = np.einsum("nqk,nkc->nqc", slope, m)
+        s = s + (off * along).sum(axis=2) / (along**2).sum(axis=2)
+    return s

@@ -1,0 +1,504 @@
+# SPDX-License-Identifier: MIT
+"""The mortar operators of one slave and one master surface, with all derivatives.
+
+==========  ==========================================================================
+symbol      meaning
+==========  ==========================================================================
+D[j, k]     int Phi_j N_k over the current slave surface; j, k slave nodes
+M[j, l]     int Phi_j (N_l o chi); l master nodes, chi the projection
+g[j]        weighted gap int Psi_j g, g = n^ . (x_master - x_slave) >= 0 when open
+n, tau      averaged unit normal of a slave node, tau = (-n_y, n_x)
+f_c         contact force: sum_j D[j, k] z_j on slave node k, -sum_j M[j, l] z_j on l
+==========  ==========================================================================
+
+Formulas: Popp, Gee & Wall (2009); consistent treatment of partly covered facets: Popp, Seitz, Gee
+& Wall (2013). A rank holds the integrals of its share of the slave facets; what belongs to nodes
+is summed over the ranks and equal everywhere.
+
+Derivatives are kept as dense blocks. With K nodes per facet, 2 or 3, a segment has C = 8 K - 4
+columns: the components of the slave nodes of the facet before, its own and the one after, and of
+its master nodes. A `Block` says where a stack of such blocks goes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, NamedTuple, Self
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.interface.segments import Integration, Segments, find_segments
+from fenics_mortar.interface.sight import View
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.kernels import basis, curved, normals, segment
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
+
+Basis = Literal["dual", "standard", "vertices", "linear"]
+Weighting = Literal["opposite", "unit", "own"]
+GapWeights = Literal["cover", "basis", "standard"]
+BASES = {
+    "dual": basis.DUAL,
+    "standard": basis.STANDARD,
+    "vertices": basis.DUAL,
+    "linear": basis.STANDARD,
+}
+# Those without multipliers at the nodes inside quadratic facets.
+AT_VERTICES = ("vertices", "linear")
+GAP_WEIGHTS = {
+    "basis": basis.BY_BASIS,
+    "cover": basis.BY_COVER,
+    "standard": basis.BY_STANDARD,
+}
+WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
+
+
+class Block(NamedTuple):
+    """Dense blocks: values (b, r, c) to add at rows (b, r) and columns (b, c); -1 is left out."""
+
+    rows: Indices
+    columns: Indices
+    values: Array
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """Which terms the tangent keeps; the residual is always exact.
+
+    Attributes:
+        normals: Derivatives of the nodal normals.
+        segments: Motion of the segment ends on the slave facets.
+        frozen: Neither D, M nor n have derivatives: the paper's fixed-point iteration.
+    """
+
+    normals: bool = True
+    segments: bool = True
+    frozen: bool = False
+
+
+LINEARIZATIONS = {
+    "full": Linearization(),
+    "no_normals": Linearization(normals=False),
+    "no_segments": Linearization(segments=False),
+    "frozen": Linearization(normals=False, segments=False, frozen=True),
+}
+
+
+@dataclass(frozen=True)
+class MortarOptions:
+    """How one pair is integrated.
+
+    Attributes:
+        basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear".
+        weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
+        gap_weights: What weighs the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
+        integration: "segments", "elements" or "nodes"; see ``segments``.
+        points: Gauss points per segment, with "elements" per slave facet.
+        radius: Farthest distance along the normal at which partners are looked for, behind the
+            slave surface less where the bodies are thin, see ``sight`` [length].
+        least_cosine: Least cosine between the slave's normal and the reversed master's.
+    """
+
+    basis: Basis
+    weighting: Weighting
+    gap_weights: GapWeights
+    integration: Integration
+    points: int
+    radius: float
+    least_cosine: float
+
+    @property
+    def kinds(self) -> tuple[int, int]:
+        """Basis and weights of the gap, as the kernels take them.
+
+        On points that are the nodes the standard functions are the dual ones of any cover.
+        """
+        if self.integration == "nodes":
+            return basis.STANDARD, basis.BY_BASIS
+        return BASES[self.basis], GAP_WEIGHTS[self.gap_weights]
+
+
+@dataclass(frozen=True)
+class MortarOperators:
+    """D, M, weighted gap and normals at given positions, with their derivatives.
+
+    Attributes:
+        slave, master: The two surfaces.
+        x, m: Current positions of their nodes, shapes (slave nodes, 2), (master nodes, 2).
+        n: Slave normals, shape (slave nodes, 2).
+        dn: Their derivatives by the K - 1 nodes before, the own node and the K - 1 nodes after,
+            shape (slave nodes, 2, 4 K - 2).
+        segments: Segments of this rank's share of facets.
+        D: Slave matrices of the facets of this share, shape (f, K, K) [length].
+        M: Master matrices of its segments, shape (n, K, K) [length].
+        dD: Derivative of D by each segment's nodes, shape (n, K, K, C) [1].
+        dM: Derivative of M for each pair of segments, shape (p, K, K, C) [1].
+        dgap: Derivative of the weighted gap by each segment's nodes, shape (n, K, C) [length].
+        diagonal: D[j, j] of every slave node, shape (slave nodes,) [length].
+        gap: Weighted gap of every slave node, shape (slave nodes,) [length^2].
+        cover: Integral of N_j over the covered part, shape (slave nodes,) [length].
+        weight: Integral of Phi_j, the row sum of D, shape (slave nodes,) [length].
+        num_segments: Segments on all ranks together.
+    """
+
+    slave: Surface
+    master: Surface
+    x: Array
+    m: Array
+    n: Array
+    dn: Array
+    segments: Segments
+    D: Array
+    M: Array
+    dD: Array
+    dM: Array
+    dgap: Array
+    diagonal: Array
+    gap: Array
+    cover: Array
+    weight: Array
+    num_segments: int
+    linearization: Linearization
+
+    @property
+    def tau(self) -> Array:
+        """Tangents (-n_y, n_x) of the slave nodes, shape (slave nodes, 2)."""
+        return np.stack([-self.n[:, 1], self.n[:, 0]], axis=1)
+
+    @property
+    def facet_nodes(self) -> Indices:
+        """Slave nodes of the facets of this share, shape (f, K)."""
+        return self.slave.facets[self.segments.facets]
+
+    @property
+    def columns(self) -> Indices:
+        """Displacement dofs of the columns of each segment, shape (n, C); -1 is missing."""
+        degree = self.slave.degree
+        near = self.slave.along(self.segments.slave[:, 0], range(-degree, 2 * degree + 1))
+        on_slave = self.slave.dofs_of(near)
+        return np.concatenate([on_slave, self.master.dofs_of(self.segments.master)], axis=1)
+
+    def force(self, z: Array) -> tuple[Array, Array]:
+        """D^T z on slave and -M^T z on master nodes for multipliers ``z`` (slave nodes, 2).
+
+        Collective. These add to the internal forces: what acts on the bodies is minus them. Returns
+        arrays (slave nodes, 2) and (master nodes, 2) [stress length].
+        """
+        on_slave, on_master = np.zeros_like(self.x), np.zeros_like(self.m)
+        forces = np.einsum("ejk,ejc->ekc", self.D, z[self.facet_nodes])
+        np.add.at(on_slave, self.facet_nodes, forces)
+        forces = np.einsum("sjl,sjc->slc", self.M, z[self.segments.slave])
+        np.add.at(on_master, self.segments.master, -forces)
+        both = np.concatenate([on_slave, on_master])
+        self.slave.comm.Allreduce(MPI.IN_PLACE, both)
+        return both[: len(on_slave)], both[len(on_slave) :]
+
+    def reaction(self, z: Array) -> tuple[Array, Array]:
+        """Where the other side bears what forces, each (points, 2); signs as in ``force``."""
+        return self.m, self.force(z)[1]
+
+    def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
+        """Gaps at the points -1..1 of segments, with the slave nodes at ``x``: (n, points)."""
+        gaps = np.zeros((s.num_segments, points.size))
+        curved.sample_gaps((x, self.n, self.m), (s.slave, s.master), s.ends, points, gaps)
+        return gaps
+
+    def force_derivative(self, z: Array) -> list[Block]:
+        """Blocks of d(D^T z)/dd and -d(M^T z)/dd at fixed ``z`` (slave nodes, 2) [stress]."""
+        return [self.slave_force_derivative(z), self.master_force_derivative(z)]
+
+    def slave_force_derivative(self, z: Array) -> Block:
+        """Blocks of d(D^T z)/dd in displacement dofs."""
+        s = self.segments
+        values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave])
+        rows = self.slave.dofs_of(s.slave)
+        return Block(rows, self.columns, values.reshape(*rows.shape, self.dD.shape[3]))
+
+    def master_force_derivative(self, z: Array) -> Block:
+        """Blocks of -d(M^T z)/dd in displacement dofs."""
+        s = self.segments
+        i, k = s.pairs[:, 0], s.pairs[:, 1]
+        values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]])
+        rows = self.master.dofs_of(s.master[i])
+        return Block(rows, self.columns[k], values.reshape(*rows.shape, self.dM.shape[3]))
+
+    def weight_derivative(self) -> list[Block]:
+        """Blocks of dw/dd, w the row sum of D: rows are slave nodes, columns displacement dofs."""
+        if self.linearization.frozen:
+            return []
+        return [Block(self.segments.slave, self.columns, self.dD.sum(axis=2))]
+
+    def gap_derivative(self) -> list[Block]:
+        """Blocks of dg/dd: rows are slave nodes, columns displacement dofs [length]."""
+        if self.linearization.frozen:
+            return self._jump_derivative(-self.n)
+        return [Block(self.segments.slave, self.columns, self.dgap)]
+
+    def vector_derivative(self, along: Array) -> list[Block]:
+        """Blocks of along_j . d(D x - M m)_j/dd for ``along`` (slave nodes, 2).
+
+        Their normal parts are what dgap is for; frozen operators have no derivative of the rest,
+        which is small in contact.
+        """
+        if self.linearization.frozen:
+            return []
+        s = self.segments
+        i, k = s.pairs[:, 0], s.pairs[:, 1]
+        by_D = np.einsum("sjkq,skc,sjc->sjq", self.dD, self.x[s.slave], along[s.slave])
+        by_M = np.einsum("pjlq,plc,pjc->pjq", self.dM, self.m[s.master[i]], along[s.slave[i]])
+        return [
+            *self._jump_derivative(along),
+            Block(s.slave, self.columns, by_D),
+            Block(s.slave[i], self.columns[k], -by_M),
+        ]
+
+    def _jump_derivative(self, along: Array) -> list[Block]:
+        """along_j . (D_jk dx_k - M_jl dx_l): D and M do not move."""
+        s, nodes = self.segments, self.facet_nodes
+        on_slave = np.einsum("ejk,ejc->ejkc", self.D, along[nodes])
+        on_master = -np.einsum("sjl,sjc->sjlc", self.M, along[s.slave])
+        sides = (
+            (nodes, self.slave.dofs_of(nodes), on_slave),
+            (s.slave, self.master.dofs_of(s.master), on_master),
+        )
+        return [
+            Block(rows, columns, values.reshape(*rows.shape, columns.shape[1]))
+            for rows, columns, values in sides
+        ]
+
+    def freeze(self) -> Self:
+        """The same without derivatives, for small motions; see ``after_small_motion``."""
+        at_rest = {name: np.zeros_like(getattr(self, name)) for name in ("dn", "dD", "dM", "dgap")}
+        return replace(self, linearization=LINEARIZATIONS["frozen"], **at_rest)
+
+    def after_small_motion(self, x: Array, m: Array) -> Self:
+        """Frozen operators after small motions of the nodes to ``x`` and ``m`` (collective).
+
+        D, M and n stay; g_j changes by -n_j . (D[j, k] dx_k - M[j, l] dm_l).
+        """
+        jump = self.jump(x - self.x, m - self.m)
+        return replace(self, x=x, m=m, gap=self.gap - np.einsum("jc,jc->j", self.n, jump))
+
+    @cached_property
+    def vectors(self) -> Array:
+        """Weighted gap vectors D x - M m, shape (slave nodes, 2); at first collective."""
+        return self.jump(self.x, self.m)
+
+    def jump(self, on_slave: Array, on_master: Array) -> Array:
+        """D v - M w for vectors v (slave nodes, 2) and w (master nodes, 2) (collective)."""
+        s, nodes = self.segments, self.facet_nodes
+        total = np.zeros_like(self.x)
+        np.add.at(total, nodes, np.einsum("ejk,ekc->ejc", self.D, on_slave[nodes]))
+        np.add.at(total, s.slave, -np.einsum("sjl,slc->sjc", self.M, on_master[s.master]))
+        self.slave.comm.Allreduce(MPI.IN_PLACE, total)
+        return total
+
+    def normal_columns(self) -> Indices:
+        """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
+        degree, own = self.slave.degree, np.arange(self.slave.num_nodes)
+        return self.slave.dofs_of(self.slave.along(own, range(-degree, degree + 1)))
+
+    def less_offset(self, offset: Array) -> MortarOperators:
+        """The operators for the gap less an offset, interpolated between nodes (collective).
+
+        The weighted gap becomes g_j - sum_k D[j, k] offset_k.
+
+        Args:
+            offset: Shape (slave nodes,) [length].
+        """
+        s, nodes = self.segments, self.facet_nodes
+        change = np.einsum("ejk,ek->ej", self.D, offset[nodes])
+        nodal = np.bincount(nodes.ravel(), change.ravel(), self.slave.num_nodes)
+        self.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+        derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])
+        return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)
+
+    def normal_derivative(self, z: Array) -> Array:
+        """d(n_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""
+        return np.einsum("jc,jcq->jq", z, self.dn)
+
+    def tangential_derivative(self, z: Array) -> Array:
+        """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""
+        return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]
+
+
+def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
+    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 4 K - 2)."""
+    n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
+    curve = surface.previous, surface.following, surface.inner
+    normals.tabulate_normals(x, *curve, WEIGHTINGS[weighting], n, dn)
+    return n, dn
+
+
+def share_of(items: Indices, comm: MPI.Comm) -> Indices:
+    """This rank's contiguous, equal share of ``items``, whoever owns what they stand for."""
+    bounds = [items.size * rank // comm.size for rank in (comm.rank, comm.rank + 1)]
+    return items[bounds[0] : bounds[1]]
+
+
+@clock("integrals")
+def evaluate_mortar(
+    slave: Surface,
+    master: Surface,
+    x: Array,
+    m: Array,
+    carries: npt.NDArray[np.bool_],
+    prescribed_normals: Array,
+    options: MortarOptions,
+    linearization: Linearization,
+    view: View | None = None,
+) -> MortarOperators:
+    """Evaluate the mortar operators at current positions (collective).
+
+    Args:
+        slave: The side that carries the multiplier.
+        master: The side projected to.
+        x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
+        m: Current positions of the master nodes, shape (master nodes, 2) [length].
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
+            neighbours take over the weight of those that do not.
+        prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2);
+            nan where the averaged normal is right.
+        options: How to integrate.
+        linearization: Which derivatives to fill; the others are zero.
+        view: What lies behind the slave's facets at these positions.
+
+    Returns:
+        The operators.
+    """
+    n, dn = evaluate_normals(slave, x, options.weighting)
+    given = np.isfinite(prescribed_normals[:, 0])
+    n[given], dn[given] = prescribed_normals[given], 0.0
+    if not linearization.normals:
+        dn = np.zeros_like(dn)
+    facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
+    s = find_segments(
+        slave,
+        master,
+        x,
+        n,
+        m,
+        facets=facets,
+        radius=options.radius,
+        least_cosine=options.least_cosine,
+        integration=options.integration,
+        points=options.points,
+        view=view,
+    )
+    integrate = _integrate_straight if slave.degree == 1 else _integrate_curved
+    geometry = x, n, dn, m
+    D, dD, M, dM, gap, dgap, cover = integrate(
+        slave, s, geometry, carries, options, linearization.segments
+    )
+    nodal = sum_over_facets(slave, slave.facets[facets], D, gap, cover)
+    num_segments = slave.comm.allreduce(s.num_segments)
+    return MortarOperators(
+        slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
+    )
+
+
+def sum_over_facets(
+    slave: Surface, nodes: Indices, D: Array, gap: Array, cover: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Diagonal of D, gap, cover and row sum of D of each slave node, shapes (slave nodes,).
+
+    Collective; ``nodes`` (f, K), ``D`` (f, K, K), ``gap`` and ``cover`` (f, K) are of this share.
+    """
+    nodal = np.zeros((4, slave.num_nodes))
+    on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
+    for row, values in zip(nodal, on_facets, strict=True):
+        row += np.bincount(nodes.ravel(), values.ravel(), slave.num_nodes)
+    slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    return nodal[0], nodal[1], nodal[2], nodal[3]
+
+
+def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
+    """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.basis``."""
+    facets, count, columns = s.facets.size, s.num_segments, 8 * size - 4
+    return (
+        np.zeros((facets, size, size)),
+        np.empty((count, size, size, columns)),
+        np.empty((count, size, size)),
+        np.zeros((len(s.pairs), size, size, columns)),
+        np.zeros((facets, size)),
+        np.empty((count, size, columns)),
+        np.zeros((facets, size)),
+    )
+
+
+def _integrate_straight(
+    slave: Surface,
+    s: Segments,
+    geometry: tuple[Array, Array, Array, Array],
+    carries: npt.NDArray[np.bool_],
+    options: MortarOptions,
+    move_ends: bool,
+) -> tuple[Array, ...]:
+    """D, dD, M, dM, g, dg and cover of facets of two nodes."""
+    nodes, x = slave.facets[s.facets], geometry[0]
+    left = np.where(carries[nodes[:, 1]], basis.BOTH, basis.ONLY_FIRST)
+    left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
+    facets = x[nodes[:, 1]] - x[nodes[:, 0]], left, s.partial
+    moments = _tabulate_moments(s, geometry, move_ends)
+    values = _empty_values(s, 2)
+    basis.tabulate_facets(facets, *options.kinds, s.offsets, s.pair_offsets, moments, values)
+    return values
+
+
+def _integrate_curved(
+    slave: Surface,
+    s: Segments,
+    geometry: tuple[Array, Array, Array, Array],
+    carries: npt.NDArray[np.bool_],
+    options: MortarOptions,
+    move_ends: bool,
+) -> tuple[Array, ...]:
+    """The same of curved facets (collective).
+
+    Where a surface is covered up to a place inside a facet, the integral of the far node's shape
+    function can be negative. Such a node carries no multiplier: its function, continuous there,
+    goes to its neighbour.
+    """
+    nodes = slave.facets[s.facets]
+    cover = np.empty(nodes.shape)
+    curved.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
+    nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
+    slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    weights = hand_over((carries & (nodal > 0.0))[nodes])
+    values = _empty_values(s, nodes.shape[1])
+    curved.tabulate_facets(
+        geometry, (nodes, weights), (s.master, s.end_is_fixed, s.ends), s.offsets, s.pair_offsets,
+        s.rule, (*options.kinds, move_ends), values,
+    )  # fmt: skip
+    if options.integration == "nodes":
+        values[0][weights == 0.0] = 0.0  # but for rounding
+    return values
+
+
+def hand_over(carries: npt.NDArray[np.bool_]) -> Array:
+    """Which part of node k's function node j of a facet gets, shape (f, K, K).
+
+    A node that carries keeps its own; the nearest ones that carry share that of another equally.
+    """
+    place = np.arange(carries.shape[1])
+    distance = np.where(carries[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf)
+    nearest = (distance == distance.min(axis=1, keepdims=True)) & carries[:, :, None]
+    return nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
+
+
+def _tabulate_moments(
+    s: Segments, geometry: tuple[Array, Array, Array, Array], move_ends: bool
+) -> tuple[Array, ...]:
+    """Ends, spread, moments and derivatives of all segments; see ``kernels.segment``."""
+    count = s.num_segments
+    ends, dends = s.ends.copy(), np.empty((count, 2, 12))
+    M, dM = np.empty((count, 2, 2)), np.empty((count, 2, 2, 12))
+    g, dg = np.empty((count, 2)), np.empty((count, 2, 12))
+    segment.tabulate_segments(
+        geometry, (s.slave, s.master), s.end_is_fixed, s.rule, move_ends, ends, dends, M, dM, g, dg
+    )
+    return ends, dends, s.spread, M, dM, g, dg

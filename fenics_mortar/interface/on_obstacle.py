@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: MIT
+"""Mortar operators of a slave surface on a rigid obstacle, with their derivatives.
+
+The slave is integrated facet by facet, with the multiplier functions of a facet that is covered
+altogether (the mean of a dual function's weight times phi), on Gauss points or on the nodes. For
+phi, V and arm see ``obstacles.obstacle``.
+
+==========  ==========================================================================
+symbol      meaning
+==========  ==========================================================================
+Phi         C N with C = H diag(d) mass^-1 (dual) or H (standard), where d_j = int N_j,
+            mass_jk = int N_j N_k and H hands over the functions of nodes without one
+D[j, k]     int Phi_j N_k: H[j, k] d_k of dual functions
+g[j]        int Phi_j phi: the weighted gap
+n           -grad phi / |grad phi| at the slave node
+f_q         -sum_k F_k . V(x_k): what the nodal forces F = D^T z, added to the internal
+            ones, ask of the obstacle; forces and moments balance exactly
+==========  ==========================================================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Self
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.interface.mortar import (
+    Linearization,
+    MortarOperators,
+    MortarOptions,
+    hand_over,
+    share_of,
+    sum_over_facets,
+)
+from fenics_mortar.interface.segments import Segments, facet_rule
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
+from fenics_mortar.kernels.curved import tabulate_shapes
+from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.errors import call_together
+
+
+@dataclass(frozen=True)
+class ObstacleOperators(MortarOperators):
+    """Operators of a slave surface and an obstacle: a segment is a facet, its master has no nodes.
+
+    Attributes:
+        obstacle: The obstacle, where it was at the evaluation.
+        arm: What an angle is multiplied by to be a turn [length].
+        phi: Signed distance of the slave nodes, shape (slave nodes,) [length].
+        V: Motions at the slave nodes, shape (slave nodes, 3, 2).
+        dn_dq: Derivative of the normals by the motions, shape (slave nodes, 2, 3) [1 / length].
+        dgap_dq: The same of the weighted gap, shape (slave nodes, 3) [length].
+    """
+
+    obstacle: Obstacle
+    arm: float
+    phi: Array
+    V: Array
+    dn_dq: Array
+    dgap_dq: Array
+
+    def freeze(self) -> Self:
+        """The same without derivatives, but for that of the gap by the motions."""
+        return replace(super().freeze(), dn_dq=np.zeros_like(self.dn_dq))
+
+    def after_small_motion(self, x: Array, m: Array, dq: Array | None = None) -> Self:
+        """Frozen operators after small motions of the nodes and of the obstacle, ``dq`` (3,)."""
+        dq = np.zeros(3) if dq is None else dq
+        moved = super().after_small_motion(x, m)
+        apart = np.einsum("kmc,m->kc", self.V, dq) - (x - self.x)
+        phi = self.phi + np.einsum("kc,kc->k", self.n, apart)
+        return replace(moved, gap=moved.gap + self.dgap_dq @ dq, phi=phi)
+
+    def motion_force(self, z: Array) -> Array:
+        """f_q for multipliers ``z``, shape (3,) [stress length] (collective)."""
+        return -np.einsum("kc,kmc->m", self.force(z)[0], self.V)
+
+    def motion_force_derivatives(self, z: Array) -> tuple[Array, Array, Array]:
+        """Derivatives of f_q by the slave nodes, the multipliers and q (collective).
+
+        The first two of shape (3, slave nodes, 2), the last (3, 3). D and V change with nodes, V
+        with the motions.
+        """
+        nodes, degree = self.facet_nodes, self.slave.degree
+        near = self.slave.along(nodes[:, 0], range(-degree, 2 * degree + 1))
+        there = near >= 0
+        sums = np.zeros((3, self.slave.num_nodes, 3, 2))
+        by_nodes, by_multipliers, forces = sums[0], sums[1], sums[2, :, 0]
+        change = -np.einsum("ejkq,ejc,ekmc->emq", self.dD, z[nodes], self.V[nodes])
+        change = np.swapaxes(change.reshape(len(nodes), 3, near.shape[1], 2), 1, 2)
+        np.add.at(by_nodes, near[there], change[there])
+        np.add.at(by_multipliers, nodes, -np.einsum("ejk,ekmc->ejmc", self.D, self.V[nodes]))
+        np.add.at(forces, nodes, np.einsum("ejk,ejc->ekc", self.D, z[nodes]))
+        self.slave.comm.Allreduce(MPI.IN_PLACE, sums)
+        turned = forces[:, ::-1] * [1.0, -1.0] / self.arm
+        by_nodes[:, 2] -= turned
+        by_motions = np.zeros((3, 3))
+        by_motions[2, :2] = turned.sum(axis=0)
+        moves = 0.0 if self.linearization.frozen else 1.0
+        E_d, M_q = np.swapaxes(by_nodes, 0, 1), np.swapaxes(by_multipliers, 0, 1)
+        return moves * E_d, M_q, moves * by_motions
+
+    def reaction(self, z: Array) -> tuple[Array, Array]:
+        """Feet of the slave nodes on the obstacle, and the forces there."""
+        return self.x + self.phi[:, None] * self.n, -self.force(z)[0]
+
+    def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
+        """Phi at the points -1..1 of each facet of this share, (f, points) (collective)."""
+        at = np.einsum("kp,ekc->epc", _shapes(points, s.slave.shape[1])[0], x[s.slave])
+        distance = f"the distance of '{self.obstacle.name}'"
+        evaluate = partial(self.obstacle.evaluate, at.reshape(-1, 2))
+        return call_together(self.slave.comm, distance, evaluate)[0].reshape(at.shape[:2])
+
+
+def surface_without_nodes(slave: Surface, name: str) -> Surface:
+    """The master side of a pair with an obstacle."""
+    none, dofs, facets = np.empty(0, np.int64), np.empty((0, 2), np.int64), slave.facets[:0]
+    nodes = none, none, none, none, none
+    return Surface(name, slave.X[:0], facets, *nodes, dofs, dofs, slave.comm)
+
+
+@clock("integrals")
+def evaluate_obstacle(
+    slave: Surface,
+    master: Surface,
+    obstacle: Obstacle,
+    arm: float,
+    x: Array,
+    carries: npt.NDArray[np.bool_],
+    prescribed_normals: Array,
+    options: MortarOptions,
+    linearization: Linearization,
+) -> ObstacleOperators:
+    """Evaluate the operators of an obstacle at current positions (collective).
+
+    Args:
+        slave: The side that carries the multiplier.
+        master: Surface without nodes.
+        obstacle: The other side.
+        arm: What an angle is multiplied by to be a turn [length].
+        x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        prescribed_normals: Normals to use instead, shape (slave nodes, 2); nan where the obstacle's
+            is right.
+        options: How to integrate.
+        linearization: Which derivatives to fill.
+
+    Returns:
+        The operators.
+    """
+    distance = f"the distance of '{obstacle.name}'"  # of each rank at points of its own
+    rule = facet_rule(options.integration, slave.degree + 1, options.points)
+
+    def of_share():
+        normals = obstacle_normals(obstacle, arm, x, slave.degree)
+        facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
+        facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
+        nodes = slave.facets[facets]
+        weights = hand_over(carries[nodes])
+        return normals, facets, integrate_facets(obstacle, arm, x[nodes], weights, rule, options)
+
+    normals, facets, integrals = call_together(slave.comm, distance, of_share)
+    phi, n, dn, dn_dq = normals
+    given = np.isfinite(prescribed_normals[:, 0])
+    n[given], dn[given], dn_dq[given] = prescribed_normals[given], 0.0, 0.0
+    if not linearization.normals:
+        dn, dn_dq = np.zeros_like(dn), np.zeros_like(dn_dq)
+    D, dD, gap, dgap, by_motions, cover = integrals
+    nodes, V = slave.facets[facets], obstacle.motions(x, arm)
+    if linearization.frozen:
+        by_motions = np.einsum("ejk,ejc,ekmc->ejm", D, n[nodes], V[nodes])
+    nodal = sum_over_facets(slave, nodes, D, gap, cover)
+    dgap_dq = np.zeros((len(x), 3))
+    np.add.at(dgap_dq, nodes, by_motions)
+    slave.comm.Allreduce(MPI.IN_PLACE, dgap_dq)
+    count, size, columns = dgap.shape
+    return ObstacleOperators(
+        slave, master, x, master.X, n, dn, _as_segments(facets, nodes, rule), D,
+        np.zeros((count, size, 0)), dD, np.zeros((0, size, 0, columns)), dgap, *nodal,
+        slave.comm.allreduce(count), linearization, obstacle, arm, phi, V, dn_dq, dgap_dq,
+    )  # fmt: skip
+
+
+def obstacle_normals(
+    obstacle: Obstacle, arm: float, x: Array, degree: int
+) -> tuple[Array, Array, Array, Array]:
+    """Phi, normals (n, 2) of the slave nodes, derivatives by nodes and motions; see ``dn``."""
+    phi, gradient, hessian = obstacle.evaluate(x)
+    size = np.sqrt((gradient**2).sum(axis=1))[:, None]
+    n = -gradient / size
+    across = (np.eye(2) - np.einsum("ja,jb->jab", n, n)) / size[:, :, None]
+    change = -hessian @ np.swapaxes(obstacle.motions(x, arm), 1, 2)
+    change[:, 0, 2] -= gradient[:, 1] / arm
+    change[:, 1, 2] += gradient[:, 0] / arm
+    dn = np.zeros((len(x), 2, 4 * degree + 2), n.dtype)
+    dn[:, :, 2 * degree : 2 * degree + 2] = -across @ hessian
+    return phi, n, dn, -across @ change
+
+
+def _faces(
+    obstacle: Obstacle, x: Array, points: Array, options: MortarOptions
+) -> npt.NDArray[np.bool_]:
+    """Which facets ``x`` (f, K, 2) face the obstacle and are within reach of it."""
+    at = np.einsum("kp,ekc->epc", _shapes(points, x.shape[1])[0], x)
+    phi, gradient, _ = obstacle.evaluate(at.reshape(-1, 2))
+    near = np.abs(phi).reshape(at.shape[:2]).min(axis=1, initial=np.inf) <= options.radius
+    chord, towards = x[:, -1] - x[:, 0], -gradient.reshape(at.shape).sum(axis=1)
+    normal = np.stack([chord[:, 1], -chord[:, 0]], axis=1)
+    sizes = np.linalg.norm(normal, axis=1) * np.linalg.norm(towards, axis=1)
+    return near & ((normal * towards).sum(axis=1) >= options.least_cosine * sizes)
+
+
+def integrate_facets(
+    obstacle: Obstacle,
+    arm: float,
+    x: Array,
+    weights: Array,
+    rule: tuple[Array, Array],
+    options: MortarOptions,
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Integrals of whole facets; f facets of K nodes, C = 6 K - 4 columns (see ``columns``).
+
+    Args:
+        obstacle: The other side.
+        arm: What an angle is multiplied by to be a turn [length].
+        x: Current positions of their nodes, shape (f, K, 2) [length].
+        weights: H, shape (f, K, K).
+        rule: Points and weights on -1 ... 1.
+        options: Basis and what weighs the gap.
+
+    Returns:
+        D (f, K, K), dD (f, K, K, C), g (f, K), dg (f, K, C), dg by the motions (f, K, 3), d (f, K).
+    """
+    (N, dN), (count, size, _) = _shapes(rule[0], x.shape[1]), x.shape
+    tangent, at = np.einsum("kp,ekc->epc", dN, x), np.einsum("kp,ekc->epc", N, x)
+    J = np.sqrt((tangent**2).sum(axis=2))
+    phi, gradient, _ = obstacle.evaluate(at.reshape(-1, 2))
+    phi, gradient = phi.reshape(J.shape), gradient.reshape(at.shape)
+    W = rule[1] * J
+    dW = np.einsum("p,epc,kp->epkc", rule[1], tangent / J[:, :, None], dN)
+    dW = dW.reshape(*J.shape, 2 * size)
+    d, dd = np.einsum("ep,jp->ej", W, N), np.einsum("epq,jp->ejq", dW, N)
+    mass = np.einsum("ep,jp,kp->ejk", W, N, N)
+    dmass = np.einsum("epq,jp,kp->ejkq", dW, N, N)
+    basis, gap_weights = options.kinds
+    if basis == DUAL:
+        inverse = np.linalg.inv(mass)
+        A, D = d[:, :, None] * inverse, d[:, None, :] * weights
+        dA = dd[:, :, None] * inverse[..., None]
+        dA = dA - np.einsum("ejr,erlq,elk->ejkq", A, dmass, inverse)
+        dD_own = weights[..., None] * dd[:, None]
+    else:
+        A, dA = np.broadcast_to(np.eye(size), mass.shape), np.zeros_like(dmass)
+        D, dD_own = weights @ mass, np.einsum("ejl,elkq->ejkq", weights, dmass)
+    if gap_weights == BY_STANDARD:
+        A, dA = np.broadcast_to(np.eye(size), mass.shape), np.zeros_like(dmass)
+    Psi = weights @ A @ N
+    dPsi = np.einsum("ejl,elkq,kp->ejpq", weights, dA, N)
+    g = np.einsum("ejp,ep,ep->ej", Psi, W, phi)
+    own = slice(2 * (size - 1), 2 * (2 * size - 1))
+    dD = np.zeros((count, size, size, 6 * size - 4), g.dtype)
+    dg = np.zeros((count, size, 6 * size - 4), g.dtype)
+    dD[..., own] = dD_own
+    dg[..., own] = np.einsum("ejpq,ep,ep->ejq", dPsi, W, phi)
+    dg[..., own] += np.einsum("ejp,epq,ep->ejq", Psi, dW, phi)
+    along = np.einsum("ejp,ep,epc,kp->ejkc", Psi, W, gradient, N)
+    dg[..., own] += along.reshape(count, size, 2 * size)
+    V = obstacle.motions(at.reshape(-1, 2), arm).reshape(*J.shape, 3, 2)
+    return D, dD, g, dg, -np.einsum("ejp,ep,epc,epmc->ejm", Psi, W, gradient, V), d
+
+
+def _shapes(points: Array, size: int) -> tuple[Array, Array]:
+    """Shape functions of facets of ``size`` nodes and derivatives, each (size, points)."""
+    table = np.empty((points.size, 3, size))
+    for xi, row in zip(points, table, strict=True):
+        tabulate_shapes(xi, row)
+    return table[:, 0].T, table[:, 1].T
+
+
+def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> Segments:
+    """One segment a facet, covered altogether, without master nodes."""
+    count, offsets = facets.size, np.arange(facets.size + 1)
+    return Segments(
+        facets=facets,
+        partial=np.zeros(count, bool),
+        offsets=offsets,
+        pair_offsets=np.zeros(count + 1, np.int64),
+        slave=nodes,
+        master=np.empty((count, 0), np.int64),
+        ends=np.tile([-1.0, 1.0], (count, 1)),
+        end_is_fixed=np.ones((count, 2), bool),
+        points=rule[0],
+        weights=rule[1],
+        spans=np.tile([0, rule[0].size], (count, 1)),
+        spread=np.tile([0.0, rule[1] @ rule[0] ** 2 / 2.0], (count, 1)),
+        pairs=np.empty((0, 2), np.int64),
+    )

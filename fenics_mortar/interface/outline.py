@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: MIT
+"""The outlines of bodies, all of their exterior facets, replicated on every rank.
+
+As contact surfaces, see ``surfaces``, outlines are curves: small beside the bulk. They are drawn by
+straight segments between the nodes, so that a quadratic facet is two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from dolfinx import mesh as dmesh
+
+from fenics_mortar.interface.surfaces import facet_nodes, replicate
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils.arrays import Array, Indices
+
+# Steps of a coordinate in the order of segments: more than a curve has in one direction.
+STEPS = 1 << 16
+# Coordinates are one in the order of nodes within this part of the extent: each rank's rounding is
+# its own. The second is an odd part of it, so that regular meshes have no node between two steps.
+ROUNDING, ODD = 1e-9, 0.97312
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Segments of the outlines of some bodies, equal on all ranks but for what this one owns.
+
+    Nodes are in an order that follows from their places, segments in one in which neighbours in
+    space are near each other: neither depends on the ranks.
+
+    Attributes:
+        X: Reference positions of the nodes, shape (n, 2) [length].
+        nodes: Their global numbers in the displacement's space, shape (n,).
+        bodies: Body of each node, shape (n,).
+        segments: Nodes of each segment, the body on the left, shape (m, 2).
+        after: Segment that begins where each one ends, -1 for none, shape (m,).
+        before: Segment that ends where each one begins, -1 for none, shape (m,).
+        ends: Nodes at the ends of the facet that each segment is a part of, shape (m, 2).
+        owners: Rank that owns each node, shape (n,).
+        local_dofs: Local dofs of the nodes this rank owns, shape (owned nodes, 2).
+    """
+
+    X: Array
+    nodes: Indices
+    bodies: Indices
+    segments: Indices
+    after: Indices
+    before: Indices
+    ends: Indices
+    owners: Indices
+    local_dofs: Indices
+    comm: MPI.Comm
+
+    @property
+    def segment_bodies(self) -> Indices:
+        """Body of each segment, shape (m,)."""
+        return self.bodies[self.segments[:, 0]]
+
+    def positions(self, u: Array) -> Array:
+        """Current positions at the displacement ``u``, a local array: (n, 2) (collective)."""
+        return self.X + self.gather(u)
+
+    def gather(self, values: Array) -> Array:
+        """Collect nodal values (n, 2) of a local array of all dofs (collective)."""
+        return replicate(values[self.local_dofs], self.owners, self.comm)
+
+    def lengths(self, x: Array) -> Array:
+        """Chords of the facets that segments are parts of, with nodes at ``x``, shape (m,)."""
+        return np.hypot(*(x[self.ends[:, 1]] - x[self.ends[:, 0]]).T)
+
+
+def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) -> Outline:
+    """Collect the exterior facets of bodies (collective).
+
+    Args:
+        space: The displacement's nodes and dofs.
+        labels: Body of each local node.
+        bodies: The bodies, equal on all ranks.
+    """
+    V, comm = space.V, space.V.mesh.comm
+    topology, index_map = V.mesh.topology, V.dofmap.index_map
+    topology.create_connectivity(1, 2)
+    topology.create_connectivity(2, 1)
+    facets = facet_nodes(V, dmesh.exterior_facet_indices(topology))
+    facets = facets[np.isin(labels[facets[:, 0]], bodies)]
+    X = V.tabulate_dof_coordinates()[:, :2]
+    to_global = index_map.local_to_global(facets.ravel().astype(np.int32))
+    mine = np.asarray(to_global, np.int64).reshape(facets.shape), X[facets], labels[facets]
+    numbers, places, of_bodies = (
+        np.concatenate(part) for part in zip(*comm.allgather(mine), strict=True)
+    )
+    nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
+    X = places.reshape(-1, 2)[first]
+    extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, 1e-300)
+    steps = np.rint(X / (ODD * ROUNDING * extent))
+    order = np.lexsort((steps[:, 1], steps[:, 0]))
+    rank_of = np.empty_like(order)
+    rank_of[order] = np.arange(order.size)
+    facets = rank_of[inverse.ravel()].reshape(numbers.shape)
+    X, nodes, of_bodies = X[order], nodes[order], of_bodies.ravel()[first][order]
+    begin, end = index_map.local_range
+    starts = np.array(comm.allgather(begin))
+    owners = np.asarray(np.searchsorted(starts, nodes, side="right"), np.int64) - 1
+    owned = nodes[(nodes >= begin) & (nodes < end)]
+    segments = np.concatenate([facets[:, k : k + 2] for k in range(facets.shape[1] - 1)])
+    ends = np.tile(facets[:, [0, -1]], (facets.shape[1] - 1, 1))
+    along = _along_a_curve(X, segments)
+    segments, ends = segments[along], ends[along]
+    return Outline(
+        X, nodes, of_bodies, segments, *_neighbours(segments, len(X)), ends, owners,
+        space.dofs[owned - begin], comm,
+    )  # fmt: skip
+
+
+def _neighbours(segments: Indices, num_nodes: int) -> tuple[Indices, Indices]:
+    """The segment after and the one before each; where outlines meet in a node, one of them."""
+    begins, ends = np.full((2, num_nodes), -1)
+    numbers = np.arange(len(segments))
+    begins[segments[:, 0]], ends[segments[:, 1]] = numbers, numbers
+    return begins[segments[:, 1]], ends[segments[:, 0]]
+
+
+def _along_a_curve(X: Array, segments: Indices) -> Indices:
+    """Order of segments along a curve that fills the plane (Morton), by their middles."""
+    if not len(segments):
+        return np.empty(0, np.int64)
+    middles = X[segments].mean(axis=1)
+    low = middles.min(axis=0)
+    scale = ODD * (STEPS - 1) / max(float(np.ptp(middles, axis=0).max()), 1e-300)
+    place = np.rint((middles - low) * scale).astype(np.int64)
+    key = np.zeros(len(segments), np.int64)
+    for bit in range(STEPS.bit_length() - 1):
+        for d in range(2):
+            key |= ((place[:, d] >> bit) & 1) << (2 * bit + d)
+    return np.lexsort((segments[:, 1], segments[:, 0], key))

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: MIT
+"""Which slave facet meets which master facet, and the quadrature points that stand for it.
+
+============  =========================================================================
+integration   segments of a slave facet
+============  =========================================================================
+"segments"    its intersections with master facets; each has a Gauss rule of its own
+"elements"    the facet has one Gauss rule; each run of points with the same partner is
+              a segment. Its ends are fixed: the cuts that give each point of the rule a
+              length equal to its weight
+"nodes"       the same with the points of Lobatto's rule, which are the nodes
+============  =========================================================================
+
+The last two take the mean of what changes where a master facet ends inside a slave facet: forces
+balance as well, but a uniform pressure does not pass (Farah, Popp & Wall 2015). With points at the
+nodes the constraints are those of node-to-segment contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.interface.sight import View, open_view
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.kernels import search
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
+
+Integration = Literal["segments", "elements", "nodes"]
+# Facets covered by less than this (in xi) are left out; overlaps below it are rounding. A fixed
+# point lies upon a master node within this part of its facet.
+LEAST_COVER = 1e-10
+# A facet counts as fully covered if less than this (in xi) is missing; its dual basis is then
+# that of the whole facet.
+FULL_COVER = 1e-12
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Segments of some slave facets, found at given positions.
+
+    Attributes:
+        facets: Slave facets looked at, shape (f,).
+        partial: Whether the multiplier functions of a facet move with its segments, shape (f,): it
+            is curved, or a part of it has no partner and its segments have ends that move.
+        offsets: Segments of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
+        pair_offsets: The same for the pairs of segments coupled by these functions, (f + 1,).
+        slave: Slave nodes of each segment, shape (n, K).
+        master: Master nodes, shape (n, K).
+        ends: Ends on the slave facet, -1 ... 1, shape (n, 2).
+        end_is_fixed: Whether an end is a fixed place on the slave facet, shape (n, 2); else the
+            lower / upper end is the partner of the last / first master node.
+        points: Quadrature points of all segments between their ends, -1 ... 1, shape (p,).
+        weights: Their weights, whose sum is 2 for each segment, shape (p,).
+        spans: Segment i has the points spans[i, 0]:spans[i, 1], shape (n, 2).
+        spread: Mean and variance of the points of each segment, shape (n, 2).
+        pairs: Segments (i, k) of which M of i depends on the nodes of k, shape (p, 2).
+    """
+
+    facets: Indices
+    partial: npt.NDArray[np.bool_]
+    offsets: Indices
+    pair_offsets: Indices
+    slave: Indices
+    master: Indices
+    ends: Array
+    end_is_fixed: npt.NDArray[np.bool_]
+    points: Array
+    weights: Array
+    spans: Indices
+    spread: Array
+    pairs: Indices
+
+    @property
+    def num_segments(self) -> int:
+        """Number of segments."""
+        return self.slave.shape[0]
+
+    @property
+    def rule(self) -> tuple[Array, Array, Indices]:
+        """Points, weights and spans, as the kernels take them."""
+        return self.points, self.weights, self.spans
+
+
+@clock("search")
+def find_segments(
+    slave: Surface,
+    master: Surface,
+    x: Array,
+    n: Array,
+    m: Array,
+    *,
+    facets: Indices,
+    radius: float,
+    least_cosine: float,
+    integration: Integration = "segments",
+    points: int = 5,
+    view: View | None = None,
+) -> Segments:
+    """Find the segments of the given slave facets.
+
+    Args:
+        slave: The side that carries the multiplier.
+        master: The side projected to.
+        x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
+        n: Unit normals of the slave nodes, shape (slave nodes, 2).
+        m: Current positions of the master nodes, shape (master nodes, 2) [length].
+        facets: Slave facets to look at, shape (f,).
+        radius: Farthest distance along the normal, on either side [length].
+        least_cosine: Least cosine between the slave's normal and the reversed master's.
+        integration: What a segment is; see above.
+        points: Gauss points per segment, with "elements" per slave facet.
+        view: What lies behind the slave's facets; without it nothing hides a partner there.
+
+    Returns:
+        The segments; where several master facets lie over one another, the nearest. With "elements"
+        a facet with fewer partners than nodes has none: its dual basis would not exist.
+
+    Note:
+        Local: no communication.
+    """
+    geometry, nodes = (x, n, m), slave.facets[facets]
+    view = open_view(facets.size) if view is None else view.of(facets)
+    seen = (*view, LEAST_COVER)
+    search_for = geometry, nodes, master.facets, radius, seen, (least_cosine, LEAST_COVER)
+    if integration == "segments":
+        offsets, masters, pieces = _intersections(search_for, points)
+    else:
+        rule = facet_rule(integration, nodes.shape[1], points)
+        least = nodes.shape[1] if integration == "elements" else 1
+        offsets, masters, pieces = _runs(search_for, *rule, least=least)
+    counts = np.diff(offsets)
+    owner = np.repeat(np.arange(facets.size), counts)
+    ends, fixed = pieces[:2]
+    cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
+    moves = np.bincount(owner, ~fixed.all(axis=1), facets.size) > 0
+    partial = ((cover < 2.0 - FULL_COVER) & moves) | (slave.degree > 1)
+    pair_counts = np.where(partial, counts**2, counts)
+    pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
+    return Segments(
+        facets,
+        partial,
+        offsets,
+        pair_offsets,
+        nodes[owner],
+        master.facets[masters],
+        *pieces,
+        _pairs(offsets, pair_counts, partial),
+    )
+
+
+class _Pieces(NamedTuple):
+    """What segments are on their slave facets; see ``Segments``."""
+
+    ends: Array
+    end_is_fixed: npt.NDArray[np.bool_]
+    points: Array
+    weights: Array
+    spans: Indices
+    spread: Array
+
+
+def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Pieces]:
+    """Offsets, master facets and pieces of segments with one Gauss rule for all."""
+    offsets, masters, fixed, ends = search.find_segments(*search_for)
+    s, w = gauss_rule(points)
+    spans = np.tile([0, points], (len(masters), 1))
+    spread = np.tile([0.0, 1.0 / 3.0], (len(masters), 1))
+    return offsets, masters, _Pieces(ends, fixed, s, w, spans, spread)
+
+
+def _runs(
+    search_for: tuple[Any, ...], xi: Array, w: Array, *, least: int
+) -> tuple[Indices, Indices, _Pieces]:
+    """The same of runs of points of the rule ``xi``, ``w`` on whole facets."""
+    offsets, masters, runs = search.find_points(*search_for, xi, least)
+    cuts = np.concatenate([[-1.0], np.cumsum(w)[:-1] - 1.0, [1.0]])
+    ends, lengths = cuts[runs], np.diff(runs, axis=1)[:, 0]
+    stops = np.cumsum(lengths)
+    owner, starts = np.repeat(np.arange(len(runs)), lengths), stops - lengths
+    which = runs[owner, 0] + np.arange(owner.size) - starts[owner]
+    centres, halves = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2.0
+    s, weights = (xi[which] - centres[owner]) / halves[owner], w[which] / halves[owner]
+    spread = np.zeros(ends.shape)
+    np.add.at(spread[:, 0], owner, weights * s / 2.0)
+    np.add.at(spread[:, 1], owner, weights * (s - spread[owner, 0]) ** 2 / 2.0)
+    spans = np.stack([starts, stops], axis=1)
+    return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans, spread)
+
+
+@cache
+def gauss_rule(points: int) -> tuple[Array, Array]:
+    """Points and weights of Gauss on [-1, 1]."""
+    return np.polynomial.legendre.leggauss(points)
+
+
+def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array, Array]:
+    """Points and weights on a whole facet of ``size`` nodes: Gauss, or for "nodes" Lobatto.
+
+    The points of the latter are the nodes: the trapezoidal rule or Simpson's.
+    """
+    if integration != "nodes":
+        return gauss_rule(points)
+    weights = {2: [1.0, 1.0], 3: [1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0]}
+    return np.linspace(-1.0, 1.0, size), np.array(weights[size])
+
+
+def _pairs(offsets: Indices, pair_counts: Indices, partial: npt.NDArray[np.bool_]) -> Indices:
+    """Segments (i, k) of each pair, k running fastest within a facet."""
+    counts = np.diff(offsets)
+    facet = np.repeat(np.arange(counts.size), pair_counts)
+    place = np.arange(facet.size) - np.repeat(np.cumsum(pair_counts) - pair_counts, pair_counts)
+    count = np.maximum(counts[facet], 1)
+    i = np.where(partial[facet], place // count, place)
+    k = np.where(partial[facet], place % count, place)
+    return offsets[facet][:, None] + np.stack([i, k], axis=1)

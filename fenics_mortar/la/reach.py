@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: MIT
+"""What contact may couple before it has slid over a few facets: room in the pattern of a matrix.
+
+A pattern that held the present segments only would change whenever one appears, and with it the
+symbolic factorization. Zeros for the master facets next to those that a slave facet meets cost
+little, since contact is small beside the bulk. Open facets have room as well, so that contact may
+grow; but only those with a multiplier that acts add to the matrix, and only they have to stay
+within it. Others may be far apart, where surfaces that turn a little soon meet something else.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.interface.mortar import Block, MortarOperators
+from fenics_mortar.utils.arrays import Indices
+
+# Master facets on either side of those that a slave facet meets.
+MARGIN = 4
+
+
+class Reach:
+    """Master nodes that each slave facet of this rank's share may meet (all methods are local).
+
+    Args:
+        o: Operators at the present state.
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        faced: Slave nodes, and master nodes that slip couples them to.
+
+    Attributes:
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        idle: Whether it does not, or multipliers of others act on it as well.
+    """
+
+    def __init__(
+        self, o: MortarOperators, carries: npt.NDArray[np.bool_], faced: tuple[Indices, Indices]
+    ) -> None:
+        self._slave, self._master = o.slave, o.master
+        self.carries, self.idle = carries.copy(), _idle(o, carries)
+        everywhere = np.ones(o.slave.num_nodes, bool)
+        self._met = np.union1d(_met(o, MARGIN, everywhere), _faced(o, *faced))
+        facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
+        meets = partner < o.master.num_nodes
+        self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
+
+    def holds(
+        self,
+        o: MortarOperators,
+        carries: npt.NDArray[np.bool_],
+        faced: tuple[Indices, Indices],
+        acting: npt.NDArray[np.bool_],
+    ) -> bool:
+        """Whether a state couples nothing else; only ``acting`` slave nodes (slave nodes,) do."""
+        slips = acting[faced[0]]
+        pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
+        inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
+        near = o.facet_nodes[acting[o.facet_nodes].any(axis=1)]
+        same = (self.carries == carries) & (self.idle == _idle(o, carries))
+        return bool(inside.all() and same[near].all())
+
+    def derivative_pattern(self) -> Block:
+        """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
+        _, rows, columns = self._coupled()
+        return zeros(rows, columns)
+
+    def law_pattern(self) -> tuple[Indices, Indices]:
+        """Slave nodes (p,), and dofs (p, 2) of nodes that their laws may couple them to."""
+        slave, _, columns = self._coupled()
+        return slave[slave >= 0], columns[slave >= 0]
+
+    def _coupled(self) -> tuple[Indices, Indices, Indices]:
+        """Pairs of nodes that a facet couples: slave node (-1: of the master) and dofs, dofs."""
+        degree = self._slave.degree
+        near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
+        place, which = np.nonzero(near >= 0)
+        facet = np.concatenate([self._own[place], self._facet])
+        dofs = np.concatenate(
+            [self._slave.dofs[near[place, which]], self._master.dofs[self._partner]]
+        )
+        slave = np.concatenate([near[place, which], np.full(self._facet.size, -1)])
+        order = np.argsort(facet, kind="stable")
+        i, k = (order[places] for places in _pairs_within(facet[order]))
+        return slave[i], dofs[i], dofs[k]
+
+    def force_pattern(self, acting: npt.NDArray[np.bool_]) -> tuple[Indices, Indices]:
+        """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act, but for their own.
+
+        These are of master nodes, and of slave nodes that are ``idle``.
+
+        Args:
+            acting: Slave nodes whose multipliers count, shape (slave nodes,).
+        """
+        degree = self._slave.degree
+        carriers = self._slave.along(self._facet, range(degree + 1))
+        on_master = np.repeat(self._master.dofs[self._partner], degree + 1, axis=0)
+        own = self._slave.along(self._own, range(degree + 1))
+        idle, sharer = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
+        dofs = np.concatenate([on_master, self._slave.dofs[idle]])
+        multiplier = np.concatenate([carriers.ravel(), sharer])
+        acts = acting[multiplier]
+        acts[len(on_master) :] &= self.idle[idle]
+        return dofs[acts], multiplier[acts]
+
+
+def _idle(o: MortarOperators, carries: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Slave nodes that carry no multiplier, or whose force those of others bear, (slave nodes,).
+
+    The second are nodes of curved facets just beyond the edge of the master, see ``mortar``.
+    """
+    facet, _, k = np.nonzero(o.D * (1.0 - np.eye(o.D.shape[1])))
+    idle = ~carries
+    idle[o.facet_nodes[facet, k]] = True
+    return idle
+
+
+def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
+    """Pairs of a facet with any of the ``slaves``, by its first node, and a master node: numbers.
+
+    Each facet has a pair with no node too, the number after the last: an obstacle has none.
+    """
+    s, degree, none = o.segments, o.master.degree, o.master.num_nodes
+    counts = slaves[s.slave].any(axis=1)
+    slave, master = s.slave[counts, 0], s.master[counts]
+    masters = np.full((len(slave), 1), none)
+    if none:
+        near = o.master.along(master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
+        masters = np.hstack([masters, near])
+    pairs = slave[:, None] * (none + 1) + masters
+    return pairs[masters >= 0]
+
+
+def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
+    """The same of given slave and master nodes, for one facet of this rank's share a node."""
+    facets = o.facet_nodes
+    first = np.full(o.slave.num_nodes, -1)
+    first[facets] = facets[:, :1]
+    here = first[slave] >= 0
+    return first[slave[here]] * (o.master.num_nodes + 1) + master[here]
+
+
+def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
+    """All pairs (i, k) of places in one group; ``group`` (n,) is sorted."""
+    _, start, group_of, counts = np.unique(
+        group, return_index=True, return_inverse=True, return_counts=True
+    )
+    repeats = counts[group_of]
+    i = np.repeat(np.arange(group.size), repeats)
+    running = np.arange(i.size) - np.repeat(np.cumsum(repeats) - repeats, repeats)
+    return i, start[group_of][i] + running
+
+
+def zeros(rows: Indices, columns: Indices) -> Block:
+    """Zeros in ``rows`` (p, k) and ``columns`` (p, l)."""
+    return Block(rows, columns, np.zeros((*rows.shape, columns.shape[1])))

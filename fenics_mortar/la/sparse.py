@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: MIT
+"""PETSc matrices from dense blocks, in coordinate form.
+
+Any rank may add to any row; duplicates are summed and negative indices left out. Nothing has to be
+preallocated by hand, which on PETSc 3.18 is the difference between milliseconds and minutes.
+petsc4py wraps these functions only in its newest releases, and Schur complements of factors not at
+all, so they are called through ctypes, from the very library that petsc4py has loaded.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.interface.mortar import Block
+from fenics_mortar.utils.arrays import Indices
+from fenics_mortar.utils.errors import MortarError
+
+# A matrix is symmetric up to this part of its size.
+SYMMETRIC = 1e-12
+
+_petsc = ctypes.CDLL(PETSc.__file__)
+_set_pattern = _petsc.MatSetPreallocationCOO
+_set_pattern.argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_void_p, ctypes.c_void_p]
+_set_values = _petsc.MatSetValuesCOO
+_set_values.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int]
+_set_schur_rows = _petsc.MatFactorSetSchurIS
+_set_schur_rows.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+_create_schur = _petsc.MatFactorCreateSchurComplement
+_create_schur.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
+_get_array, _restore_array = _petsc.MatDenseGetArrayRead, _petsc.MatDenseRestoreArrayRead
+_get_array.argtypes = _restore_array.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+_destroy = _petsc.MatDestroy
+_destroy.argtypes = [ctypes.c_void_p]
+
+
+class BlockMatrix:
+    """A matrix filled from blocks again and again; the pattern is kept while it does not change.
+
+    Args:
+        comm: Communicator (all methods are collective).
+        rows: Number of rows this rank owns.
+        columns: Number of columns this rank owns.
+        block_size: Block size told to PETSc.
+
+    Attributes:
+        mat: The matrix, once assembled.
+        num_patterns: How many different patterns it has had so far.
+    """
+
+    def __init__(self, comm: MPI.Comm, rows: int, columns: int, block_size: int = 1) -> None:
+        self._comm = comm
+        self._sizes = ((rows, None), (columns, None))
+        self._block_size = block_size
+        self._pattern: tuple[npt.NDArray, npt.NDArray] | None = None
+        self.mat: Any = None
+        self.num_patterns = 0
+
+    def assemble(self, blocks: Iterable[Block]) -> PETSc.Mat:
+        """Sum the blocks into the matrix and return it."""
+        i, j, v = flatten(blocks)
+        same = self._pattern is not None and all(
+            np.array_equal(old, new) for old, new in zip(self._pattern, (i, j), strict=True)
+        )
+        if not self._comm.allreduce(same, MPI.LAND):
+            self._new_pattern(i, j)
+        _check(_set_values(self.mat.handle, v.ctypes.data, 1))
+        return self.mat
+
+    def _new_pattern(self, i: npt.NDArray, j: npt.NDArray) -> None:
+        if self.mat is not None:
+            self.mat.destroy()
+        self._pattern = None  # until the matrix is there
+        self.mat = PETSc.Mat().create(self._comm)
+        self.mat.setSizes(self._sizes)
+        self.mat.setType(PETSc.Mat.Type.AIJ)
+        self.mat.setBlockSize(self._block_size)
+        rows, columns = i.copy(), j.copy()  # PETSc overwrites them
+        _check(_set_pattern(self.mat.handle, i.size, rows.ctypes.data, columns.ctypes.data))
+        self._pattern = (i, j)
+        self.num_patterns += 1
+
+
+class SomeRows:
+    """Some rows of a large matrix, numbered through as those of a small one.
+
+    Args:
+        rows: Their numbers, equal on all ranks; repeated ones count once.
+        first: First row of the large matrix that this rank owns.
+        num_owned: How many rows it owns.
+
+    Attributes:
+        numbers: Numbers in the small matrix of those this rank owns.
+        local: Their local numbers in the large one, ascending.
+    """
+
+    def __init__(self, rows: Indices, first: int, num_owned: int) -> None:
+        self._rows = np.unique(rows)
+        start, end = np.searchsorted(self._rows, (first, first + num_owned))
+        self.numbers: Indices = np.arange(start, end)
+        self.local: Indices = self._rows[start:end] - first
+
+    def number(self, rows: Indices) -> Indices:
+        """Numbers in the small matrix of rows of the large one, all of them here; -1 stays -1."""
+        return np.where(rows >= 0, np.searchsorted(self._rows, rows), -1)
+
+    def renumbered(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """Blocks for the small matrix of blocks for the large one."""
+        return (Block(self.number(rows), columns, values) for rows, columns, values in blocks)
+
+    def add(self, small: PETSc.Mat, large: PETSc.Mat) -> None:
+        """Add the small matrix to entries that the large one has, in place (collective)."""
+        rows = (self.local + large.getOwnershipRange()[0]).astype(PETSc.IntType)
+        large.setValuesIJV(*small.getValuesCSR(), PETSc.InsertMode.ADD_VALUES, rows)
+        large.assemble()
+
+    def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
+        """Zeros where the small matrix has entries, in a large one with as many own rows."""
+        starts, columns, values = small.getValuesCSR()
+        sizes = np.zeros(num_owned + 1, PETSc.IntType)
+        sizes[self.local + 1] = np.diff(starts)
+        csr = np.cumsum(sizes, dtype=PETSc.IntType), columns, np.zeros_like(values)
+        return PETSc.Mat().createAIJ(((num_owned, None),) * 2, csr=csr, comm=small.comm)
+
+
+def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block]) -> None:
+    """Add blocks to entries that a matrix has, in place (collective).
+
+    Any rank may add to any row; negative indices are left out, and so are blocks of zeros: they
+    need no entries. However large the matrix is, this is work for the blocks only.
+    """
+    for block in blocks:
+        rows, columns, values = (a[block.values.any(axis=(1, 2))] for a in block)
+        each = np.repeat(columns, rows.shape[1], axis=0)
+        starts = np.arange(rows.size + 1, dtype=PETSc.IntType) * PETSc.IntType(each.shape[1])
+        places = rows.ravel().astype(PETSc.IntType)
+        matrix.setValuesIJV(
+            starts, each.astype(PETSc.IntType), values, PETSc.InsertMode.ADD_VALUES, places
+        )
+    matrix.assemble()
+
+
+def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
+    """Row, column and value of every entry of the blocks."""
+    i, j, v = [], [], []
+    for rows, columns, values in blocks:
+        i.append(np.broadcast_to(rows[:, :, None], values.shape).ravel())
+        j.append(np.broadcast_to(columns[:, None, :], values.shape).ravel())
+        v.append(values.ravel())
+    if not v:
+        return np.empty(0, PETSc.IntType), np.empty(0, PETSc.IntType), np.empty(0)
+    return (
+        np.concatenate(i).astype(PETSc.IntType),
+        np.concatenate(j).astype(PETSc.IntType),
+        np.concatenate(v).astype(np.float64),
+    )
+
+
+def leave(factor: PETSc.Mat, rows: Indices) -> None:
+    """Let factors by MUMPS, before they are made, leave some rows and columns (collective).
+
+    The rows are equal on all ranks, their Schur complement is on rank 0: PETSc knows no other way.
+    """
+    mine = rows if factor.comm.rank == 0 else rows[:0]
+    places = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), factor.comm)
+    _check(_set_schur_rows(factor.handle, places.handle))
+
+
+def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64]:
+    """What remains of a symmetric matrix in the rows that were left, in their order (collective).
+
+    Args:
+        factor: The factored matrix.
+        num_left: How many rows were left.
+
+    Returns:
+        Shape (num_left, num_left) on rank 0, (0, 0) on the others.
+    """
+    handle, status = ctypes.c_void_p(), ctypes.c_int()
+    entries = ctypes.POINTER(ctypes.c_double)()
+    _check(_create_schur(factor.handle, ctypes.byref(handle), ctypes.byref(status)))
+    _check(_get_array(handle, ctypes.byref(entries)))
+    here = num_left > 0 and factor.comm.rank == 0
+    shape = (num_left, num_left)
+    values = np.ctypeslib.as_array(entries, shape).copy() if here else np.empty((0, 0))
+    _check(_restore_array(handle, ctypes.byref(entries)))
+    _check(_destroy(ctypes.byref(handle)))
+    return values
+
+
+def is_symmetric(K: PETSc.Mat) -> bool:
+    """Whether x . K y = y . K x for two vectors without structure (collective)."""
+    x, y = K.createVecs()
+    Kx, Ky = x.duplicate(), x.duplicate()
+    start = K.getOwnershipRange()[0]
+    places = np.arange(start, start + x.getLocalSize(), dtype=float)
+    x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
+    K.mult(x, Kx)
+    K.mult(y, Ky)
+    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SYMMETRIC * x.norm() * Ky.norm())
+
+
+def _check(code: int) -> None:
+    if code:
+        raise MortarError(f"PETSc refused a matrix in coordinate form, error {code}")

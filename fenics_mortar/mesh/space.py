@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: MIT
+"""Where the displacement stands among the unknowns: alone, or as a part of a mixed space."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.utils import compat
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+class DisplacementSpace:
+    """The displacement's nodes, and their dofs in the space of all unknowns (made collectively).
+
+    Args:
+        whole: Space of the unknowns: that of the displacement itself, or a mixed one.
+        part: Number of the displacement's sub-space in a mixed space.
+
+    Attributes:
+        whole, part: The same.
+        V: The space of the displacement alone, which numbers the nodes.
+        dofs: Local dofs in ``whole`` of the local nodes, ghosts included, shape (n, 2).
+        num_nodes: Nodes this rank owns, the first ones.
+        num_owned: Dofs of ``whole`` this rank owns, the first ones.
+        first: Global number of the first of them.
+
+    Raises:
+        ValueError: If the space has no such part.
+    """
+
+    def __init__(self, whole: Any, part: int = 0) -> None:
+        self.whole, self.V, self.part = whole, whole, part
+        self.block_size: int = whole.dofmap.index_map_bs
+        if self.is_mixed:
+            if part not in range(whole.num_sub_spaces):
+                raise ValueError(
+                    f"displacement={part!r}: the space of u has the parts 0 to "
+                    f"{whole.num_sub_spaces - 1}"
+                )
+            self.V, dofs = whole.sub(part).collapse()
+        elif part:
+            raise ValueError(f"displacement={part!r}: the function u is not mixed")
+        else:
+            index_map = whole.dofmap.index_map
+            dofs = np.arange(self.block_size * (index_map.size_local + index_map.num_ghosts))
+        self.dofs: Indices = np.asarray(dofs, np.int64).reshape(-1, self.V.dofmap.index_map_bs)
+        self.num_nodes: int = self.V.dofmap.index_map.size_local
+        self.num_owned: int = self.block_size * whole.dofmap.index_map.size_local
+        self.first: int = self.block_size * whole.dofmap.index_map.local_range[0]
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether there are unknowns beside the displacement."""
+        return self.block_size == 1 and self.whole.num_sub_spaces > 0
+
+    @property
+    def owned_dofs(self) -> Indices:
+        """Local dofs of the nodes this rank owns, shape (``num_nodes``, 2)."""
+        return self.dofs[: self.num_nodes]
+
+    def positions(self) -> Array:
+        """A local array of all dofs with the places of the nodes; zero for other unknowns."""
+        values = np.zeros(int(self.dofs.max(initial=-1)) + 1)
+        values[self.dofs] = self.V.tabulate_dof_coordinates()[:, :2]
+        return values
+
+    def move_nodes(self, nodes: Indices, X: Array) -> None:
+        """Move nodes of the mesh (collective, but without communication).
+
+        Those that the mesh has no place of its own for follow: the ones inside straight edges.
+
+        Args:
+            nodes: Global numbers of nodes of ``V``, equal on all ranks, shape (k,).
+            X: Where to, shape (k, 2) [length].
+        """
+        index_map, mesh = self.V.dofmap.index_map, self.V.mesh
+        count = index_map.size_local + index_map.num_ghosts
+        here = index_map.local_to_global(np.arange(count, dtype=np.int32))
+        own, places = compat.dofmap(self.V), compat.geometry_dofmap(mesh)
+        place = np.full(count, -1)
+        place[own[:, : places.shape[1]]] = places
+        order = np.argsort(nodes)
+        at = np.minimum(np.searchsorted(nodes[order], here), nodes.size - 1)
+        found = (nodes[order][at] == here) & (place >= 0)
+        mesh.geometry.x[place[found], :2] = X[order[at[found]]]

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: MIT
+"""The error of a solved problem's model, from one step of a richer one.
+
+At the solution of a cheap model the equations of a richer one leave a residual; one linear solve
+with the tangent of the richer model turns it into a correction of displacement and multipliers. To
+first order the correction is the model's error, and so is the change of any quantity: it is one
+Newton step of the richer model, at the cost of one step. Where the step leaves more of the residual
+than a linear problem would, the models are far apart, and a few more are taken: until what is left
+of the residual, as a part of the correction, could no longer change any of the quantities by half.
+A peak pressure may be right where the contact is not.
+
+What a state departs from the assumptions of a model by are indicators: for linear kinematics the
+rotation, whose spurious strain is angle^2 / 2, and the strain; for small sliding the slip over a
+facet's length and the turn of the normals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.laws import Stick
+from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.interface.mortar import evaluate_normals
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
+
+# Steps of the richer model at the most; one is enough if it leaves the first part of the residual,
+# and if what that may change is below the second or half of each error.
+MOST_STEPS, LINEAR, SETTLED = 6, 0.1, 1e-3
+ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
+QUANTITIES = (ENERGY, FORCE, PEAK)
+Errors = dict[str, float]
+
+
+@dataclass
+class Snapshot:
+    """A solution, to be compared with another one on the same mesh.
+
+    Attributes:
+        u: Owned displacement dofs.
+        force: Total force on each slave, shape (pairs, 2) [stress length].
+        peak: Largest pressure of each pair, shape (pairs,) [stress].
+    """
+
+    u: Array
+    force: Array
+    peak: Array
+
+    @classmethod
+    def of(cls, problem: ContactProblem) -> Snapshot:
+        """The present state of a problem."""
+        return cls(
+            problem.bulk.u.x.array[: problem.bulk.num_owned].copy(),
+            np.array([contact.total_force for contact in problem.contacts]),
+            np.array([contact.pressure.max() for contact in problem.contacts]),
+        )
+
+
+def estimate(problem: ContactProblem, *richer: ContactProblem) -> Errors:
+    """Relative errors of a solved problem by quantity; the state stays as it is (collective)."""
+    state = problem.state()
+    try:
+        return correct(problem, *richer)
+    finally:
+        for model in richer:
+            model.system.ksp.reset()
+        problem.restore(state)
+
+
+def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
+    """Go on from a solved problem by a step or a few of richer variants in turn (collective).
+
+    Returns:
+        Relative errors of the problem by quantity. What the richer model cannot even begin with is
+        wrong altogether: inf.
+    """
+    cheap, last = Snapshot.of(problem), problem
+    errors = dict.fromkeys(QUANTITIES, 0.0)
+    try:
+        for model in richer:
+            model.adopt(last)
+            errors = go_on(problem, cheap, model)
+            last = model
+    except RaisedElsewhereError:
+        raise
+    except MortarError:
+        return dict.fromkeys(QUANTITIES, np.inf)
+    return errors
+
+
+def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> Errors:
+    """Take steps of a model until the next one would hardly change any error (collective).
+
+    A step changes the solution by about the part of the residual that the last one left, times what
+    the steps before have changed.
+    """
+    start = model.evaluate(start=True).residual or np.inf
+    for _ in range(MOST_STEPS):
+        part = model.advance().part
+        left = model.evaluate(start=False).residual / start
+        errors = differences(problem, cheap, Snapshot.of(model))
+        settled = left * errors[ENERGY] <= max(SETTLED, 0.5 * min(errors.values()))
+        if part == 1.0 and left <= LINEAR and settled:
+            break
+    return errors
+
+
+def estimate_wider(
+    problem: ContactProblem, contacts: Sequence[Contact], lengths: Sequence[Array]
+) -> Errors:
+    """Relative errors by quantity if gaps were wider by lengths, (slave nodes,) (collective)."""
+    kept = [contact.offset for contact in contacts]
+    for contact, length in zip(contacts, lengths, strict=True):
+        contact.offset = contact.offset - length
+    errors = estimate(problem, problem)
+    for contact, offset in zip(contacts, kept, strict=True):
+        contact.offset = offset
+    problem.restore(problem.state())
+    return errors
+
+
+def differences(problem: ContactProblem, one: Snapshot, other: Snapshot) -> Errors:
+    """Relative differences of two solutions by quantity; energies by the tangent of ``problem``."""
+    bulk = problem.bulk
+    bulk.assemble_tangent()
+    x, y = bulk.K.createVecs()
+
+    def energy(u: Array) -> float:
+        x.array[:] = u
+        bulk.K.mult(x, y)
+        return abs(x.dot(y))
+
+    return {
+        ENERGY: float(
+            np.sqrt(part_of(energy(one.u - other.u), energy(strained(problem, other.u))))
+        ),
+        FORCE: part_of(np.linalg.norm(one.force - other.force), np.linalg.norm(other.force)),
+        PEAK: part_of(np.abs(one.peak - other.peak).max(), np.abs(other.peak).max()),
+    }
+
+
+def strained(problem: ContactProblem, u: Array) -> Array:
+    """A displacement less the rigid motion of each body that is closest to it (collective).
+
+    A finite rotation would pass for strain in the energy of a tangent.
+
+    Args:
+        problem: Knows the bodies.
+        u: Owned dofs.
+    """
+    space, rest = problem.bulk.space, u.copy()
+    X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
+    labels = problem.floating.labels[: space.num_nodes]
+    x = X + u[space.owned_dofs]
+    for label in range(problem.comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1):
+        mine = labels == label
+        sums = np.concatenate([[mine.sum()], X[mine].sum(axis=0), x[mine].sum(axis=0)])
+        count, *means = problem.comm.allreduce(sums)
+        before, now = np.split(np.array(means) / max(count, 1), 2)
+        dX, dx = X[mine] - before, x[mine] - now
+        along, across = problem.comm.allreduce(
+            np.array([(dX * dx).sum(), (dX[:, 0] * dx[:, 1] - dX[:, 1] * dx[:, 0]).sum()])
+        )
+        cosine, sine = np.array([along, across]) / (np.hypot(along, across) or 1.0)
+        rest[space.owned_dofs[mine]] = dx - dX @ np.array([[cosine, sine], [-sine, cosine]])
+    return rest
+
+
+def part_of(difference: Any, size: Any) -> float:
+    """Difference over size; 0 where both vanish."""
+    return float(difference / size) if size > 0.0 else float(np.inf if difference > 0.0 else 0.0)
+
+
+def largest_strain(problem: ContactProblem) -> tuple[float, float]:
+    """Largest rotation [radian] and principal strain of F = R U of all cells' means."""
+    (a, b), (c, d) = np.moveaxis(problem.bulk.deformation_gradients(), 0, 2)
+    rotation = np.arctan2(c - b, a + d)
+    mean, spread = 0.5 * np.hypot(a + d, c - b), 0.5 * np.hypot(a - d, b + c)
+    strains = np.abs(mean - 1.0) + spread  # the larger of the two of mean +- spread
+    mine = np.array([np.abs(values).max(initial=0.0) for values in (rotation, strains)])
+    problem.comm.Allreduce(MPI.IN_PLACE, mine, MPI.MAX)
+    return float(mine[0]), float(mine[1])
+
+
+def shear_demand(problem: ContactProblem) -> float:
+    """Largest mean |z_tau| / z_n of all pairs whose law is to stick."""
+    demands = [
+        part_of(np.abs(c.shear_force).sum(), float(np.abs(c.operators.weight * c.pressure).sum()))
+        for c in problem.contacts
+        if isinstance(c.pair, ContactPair) and isinstance(c.pair.law, Stick)
+    ]
+    return max(demands, default=0.0)
+
+
+def sliding_little(problem: ContactProblem) -> list[Contact]:
+    """The contacts that keep the operators of the undeformed mesh."""
+    contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
+    return [contact for contact in contacts if contact.pair.sliding == "small"]
+
+
+def largest_slip(contact: Contact) -> tuple[float, float]:
+    """Largest slip of active nodes over their length, and turn of their normals [radian]."""
+    o, on = contact.operators, contact.active & contact.covered
+    jump = o.jump(o.x - contact.slave.X, o.m - contact.master.X)
+    slip = np.einsum("jc,jc->j", o.tau, jump)[on] / (o.weight * contact.nodal_lengths)[on]
+    before, now = (
+        evaluate_normals(contact.slave, x, contact.pair.normals)[0] for x in (contact.slave.X, o.x)
+    )
+    cosine = np.einsum("jc,jc->j", before, now)[on]
+    turn = np.arccos(np.clip(cosine, -1.0, 1.0))
+    return float(np.abs(slip).max(initial=0.0)), float(turn.max(initial=0.0))

@@ -1,0 +1,367 @@
+# SPDX-License-Identifier: MIT
+"""Semismooth Newton on something that has a residual, a tangent and a set; it knows no contact."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from fenics_mortar.utils.arguments import check_flag, check_number
+from fenics_mortar.utils.errors import (
+    MortarError,
+    NotConvergedError,
+    NotFiniteError,
+    RaisedElsewhereError,
+)
+
+# Sets that change in so many iterations in a row will not settle by themselves, unless the residual
+# fell tenfold meanwhile: on fine meshes a contact shrinks by a node at a time.
+UNSETTLED = 12
+# Part of the right-hand side that a linear solve leaves at the most. Measured: from 1e-4 on there
+# are more Newton iterations, which cost more than the linear ones saved.
+LOOSEST = 5e-6
+# How a note may begin and, if it stands for several, end.
+ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
+
+
+@dataclass(frozen=True)
+class Status:
+    """Where an iterate stands, equal on all ranks.
+
+    Attributes:
+        residual: Norm of all equations [force].
+        force: Force that the residual is compared with, at this state [force].
+        gap: Largest mean gap of an active node over the node's length [1].
+        num_active: Size of the active set.
+        num_changed: Nodes that entered or left it.
+        noise: Residual that rounding leaves at this state [force].
+        sets: Equal for equal sets, to recognise a cycle.
+        part: Part of the last step that was kept in the end.
+    """
+
+    residual: float
+    force: float
+    gap: float
+    num_active: int
+    num_changed: int
+    noise: float
+    sets: bytes = b""
+    part: float = 1.0
+
+
+class Step(NamedTuple):
+    """One Newton step: increment over the displacement, the part of it that was taken, a remark."""
+
+    increment: float
+    part: float
+    note: str = ""
+
+
+class Equations(Protocol):
+    """What is solved: ``evaluate`` looks at the present state, ``advance`` moves it."""
+
+    def evaluate(self, *, start: bool) -> Status:
+        """Evaluate residual and sets at the present state (collective)."""
+
+    def advance(self) -> Step:
+        """Solve one linear system and move."""
+
+    def drifts(self) -> str:
+        """Say which bodies only slight forces along free motions move on; "" if there are none."""
+
+    def merge_sets(self, period: int) -> str:
+        """Leave a cycle of sets, or such as never settle, for one iteration, and say how."""
+
+    def seconds(self) -> dict[str, float]:
+        """Seconds spent since the last call, by phase."""
+
+    def diagnose(self) -> str:
+        """Say what is wrong with the state; "" if nothing can be seen (collective)."""
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """When to stop. All are relative, so they hold in any units.
+
+    Attributes:
+        max_iterations: Linear systems solved at the most.
+        residual_tolerance: Residual over force, the largest force seen so far.
+        increment_tolerance: Largest displacement increment over the largest displacement.
+        line_search: Whether steps are halved while they raise the residual; see ``damping``.
+        most_motion: Largest motion of a surface in one iteration over its shortest facet.
+        tentative: Whether to give up where other remedies would follow, for who has another start.
+        most_left: Part of the residual that the first iteration may leave, to go on.
+
+    Raises:
+        ValueError: If a number is not positive.
+    """
+
+    max_iterations: int = 30
+    residual_tolerance: float = 1e-10
+    increment_tolerance: float = 1e-6
+    line_search: bool = False
+    most_motion: float = np.inf
+    tentative: bool = False
+    most_left: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        right = "a whole number, at least 1"
+        check_number("max_iterations", self.max_iterations, right, lambda n: n >= 1, whole=True)
+        for what in ("residual_tolerance", "increment_tolerance"):
+            value = getattr(self, what)
+            check_number(what, value, "a positive number", lambda number: 0.0 < number < np.inf)
+        right = "a positive number"
+        check_number("most_left", self.most_left, right, lambda number: number > 0.0)
+        right = "a positive number of facets"
+        check_number("most_motion", self.most_motion, right, lambda number: number > 0.0)
+        for what in ("line_search", "tentative"):
+            check_flag(what, getattr(self, what))
+
+    @property
+    def damped(self) -> bool:
+        """Whether steps may end early by ``line_search`` or ``most_motion``."""
+        return self.line_search or bool(np.isfinite(self.most_motion))
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """Numbers of one Newton iteration, equal on all ranks (seconds: of the slowest)."""
+
+    residual: float
+    gap: float
+    increment: float
+    part: float
+    num_active: int
+    num_changed: int
+    seconds: dict[str, float]
+
+
+@dataclass
+class NewtonReport:
+    """What happened in one solve: kept on success and on failure.
+
+    Row 0 is the state before the first linear system. ``notes`` tell of all that was done beside
+    plain Newton steps; ``certificate`` is what the equations measured of a converged state, and
+    ``adequacy`` what they say of their own assumptions, if they were asked.
+    """
+
+    iterations: list[Iteration] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    certificate: Any = None
+    adequacy: Any = None
+    force: float = 0.0
+    converged: bool = False
+    reason: str = "not started"
+
+    @property
+    def num_iterations(self) -> int:
+        """Linear systems solved."""
+        return max(len(self.iterations) - 1, 0)
+
+    @property
+    def residuals(self) -> list[float]:
+        """Residuals of all rows [force]."""
+        return [iteration.residual for iteration in self.iterations]
+
+    def followed_by(self, other: NewtonReport) -> NewtonReport:
+        """The record of two solves in a row, with the outcome of the second."""
+        return replace(
+            other,
+            iterations=self.iterations + other.iterations[1:],
+            notes=once([*self.notes, *other.notes]),
+        )
+
+    def total_seconds(self) -> dict[str, float]:
+        """Seconds of all iterations, by phase."""
+        phases = {name: 0.0 for it in self.iterations for name in it.seconds}
+        return {name: sum(it.seconds.get(name, 0.0) for it in self.iterations) for name in phases}
+
+    def table(self) -> str:
+        """Markdown table, one row per iteration, and a line with the outcome."""
+        phases = list(self.total_seconds())
+        titles = ["it", "residual", "gap", "increment", "active", "changed"]
+        lines = ["| " + " | ".join(titles + [f"{name} [s]" for name in phases]) + " |"]
+        lines.append("|" + "---:|" * (len(titles) + len(phases)))
+        for number, it in enumerate(self.iterations):
+            cells = [str(number), f"{it.residual:.2e}", f"{it.gap:.1e}"]
+            cells.append("–" if number == 0 else f"{it.increment:.1e}" + _shortened(it.part))
+            cells += [str(it.num_active), str(it.num_changed)]
+            cells += [f"{it.seconds.get(name, 0.0):.4f}" for name in phases]
+            lines.append("| " + " | ".join(cells) + " |")
+        sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
+        lines.append("| " + " | ".join(["sum", *[""] * (len(titles) - 1), *sums]) + " |")
+        lines += ["", *self.notes] if self.notes else []
+        lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        """The table."""
+        return self.table()
+
+
+def once(notes: Sequence[str]) -> list[str]:
+    """Notes without those that say the same of another iteration; how often stands at the end."""
+    first, counts = dict[str, str](), dict[str, int]()
+    for note in notes:
+        text, times = ITERATION.sub("", note), 1
+        repeated = TIMES.search(text)
+        if repeated:
+            text, times = text[: repeated.start()], int(repeated[1])
+        first.setdefault(text, TIMES.sub("", note))
+        counts[text] = counts.get(text, 0) + times
+    return [
+        note if counts[text] == 1 else f"{note} ({counts[text]} times)"
+        for text, note in first.items()
+    ]
+
+
+def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
+    """Iterate until residual and increment are small and the sets stay (collective).
+
+    Args:
+        equations: What to solve; its state is moved.
+        options: When to stop.
+
+    Returns:
+        The record.
+
+    Raises:
+        NotConvergedError: On all ranks, with the record so far.
+        MortarError: On all ranks, if what a user handed in is not finite at the very start, or
+            raised on one of them.
+    """
+    report = NewtonReport()
+    step, sets, noted = Step(np.inf, 1.0), list[bytes](), set[str]()
+    for number in range(options.max_iterations + 1):
+        if number:
+            try:
+                step = equations.advance()
+            except RaisedElsewhereError:
+                raise
+            except MortarError as error:
+                raise _failure(equations, report, f"iteration {number}: {error}") from error
+            if step.note and step.note not in noted:
+                noted.add(step.note)
+                report.notes.append(f"iteration {number}: {step.note}")
+        try:
+            status = equations.evaluate(start=number == 0)
+        except NotFiniteError as error:
+            if not number:  # no way of ours led here
+                raise
+            raise _failure(equations, report, f"iteration {number}: {error}") from error
+        step = step._replace(part=step.part * status.part)
+        report.force = max(report.force, status.force)
+        report.iterations.append(
+            Iteration(
+                status.residual,
+                status.gap,
+                step.increment,
+                step.part,
+                status.num_active,
+                status.num_changed,
+                equations.seconds(),
+            )
+        )
+        if not np.isfinite([status.residual, status.force]).all():
+            raise _failure(equations, report, f"iteration {number}: the residual is not finite")
+        if _is_solved(status, step, report.force, options):
+            report.converged = True
+            report.reason = f"converged in {number} iterations"
+            return report
+        if number == 1 and not _is_near(report.residuals, options.most_left):
+            raise _failure(equations, report, "the first iteration left most of the residual")
+        if number and not status.num_changed and _makes_no_headway(report.residuals):
+            drifting = equations.drifts()
+            if drifting:
+                raise _failure(equations, report, drifting)
+        sets = [*sets, status.sets] if status.num_changed else [status.sets]
+        period = UNSETTLED if _is_stuck(sets, report.residuals) else period_of(sets)
+        if period:
+            note = f"iteration {number}: {equations.merge_sets(period)}"
+            report.notes[:] = once([*report.notes, note])
+            sets = []
+    missing = "; ".join(_what_is_missing(status, step, report.force, options))
+    reason = f"not converged in {options.max_iterations} iterations: {missing}"
+    raise _failure(equations, report, reason)
+
+
+def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
+    """A record with that of one more solve, which an error holds as well."""
+    try:
+        return report.followed_by(solve())
+    except NotConvergedError as error:
+        raise NotConvergedError(str(error), report.followed_by(error.report)) from None
+
+
+def _is_near(residuals: Sequence[float], most_left: float) -> bool:
+    """Whether the first iteration has lowered the residual as it does near a solution."""
+    return np.isinf(most_left) or residuals[1] <= most_left * residuals[0]
+
+
+def _makes_no_headway(residuals: Sequence[float]) -> bool:
+    """Whether the last two iterations have not even halved the residual together."""
+    return len(residuals) > 2 and residuals[-1] > 0.5 * residuals[-3]
+
+
+def _is_stuck(sets: list[bytes], residuals: list[float]) -> bool:
+    """Whether many sets in a row came to nothing."""
+    return len(sets) > UNSETTLED and residuals[-1] > 0.1 * residuals[-1 - UNSETTLED]
+
+
+def period_of(sets: list[bytes]) -> int:
+    """Length of the cycle that the last sets have gone through twice, 0 if there is none."""
+    for period in range(2, len(sets) // 2 + 1):
+        if sets[-period:] == sets[-2 * period : -period]:
+            return period if len(set(sets[-period:])) > 1 else 0
+    return 0
+
+
+def forcing(residuals: Sequence[float], goal: float) -> float:
+    """Part of its right-hand side that the next linear solve may leave (Eisenstat & Walker 1996).
+
+    A solve to the last digit is wasted where the next residual is one of Newton's method anyway, of
+    the order of the square; and where it would be far below what is asked for.
+
+    Args:
+        residuals: Those of the iterations so far.
+        goal: Residual at which the iteration ends.
+    """
+    last, before = residuals[-1], residuals[-2] if len(residuals) > 1 else 0.0
+    expected = 0.1 * (last / before) ** 2 if before > 0.0 else LOOSEST
+    enough = 0.01 * goal / last if last > goal else 0.01
+    return min(max(expected, enough), LOOSEST)
+
+
+def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConvergedError:
+    """Complete the record; return the error to raise (collective)."""
+    report.reason = "; ".join(filter(None, (reason, equations.diagnose())))
+    return NotConvergedError(report.reason, report)
+
+
+def _shortened(part: float) -> str:
+    """Mark of a step that was cut."""
+    return "" if part == 1.0 else f" × {part:.2g}"
+
+
+def _is_solved(status: Status, step: Step, force: float, options: NewtonOptions) -> bool:
+    return not any(_what_is_missing(status, step, force, options))
+
+
+def _what_is_missing(
+    status: Status, step: Step, force: float, options: NewtonOptions
+) -> Iterator[str]:
+    """The tests of convergence that fail, in words."""
+    allowed = options.residual_tolerance * force + status.noise
+    if status.residual > allowed:
+        yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"
+    if step.increment > options.increment_tolerance:
+        yield f"increment {step.increment:.1e} (allowed {options.increment_tolerance:.1e})"
+    if step.part < 1.0:
+        yield f"only {step.part:.1e} of the last step taken, the whole was too far"
+    if status.num_changed:
+        yield f"{status.num_changed} nodes changed between active and inactive"

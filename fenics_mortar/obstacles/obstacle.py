@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: MIT
+"""Rigid obstacles: signed distances, their place, and the forces that drive them.
+
+An obstacle is its signed distance phi, positive outside the solid, with gradient and Hessian; they
+are evaluated in the obstacle's own frame and turned to its present place. With q = (x, y, turn) of
+its rigid motion, turn = angle times a length ``arm``, and V = (e_x, e_y, e_z x r / arm), r counted
+from the pivot, a point x of space sees
+
+    d phi = grad phi . (dx - V dq),    d grad phi = H (dx - V dq) + e_z x grad phi dq_3 / arm.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.obstacles.points import check_finite, check_vector
+from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import NotFiniteError, place
+
+Fields = tuple[Array, Array, Array]
+# The motions of an obstacle, as users name them.
+MOTIONS = ("x", "y", "angle")
+
+
+class Obstacle(ABC):
+    """A rigid solid; the user says where it is, or what drives it.
+
+    Attributes:
+        name: Name used in messages and tables.
+        pivot: Point that rotations turn about, moves with the obstacle, shape (2,) [length].
+        place: Present translation from where it was made, and rotation about the pivot,
+            counter-clockwise: (x, y, angle) [length, length, radian].
+        load: Force (x, y) and moment about the pivot that drive it, nan where its motion is
+            prescribed, shape (3,) [stress length, stress length^2].
+        reaction: Force and moment of the contact on it after the last solve, shape (3,).
+    """
+
+    def __init__(self, name: str, pivot: npt.ArrayLike = (0.0, 0.0)) -> None:
+        """Put the obstacle where it was made."""
+        check_kind("name", name, str, "a text")
+        self.name = name
+        self.pivot = check_vector("pivot", pivot)
+        self.place: Array = np.zeros(3)
+        self.load: Array = np.full(3, np.nan)
+        self.reaction: Array = np.zeros(3)
+
+    def __str__(self) -> str:
+        """The name."""
+        return self.name
+
+    def move(
+        self, *, x: float | None = None, y: float | None = None, angle: float | None = None
+    ) -> None:
+        """Prescribe the place, counted from where it was made: the same call has the same effect.
+
+        Args:
+            x: Translation; what is not given stays as it is [length].
+            y: Translation [length].
+            angle: Rotation about the pivot, counter-clockwise [radian].
+        """
+        for i, (name, value) in enumerate(zip(MOTIONS, (x, y, angle), strict=True)):
+            if value is not None:
+                self.place[i], self.load[i] = check_finite(name, value), np.nan
+
+    def push(
+        self, *, x: float | None = None, y: float | None = None, moment: float | None = None
+    ) -> None:
+        """Let forces drive motions: they are unknown then, and a solve finds the place.
+
+        Args:
+            x: Force, 0 to let it move freely; what is not given stays as it is, prescribed or
+                driven [stress length].
+            y: Force [stress length].
+            moment: Moment about the pivot; frees the rotation [stress length^2].
+        """
+        for i, (name, value) in enumerate(zip(("x", "y", "moment"), (x, y, moment), strict=True)):
+            if value is not None:
+                self.load[i] = check_finite(name, value)
+
+    def evaluate(self, x: Array) -> Fields:
+        """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at the points ``x`` (n, 2)."""
+        own = self.to_own_frame(x)
+        phi, gradient, hessian = self._checked(self.local(own), own)
+        turn = self.turn
+        return phi, gradient @ turn.T, turn @ hessian @ turn.T
+
+    def _checked(self, fields: Fields, x: Array) -> Fields:
+        """What ``local`` returned at ``x`` (n, 2), if that is a distance and its derivatives."""
+        if not isinstance(fields, (tuple, list)) or len(fields) != 3:
+            raise ValueError(
+                f"the distance of '{self.name}' returned {type(fields).__name__}; right are three "
+                "arrays: phi, gradient and Hessian"
+            )
+        shapes, right = [np.shape(field) for field in fields], [x.shape[:1], x.shape, (*x.shape, 2)]
+        if shapes != right:
+            raise ValueError(f"'{self.name}' returned shapes {shapes}; right are {right}")
+        phi, gradient, hessian = map(np.array, fields)  # copies: a function may use them again
+        kinds = {field.dtype.kind for field in (phi, gradient, hessian)}
+        if not kinds <= set("iufc" if np.iscomplexobj(x) else "iuf"):
+            raise ValueError(f"the distance of '{self.name}' returned no real numbers")
+        total = phi + gradient.sum(axis=1) + hessian.sum(axis=(1, 2))  # nan and inf stay
+        bad = ~np.isfinite(total) & np.isfinite(x).all(axis=1)
+        if bad.any():
+            raise NotFiniteError(
+                f"the distance of '{self.name}', or a derivative of it, is not finite at "
+                f"{bad.sum()} points, one at {self._where(x, bad)}"
+            )
+        flat = ~gradient.any(axis=1)
+        if flat.any():
+            raise NotFiniteError(
+                f"the distance of '{self.name}' has no gradient at {flat.sum()} points, one at "
+                f"{self._where(x, flat)}; right is one of length 1, about"
+            )
+        return phi, gradient, hessian
+
+    def _where(self, x: Array, marked: npt.NDArray[np.bool_]) -> str:
+        """The first of the marked points of the obstacle's own frame, in words."""
+        first = int(np.argmax(marked))
+        return place(np.real(self.to_space(x[first : first + 1])[0]))
+
+    @property
+    def turn(self) -> Array:
+        """Present rotation, shape (2, 2)."""
+        c, s = np.cos(self.place[2]), np.sin(self.place[2])
+        return np.array([[c, -s], [s, c]])
+
+    def to_own_frame(self, x: Array) -> Array:
+        """Where the points ``x`` (n, 2) of space are in the obstacle's own frame."""
+        return (x - self.pivot - self.place[:2]) @ self.turn + self.pivot
+
+    def to_space(self, x: Array) -> Array:
+        """Where the points ``x`` (n, 2) of the obstacle's own frame are in space."""
+        return (x - self.pivot) @ self.turn.T + self.pivot + self.place[:2]
+
+    def motions(self, x: Array, arm: float) -> Array:
+        """V at the points ``x`` (n, 2): shape (n, 3, 2)."""
+        r = (x - self.pivot - self.place[:2]) / arm
+        one, zero = np.ones_like(r[:, 0]), np.zeros_like(r[:, 0])
+        rows = ((one, zero), (zero, one), (-r[:, 1], r[:, 0]))
+        return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+
+    @abstractmethod
+    def local(self, x: Array) -> Fields:
+        """Phi, gradient and Hessian in the obstacle's own frame."""
+
+
+class SignedDistance(Obstacle):
+    """Any solid phi < 0.
+
+    Args:
+        function: Maps points (n, 2) to phi (n,), its gradient (n, 2) and Hessian (n, 2, 2). Where
+            there is contact phi has to be a distance, about: |grad phi| = 1.
+        pivot: Point that rotations turn about [length].
+        name: Name used in messages.
+    """
+
+    def __init__(
+        self,
+        function: Callable[[Array], Fields],
+        *,
+        pivot: npt.ArrayLike = (0.0, 0.0),
+        name: str = "obstacle",
+    ) -> None:
+        """Keep the function."""
+        super().__init__(name, pivot)
+        if not callable(function):
+            raise ValueError(f"function={function!r}: a function of points (n, 2)")
+        self._function = function
+
+    def local(self, x: Array) -> Fields:
+        """What the user's function says, if it has the right shape."""
+        if not len(x):
+            return np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 2))
+        return self._function(x)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""Points and chains of points that describe obstacles: checked, and copied."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.utils.arguments import check_number
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.lines import cross, near_pairs
+
+
+def edges_of(corners: Array) -> Array:
+    """Vectors from each corner of a polygon to the next."""
+    return np.roll(corners, -1, axis=0) - corners
+
+
+def check_chain(points: npt.ArrayLike) -> Array:
+    """Three or more points of the plane."""
+    chain = check_floats("points", points)
+    if chain.ndim != 2 or chain.shape[1] != 2 or len(chain) < 3 or not np.isfinite(chain).all():
+        raise ValueError(f"points of shape {chain.shape}: at least three finite points (k, 2)")
+    return chain
+
+
+def check_simple(what: str, chain: Array, *, closed: bool) -> None:
+    """Refuse a chain of points (k, 2) of which two edges that are no neighbours meet."""
+    start, end = (chain, np.roll(chain, -1, axis=0)) if closed else (chain[:-1], chain[1:])
+    pairs = near_pairs(start, end)
+    after = (pairs[:, 1] - pairs[:, 0]) % (len(start) if closed else len(start) + 1)
+    pairs = pairs[(after > 1) & (after < len(start) - 1 if closed else after > 1)]
+    meets = cross(start, end, pairs, touching=True)
+    if meets.any():
+        i, j = pairs[np.argmax(meets)]
+        raise ValueError(
+            f"the {what} meets itself: its edges from {place(start[i])} to {place(end[i])} and "
+            f"from {place(start[j])} to {place(end[j])}; give the points in their order along it"
+        )
+
+
+def check_floats(name: str, values: Any) -> Array:
+    """Real numbers, as a copy."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name}={values!r}: real numbers")
+    return np.array(array, float)
+
+
+def check_finite(name: str, value: float) -> float:
+    """A finite number."""
+    check_number(name, value, "a finite number", np.isfinite)
+    return float(value)
+
+
+def check_vector(name: str, value: npt.ArrayLike) -> Array:
+    """A finite vector of the plane, as a copy."""
+    vector = check_floats(name, value)
+    if vector.shape != (2,) or not np.isfinite(vector).all():
+        raise ValueError(f"{name}={value!r}: two finite numbers")
+    return vector

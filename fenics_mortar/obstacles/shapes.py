@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: MIT
+"""Shapes of rigid obstacles: plane, circle, spline, polygon with rounded corners."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+
+from fenics_mortar.obstacles.obstacle import Fields, Obstacle
+from fenics_mortar.obstacles.points import check_chain, check_simple, check_vector, edges_of
+from fenics_mortar.utils.arguments import check_flag, check_number
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import place
+
+# Samples of a spline per piece, from the nearest of which Newton's method starts.
+SAMPLES = 16
+# Of these every so manieth is looked at for where the curve meets itself.
+DRAWN = 4
+NEWTON_STEPS = 30
+# What is left after a step below this part of the curve is its square, rounding.
+LAST_STEP = 1e-9
+EPSILON = float(np.finfo(float).eps)
+
+
+class Plane(Obstacle):
+    """Half plane, solid on the side that ``normal`` points away from.
+
+    Args:
+        point: A point of its surface, also the pivot [length].
+        normal: Outward normal of the solid, of any length.
+        name: Name used in messages.
+    """
+
+    def __init__(self, point: npt.ArrayLike, normal: npt.ArrayLike, *, name: str = "plane") -> None:
+        """Normalise the normal."""
+        super().__init__(name, check_vector("point", point))
+        normal = check_vector("normal", normal)
+        if not np.linalg.norm(normal) > 0.0:
+            raise ValueError("normal=(0, 0): the outward normal of the solid has a length")
+        self._normal = normal / np.linalg.norm(normal)
+
+    def local(self, x: Array) -> Fields:
+        """Distance to a straight line."""
+        gradient = np.broadcast_to(self._normal, x.shape)
+        return (x - self.pivot) @ self._normal, gradient, np.zeros((len(x), 2, 2))
+
+
+class Circle(Obstacle):
+    """Disk, or with ``inside`` a solid with a round hole.
+
+    Args:
+        centre: Centre, also the pivot [length].
+        radius: Radius [length].
+        inside: Whether contact is on the inside: the solid is what lies outside the circle.
+        name: Name used in messages.
+    """
+
+    def __init__(
+        self,
+        centre: npt.ArrayLike,
+        radius: float,
+        *,
+        inside: bool = False,
+        name: str = "circle",
+    ) -> None:
+        """Check the radius."""
+        super().__init__(name, check_vector("centre", centre))
+        check_number("radius", radius, "a positive length", lambda r: 0.0 < r < np.inf)
+        check_flag("inside", inside)
+        self._radius, self._sign = float(radius), -1.0 if inside else 1.0
+
+    def local(self, x: Array) -> Fields:
+        """Distance to a circle; its centre has no direction, and gets one."""
+        d = x - self.pivot
+        d = np.where(np.abs(d).max(axis=1, keepdims=True) > 0.0, d, [0.0, EPSILON * self._radius])
+        r = np.sqrt((d * d).sum(axis=1))
+        e = d / r[:, None]
+        across = np.eye(2) - np.einsum("ia,ib->iab", e, e)
+        sign = self._sign
+        return sign * (r - self._radius), sign * e, sign * across / r[:, None, None]
+
+
+class Spline(Obstacle):
+    """Smooth curve through a chain of points, solid on its left: a cubic spline.
+
+    An open curve goes on straight beyond its ends, where it has no curvature.
+
+    Args:
+        points: Shape (k, 2), at least three [length].
+        closed: Whether the last point is joined to the first; do not repeat it.
+        pivot: Point that rotations turn about; the mean of the points by default.
+        name: Name used in messages.
+    """
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        *,
+        closed: bool = False,
+        pivot: npt.ArrayLike | None = None,
+        name: str = "spline",
+    ) -> None:
+        """Interpolate by chord length."""
+        chain = check_chain(points)
+        super().__init__(name, chain.mean(axis=0) if pivot is None else pivot)
+        chain = np.vstack([chain, chain[:1]]) if closed else chain
+        chords = np.linalg.norm(np.diff(chain, axis=0), axis=1)
+        if not chords.min() > 0.0:
+            raise ValueError("two successive points of the spline are at the same place")
+        knots = np.concatenate([[0.0], np.cumsum(chords)])
+        self._curve = CubicSpline(knots, chain, bc_type="periodic" if closed else "natural")
+        self._closed, self._end = closed, float(knots[-1])
+        parts = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
+        starts = (knots[:-1, None] + chords[:, None] * parts).ravel()
+        self._samples = np.append(starts, self._end)
+        drawn = self._curve(self._samples)
+        some = drawn[::DRAWN]
+        check_simple("spline", some[:-1] if closed else some, closed=closed)
+        self._points = drawn - self.pivot
+        self._squares = (self._points**2).sum(axis=1)
+
+    def local(self, x: Array) -> Fields:
+        """Distance to the nearest point of the curve, by Newton's method from the best sample."""
+        t = self._samples[
+            np.argmin(self._squares - 2.0 * (x - self.pivot) @ self._points.T, axis=1)
+        ]
+        longest = np.diff(self._samples).max()
+        for _ in range(NEWTON_STEPS):
+            c, d, dd = self._jet(t)
+            slope = np.einsum("ia,ia->i", c - x, d)
+            square = np.einsum("ia,ia->i", d, d)
+            bend = square + np.einsum("ia,ia->i", c - x, dd)
+            step = np.clip(slope / np.where(bend > 0.0, bend, square), -longest, longest)
+            t = t - step
+            if np.abs(step).max(initial=0.0) < LAST_STEP * self._end:
+                break
+        c, d, dd = self._jet(t)
+        speed = np.linalg.norm(d, axis=1)
+        tangent = d / speed[:, None]
+        normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
+        phi = np.einsum("ia,ia->i", x - c, normal)
+        curvature = (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / speed**3
+        bend = curvature / (1.0 + curvature * phi)
+        return phi, normal, bend[:, None, None] * np.einsum("ia,ib->iab", tangent, tangent)
+
+    def _jet(self, t: Array) -> Fields:
+        """Point and two derivatives; straight on beyond the ends of an open curve."""
+        if self._closed:
+            t = t % self._end
+        on = np.clip(t, 0.0, self._end)
+        beyond = (t - on)[:, None]
+        d = self._curve(on, 1)
+        return self._curve(on) + beyond * d, d, np.where(beyond == 0.0, self._curve(on, 2), 0.0)
+
+
+class Polygon(Obstacle):
+    """Solid inside a polygon, whose outward corners are rounded by arcs.
+
+    It is the distance to a polygon further inside, less the radius; inward corners stay sharp.
+
+    Args:
+        points: Its corners one after the other, shape (k, 2), at least three [length].
+        rounding: Radius of the arcs [length]; a normal needs one, so it is positive.
+        pivot: Point that rotations turn about; the mean of the corners by default.
+        name: Name used in messages.
+    """
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        rounding: float,
+        *,
+        pivot: npt.ArrayLike | None = None,
+        name: str = "polygon",
+    ) -> None:
+        """Move the edges inwards by the radius."""
+        corners = check_chain(points)
+        super().__init__(name, corners.mean(axis=0) if pivot is None else pivot)
+        check_number("rounding", rounding, "a positive length", lambda r: 0.0 < r < np.inf)
+        check_simple("polygon", corners, closed=True)
+        after = np.roll(corners, -1, axis=0)
+        if (corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0]).sum() < 0.0:
+            corners = corners[::-1]
+        edges = edges_of(corners)
+        lengths = np.linalg.norm(edges, axis=1)[:, None]
+        if not lengths.min() > 0.0:
+            raise ValueError("two successive corners of the polygon are at the same place")
+        normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths
+        before = np.roll(normals, 1, axis=0)
+        half = 1.0 + (normals * before).sum(axis=1)
+        back = int(np.argmin(half))
+        if half[back] <= EPSILON:
+            raise ValueError(f"the polygon goes back on itself at {place(corners[back])}")
+        inner = corners - rounding * (normals + before) / half[:, None]
+        if not ((edges_of(inner) * edges).sum(axis=1) > 0.0).all():
+            raise ValueError(f"rounding={rounding}: less than the edges of the polygon bear")
+        check_simple(f"polygon less its rounding={rounding:g}", inner, closed=True)
+        self._corners, self._normals, self._radius = inner, normals, float(rounding)
+
+    def local(self, x: Array) -> Fields:
+        """Distance to the nearest edge of the inner polygon, or to its nearest corner."""
+        edges = edges_of(self._corners)
+        away = x[:, None] - self._corners
+        along = np.clip((away * edges).sum(axis=2) / (edges**2).sum(axis=1), 0.0, 1.0)
+        rest = away - along[:, :, None] * edges
+        nearest = np.argmin((rest**2).sum(axis=2), axis=1)
+        every = np.arange(len(x))
+        rest, along, n = rest[every, nearest], along[every, nearest], self._normals[nearest]
+        distance = np.sqrt((rest**2).sum(axis=1))
+        round_ = ((along == 0.0) | (along == 1.0)) & (distance > 0.0)
+        sign = np.where(self._is_inside(x), -1.0, 1.0)
+        size = np.where(round_, sign * distance, 1.0)[:, None]
+        gradient = np.where(round_[:, None], rest / size, n)
+        phi = np.where(round_, size[:, 0], (rest * n).sum(axis=1)) - self._radius
+        across = np.eye(2) - np.einsum("ia,ib->iab", gradient, gradient)
+        return phi, gradient, np.where(round_[:, None, None], across / size[:, :, None], 0.0)
+
+    def _is_inside(self, x: Array) -> npt.NDArray[np.bool_]:
+        """Whether a ray from each point meets the inner polygon an odd number of times."""
+        start = self._corners - x[:, None]
+        end = np.roll(start, -1, axis=1)
+        meets = (start[..., 1] > 0.0) != (end[..., 1] > 0.0)
+        turn = start[..., 0] * end[..., 1] - start[..., 1] * end[..., 0]
+        ahead = (turn > 0.0) == (end[..., 1] > start[..., 1])
+        return (meets & ahead).sum(axis=1) % 2 == 1

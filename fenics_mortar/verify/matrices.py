@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""Mortar operators of the present state as PETSc objects, for one's own block solver or study.
+
+Rows of D, M, gap and normals are slave nodes in their order along the surface, spread evenly over
+the ranks; columns of D and M are slave and master nodes in the same way. Derivatives have the
+displacement dofs of the space (global numbers 2 node + component) as columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.interface.mortar import Block, share_of
+from fenics_mortar.la.sparse import BlockMatrix
+from fenics_mortar.utils.arrays import Array, Indices
+
+
+class OperatorMatrices:
+    """Builds PETSc objects from the operators of each pair on demand (all collective)."""
+
+    def __init__(self, bulk: Bulk, contacts: Sequence[Interface]) -> None:
+        self._bulk, self._contacts = bulk, contacts
+
+    def D(self, pair: int = 0) -> PETSc.Mat:
+        """Slave matrix, shape (slave nodes, slave nodes) [length]."""
+        o = self._contacts[pair].operators
+        blocks = [Block(o.facet_nodes, o.facet_nodes, o.D)]
+        return self._assemble(blocks, o.slave.num_nodes, o.slave.num_nodes)
+
+    def M(self, pair: int = 0) -> PETSc.Mat:
+        """Master matrix, shape (slave nodes, master nodes) [length]."""
+        o = self._contacts[pair].operators
+        blocks = [Block(o.segments.slave, o.segments.master, o.M)]
+        return self._assemble(blocks, o.slave.num_nodes, o.master.num_nodes)
+
+    def gap(self, pair: int = 0) -> PETSc.Vec:
+        """Weighted gap, shape (slave nodes,) [length^2]."""
+        return self._vector(self._contacts[pair].operators.gap[:, None])
+
+    def normals(self, pair: int = 0) -> PETSc.Vec:
+        """Averaged unit normals, shape (2 slave nodes,)."""
+        return self._vector(self._contacts[pair].operators.n)
+
+    def gap_derivative(self, pair: int = 0) -> PETSc.Mat:
+        """dg/dd, shape (slave nodes, N) [length]."""
+        o = self._contacts[pair].operators
+        return self._assemble(o.gap_derivative(), o.slave.num_nodes, None)
+
+    def normals_derivative(self, pair: int = 0) -> PETSc.Mat:
+        """dn/dd, shape (2 slave nodes, N) [1 / length]."""
+        o = self._contacts[pair].operators
+        mine = o.slave.owned
+        block = Block(2 * mine[:, None] + np.arange(2), o.normal_columns()[mine], o.dn[mine])
+        return self._assemble([block], 2 * o.slave.num_nodes, None)
+
+    def slave_force_derivative(self, z: Array, pair: int = 0) -> PETSc.Mat:
+        """d(D^T z)/dd at fixed ``z`` (slave nodes, 2), shape (N, N) [stress]."""
+        return self._assemble(
+            [self._contacts[pair].operators.slave_force_derivative(z)], None, None
+        )
+
+    def master_force_derivative(self, z: Array, pair: int = 0) -> PETSc.Mat:
+        """-d(M^T z)/dd at fixed ``z`` (slave nodes, 2), shape (N, N) [stress]."""
+        blocks = [self._contacts[pair].operators.master_force_derivative(z)]
+        return self._assemble(blocks, None, None)
+
+    def _assemble(self, blocks: list[Block], rows: int | None, columns: int | None) -> PETSc.Mat:
+        """``None`` stands for the displacement dofs."""
+        self._bulk.free_garbage()
+        sizes = [self._share(size) for size in (rows, columns)]
+        mat = BlockMatrix(self._bulk.comm, *sizes).assemble(blocks)
+        return mat
+
+    def _share(self, size: int | None) -> int:
+        if size is None:
+            return self._bulk.num_owned
+        return share_of(np.arange(size), self._bulk.comm).size
+
+    def _vector(self, values: Array) -> PETSc.Vec:
+        self._bulk.free_garbage()
+        flat = values.ravel()
+        mine: Indices = share_of(np.arange(flat.size), self._bulk.comm)
+        vector = PETSc.Vec().createMPI((mine.size, None), comm=self._bulk.comm)
+        vector.array[:] = flat[mine]
+        return vector

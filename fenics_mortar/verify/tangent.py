@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: MIT
+"""Taylor test of every derivative, block by block, at the present state of a problem.
+
+For a function f with derivative f' the remainder |f(x + t v) - f(x) - t f'(x) v| falls like t^2:
+the slope in t is 2 if the derivative is right and 1 if a term is missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.la.system import SaddleSystem
+from fenics_mortar.utils.arrays import Array
+
+# Remainders below this part of the function's size are rounding: there is no slope to be seen.
+ROUNDING = 1e-13
+
+
+@dataclass(frozen=True)
+class TangentCheck:
+    """Remainders of a Taylor test.
+
+    Attributes:
+        steps: Step sizes over the shortest slave facet, shape (s,).
+        remainders: Relative remainder per block and step; blocks "bulk", "n", "g", "D", "M" and
+            "whole", the assembled saddle-point matrix with the motions of obstacles.
+    """
+
+    steps: Array
+    remainders: dict[str, Array]
+
+    @property
+    def slopes(self) -> dict[str, float]:
+        """Slope per block over the steps above rounding; inf where the remainder is rounding."""
+        return {name: self._slope(values) for name, values in self.remainders.items()}
+
+    def _slope(self, values: Array) -> float:
+        seen = values > ROUNDING
+        if seen.sum() < 2:
+            return np.inf
+        return float(np.polyfit(np.log(self.steps[seen]), np.log(values[seen]), 1)[0])
+
+    def table(self) -> str:
+        """Markdown table: remainder per block and step, last row the slopes."""
+        names = list(self.remainders)
+        lines = ["| step / facet | " + " | ".join(names) + " |", "|" + "---:|" * (len(names) + 1)]
+        for i, step in enumerate(self.steps):
+            cells = [f"{self.remainders[name][i]:.2e}" for name in names]
+            lines.append(f"| {step:.1e} | " + " | ".join(cells) + " |")
+        cells = [f"{slope:.2f}" for slope in self.slopes.values()]
+        lines.append("| slope | " + " | ".join(cells) + " |")
+        return "\n".join(lines)
+
+
+def check_tangent(
+    problem: Any, *, steps: Array | None = None, seed: int = 0, print_table: bool = True
+) -> TangentCheck:
+    """Taylor test at the present displacement, multipliers and active set (collective).
+
+    The state is left as it was. Multipliers that are zero are replaced by random ones of the size
+    of the largest, or of 1 % of the stiffness, so that the derivatives of D and M are seen.
+
+    Args:
+        problem: A ``ContactProblem``.
+        steps: Step sizes over the shortest slave facet.
+        seed: Of the random direction, drawn by global dof: another one on other numbers of ranks.
+        print_table: Whether rank 0 prints the table.
+
+    Returns:
+        Remainders and slopes.
+    """
+    steps = 1e-3 * 0.5 ** np.arange(6) if steps is None else np.asarray(steps)
+    u = problem.bulk.u
+    before = u.x.array.copy(), [(c.z, c.active.copy()) for c in problem.contacts]
+    places = problem.tools.places
+    try:
+        check = _check(_Probe(problem, seed), steps)
+    finally:
+        u.x.array[:], problem.tools.places = before[0], places
+        for contact, (z, active) in zip(problem.contacts, before[1], strict=True):
+            contact.z, contact.active = z, active
+            contact.evaluate(u.x.array, problem.linearization)
+        problem.bulk.assemble_residual()
+    if print_table and problem.comm.rank == 0:
+        print(check.table())
+    return check
+
+
+def _check(probe: _Probe, steps: Array) -> TangentCheck:
+    derivative = probe.derivative()
+    start = probe.values(0.0)
+    size = {name: probe.norm(start[name]) + probe.norm(derivative[name]) for name in start}
+    remainders: dict[str, list[float]] = {name: [] for name in start}
+    for step in steps:
+        now = probe.values(step)
+        for name, value in now.items():
+            remainder = value - start[name] - step * derivative[name]
+            remainders[name].append(probe.norm(remainder) / (size[name] or 1.0))
+    return TangentCheck(steps, {name: np.array(values) for name, values in remainders.items()})
+
+
+class _Probe:
+    """The functions of a problem along one random direction, and their derivatives."""
+
+    def __init__(self, problem: Any, seed: int) -> None:
+        self.problem, self.bulk, self.contacts = problem, problem.bulk, problem.contacts
+        self.comm = problem.comm
+        rng = np.random.default_rng(seed)
+        length = min(float(c.slave.lengths.min()) for c in self.contacts)
+        size = self.bulk.num_owned
+        everywhere = rng.uniform(-length, length, self.bulk.r.getSize())
+        self.du: Array = self.bulk.units * everywhere[self.bulk.first : self.bulk.first + size]
+        self.u0 = self.bulk.u.x.array[:size].copy()
+        self.tools, self.places = problem.tools, problem.tools.places
+        self.dq: Array = rng.uniform(-length, length, self.places.shape)
+        self.active = [contact.active.copy() for contact in self.contacts]
+        self.z0 = [self._fill(contact, rng) for contact in self.contacts]
+        self.dz = [np.abs(z).max() * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
+        self._move(0.0)
+        self._frames = [contact.frame() for contact in self.contacts]
+
+    def _fill(self, contact: Contact, rng: np.random.Generator) -> Array:
+        size = np.abs(contact.z).max() or 0.01 * contact.stiffness.max()
+        random = size * rng.uniform(0.5, 1.0, contact.z.shape)
+        return np.where(contact.z == 0.0, random, contact.z)
+
+    def _move(self, step: float) -> None:
+        u = self.bulk.u
+        u.x.array[: self.bulk.num_owned] = self.u0 + step * self.du
+        u.x.scatter_forward()
+        self.tools.places = self.places
+        self.tools.move(step * self.dq)
+        self.bulk.assemble_residual()
+        for contact, active, z, dz in zip(
+            self.contacts, self.active, self.z0, self.dz, strict=True
+        ):
+            contact.z, contact.active = z + step * dz, active
+            contact.evaluate(u.x.array, self.problem.linearization)
+
+    def values(self, step: float) -> dict[str, Array]:
+        """All functions at the step; distributed arrays are parts of this rank."""
+        self._move(step)
+        found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
+        force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
+        bulk, laws = self.bulk.to_force * force, []
+        for contact, z0, frame in zip(self.contacts, self.z0, self._frames, strict=True):
+            o = contact.operators
+            on_slave, on_master = o.force(z0)
+            for name, value in (("n", o.n), ("g", o.gap), ("D", on_slave), ("M", on_master)):
+                found[name].append(value.ravel())
+            on_slave, on_master = o.force(np.where(contact.acts[:, None], contact.z, 0.0))
+            contact.slave.scatter_add(on_slave, force)
+            contact.master.scatter_add(on_master, force)
+            laws.append(contact.law(frame)[contact.slave.owned].ravel())
+        replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
+        for contact in self.contacts:  # as in the system
+            contact.z = np.where(contact.acts[:, None], contact.z, 0.0)
+        pushed = self._mine(self.tools.forces().ravel())
+        force = self.bulk.to_force * force
+        return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
+
+    def derivative(self) -> dict[str, Array]:
+        """Directional derivatives of ``values`` at step 0, from the assembled matrices."""
+        self._move(0.0)
+        self.bulk.assemble_tangent()
+        matrices = self.problem.matrices
+        found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
+        for pair, (contact, z0) in enumerate(zip(self.contacts, self.z0, strict=True)):
+            matrix = matrices.normals_derivative(pair)
+            by_motions = self._by_motions(contact)
+            found["n"].append(self._replicate(self._apply(matrix)) + by_motions[0].ravel())
+            change = self._replicate(self._apply(matrices.gap_derivative(pair)))
+            found["g"].append(change + by_motions[1])
+            change = self._apply(matrices.slave_force_derivative(z0, pair))
+            found["D"].append(contact.slave.gather(change).ravel())
+            change = self._apply(matrices.master_force_derivative(z0, pair))
+            found["M"].append(contact.master.gather(change).ravel())
+        replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
+        bulk = self.bulk.to_force * self._apply(self.bulk.K)
+        return {"bulk": bulk, **replicated, "whole": self._whole()}
+
+    def _by_motions(self, contact: Contact) -> tuple[Array, Array, Array]:
+        """Derivatives of normals, gap and law along the motions of the pair's obstacle."""
+        if contact.obstacle is None:
+            return np.zeros(1), np.zeros(1), np.zeros_like(contact.z)
+        dq = self.dq[self.tools.obstacles.index(contact.obstacle)]
+        o = contact.on_obstacle
+        return o.dn_dq @ dq, o.dgap_dq @ dq, contact.motion_rows() @ dq
+
+    def _whole(self) -> Array:
+        """The four blocks of the saddle-point system on (du, dz), and the motions of obstacles."""
+        for contact in self.contacts:  # as in the system
+            contact.z = np.where(contact.acts[:, None], contact.z, 0.0)
+        system = SaddleSystem(self.bulk, self.contacts, "fenics_mortar_check_tangent_", {})
+        K, B_T, C, A_z = system.blocks()
+        zeta = A_z.createVecRight()
+        for contact, dz, place in zip(self.contacts, self.dz, system.places, strict=True):
+            scaled = dz / system.scale(contact)[:, None]
+            zeta.array.reshape(-1, 2)[system.local(contact, place)] = scaled[contact.slave.owned]
+        force, law = self._apply(K), self._apply(C)
+        force = self.bulk.to_force * (force + (B_T * zeta).array)
+        law = law + (A_z * zeta).array
+        parts = [
+            (
+                law.reshape(-1, 2)[system.local(contact, place)]
+                + self._by_motions(contact)[2][contact.slave.owned]
+            ).ravel()
+            for contact, place in zip(self.contacts, system.places, strict=True)
+        ]
+        parts_q = self.tools.partial_derivatives()
+        pushed = self.tools.derivative(parts_q, self.du, self.dz, self.dq)
+        return np.concatenate([force, *parts, self._mine(pushed.ravel())])
+
+    def _apply(self, matrix: PETSc.Mat) -> Array:
+        direction, result = matrix.createVecs()
+        direction.array[:] = self.du
+        matrix.mult(direction, result)
+        return result.array
+
+    def _replicate(self, mine: Array) -> Array:
+        return np.concatenate(self.comm.allgather(mine))
+
+    def _mine(self, replicated: Array) -> Array:
+        """Count replicated arrays once."""
+        return replicated if self.comm.rank == 0 else replicated[:0]
+
+    def norm(self, mine: Array) -> float:
+        """Euclidean norm over all ranks."""
+        return float(np.sqrt(self.comm.allreduce(float(mine @ mine))))
