@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -41,6 +41,7 @@ from fenics_mortar.la.system import (
     MANY,
     SYSTEMS,
     Algorithm,
+    LinearSystem,
     Solver,
     obstacle_to_condensation,
 )
@@ -165,7 +166,7 @@ class ContactProblem(ContactEquations):
             solver = "direct"
         defaults: dict[str, Any] = DIRECT if solver == "direct" else ITERATIVE
         solving = defaults | (petsc_options or {})
-        system = SYSTEMS[algorithm]
+        system: Callable[..., LinearSystem] = SYSTEMS[algorithm]
         self._create_system = partial(system, bulk, contacts, petsc_options_prefix, solving)
         self._may_factor = automatic and solver == "auto"
         self._renew_system()
@@ -295,7 +296,7 @@ class ContactProblem(ContactEquations):
         if violations and not accept_violations:
             self._last_converged = False
             for contact, before in zip(self.contacts, accepted, strict=True):
-                contact.accepted = before
+                contact.change(accepted=before)
             self.crossings.leave()
             raise _wrong_state(report, violations)
         self.crossings.accept(self.tools.places)

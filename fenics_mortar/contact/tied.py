@@ -27,16 +27,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import NO_WELDS, Interface, Rows
+from fenics_mortar.contact.fields import InterfaceFields
+from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only
 from fenics_mortar.contact.pair import ContactPair, check_reach
+from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import (
     Basis,
     Block,
@@ -52,7 +53,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.reading import MeshData
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, check_same_words, place, together
 
 Gap = Literal["removed", "kept"]
@@ -143,11 +144,39 @@ class TiedPair:
 
 @dataclass(frozen=True)
 class TiedOperators(MortarOperators):
-    """D and M of the reference configuration; only positions and normals are the current ones."""
+    """D and M of the reference configuration; only positions and normals are the current ones.
+
+    Attributes:
+        apart: D u_s - M u_m, shape (slave nodes, 2) [length^2].
+    """
+
+    apart: Array
 
     def gap_derivative(self) -> list[Block]:
         """Nothing: there is no weighted gap."""
         return []
+
+
+class TiedFields(InterfaceFields):
+    """Fields of a tie.
+
+    Attributes:
+        jump: D u_s - M u_m at the evaluated displacement, shape (slave nodes, 2) [length^2].
+    """
+
+    operators: TiedOperators
+
+    @property
+    def jump(self) -> Array:
+        """See the class."""
+        return self.operators.apart
+
+    @property
+    def gap(self) -> Array:
+        """Mean distance that the two sides have moved apart, nan without multiplier [length]."""
+        on = self.state.active
+        weight = np.where(on, self.operators.weight, 1.0)
+        return np.where(on, np.linalg.norm(self.jump, axis=1) / weight, np.nan)
 
 
 class Tie(Interface):
@@ -156,25 +185,26 @@ class Tie(Interface):
     Attributes:
         D: Slave matrix, rows of nodes that carry only, (slave nodes, slave nodes) [length].
         M: Master matrix, likewise, shape (slave nodes, master nodes) [length].
-        jump: D u_s - M u_m at the last evaluated state, shape (slave nodes, 2) [length^2].
+        jump: D u_s - M u_m at the last evaluated displacement, shape (slave nodes, 2) [length^2].
     """
 
-    def __init__(
-        self, pair: TiedPair, space: DisplacementSpace, prescribed: npt.NDArray[np.bool_]
-    ) -> None:
+    now: TiedFields
+
+    jump = read_only("now.jump")
+
+    def __init__(self, pair: TiedPair, space: DisplacementSpace, prescribed: Flags) -> None:
         """Extract the surfaces and integrate D and M (collective)."""
         super().__init__(pair, space, prescribed)
-        count = self.slave.num_nodes
-        self.obstacle, self.arm, self.c_n = None, 0.0, 1.0
-        self.offset: Array = np.zeros(count)
+        self.obstacle, self.arm = None, 0.0
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
         self.options = MortarOptions(
             pair.basis, "opposite", "basis", pair.integration, self._points(),
             pair.search_radius or NEAR * longest, float(np.cos(np.radians(pair.max_angle))),
         )  # fmt: skip
-        self.carries = self.free.sum(axis=1) == 2.0
-        if self._at_vertices:
-            self.carries &= ~self.slave.inner
+        carries = self.free.sum(axis=1) == 2.0
+        if self.at_vertices:
+            carries &= ~self.slave.inner
+        self.change(carries=carries)
         self._check_carriers(~self.carries)
         self._integrate()
         if not (self.operators.cover > 0.0).any():
@@ -184,14 +214,14 @@ class Tie(Interface):
             )
         self.release(self.operators.cover < LEAST_COVER * self.nodal_lengths)
 
-    def release(self, nodes: npt.NDArray[np.bool_]) -> None:
+    def release(self, nodes: Flags) -> None:
         """Let the neighbours take over the functions of ``nodes`` (slave nodes,) (collective)."""
         if (nodes & self.carries).any():
-            self.carries = self.carries & ~nodes
+            self.change(carries=self.carries & ~nodes)
             self._check_carriers(nodes)
             self._integrate()
 
-    def _check_carriers(self, released: npt.NDArray[np.bool_]) -> None:
+    def _check_carriers(self, released: Flags) -> None:
         if not self.carries.any():
             where = place(self.slave.X[np.flatnonzero(released)[0]])
             raise SurfaceError(
@@ -213,9 +243,9 @@ class Tie(Interface):
         )
         constant = {name: np.zeros_like(getattr(o, name)) for name in ("dD", "dM", "dgap", "gap")}
         values = vars(o) | constant | {"linearization": Linearization(False, False, frozen=True)}
-        self.operators = TiedOperators(**values)
-        self.active = self.carries & (o.diagonal > 0.0)
-        self._may_carry = self.active
+        self.show(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
+        self._may_carry = self.carries & (o.diagonal > 0.0)
+        self.change(active=self._may_carry)
         s, shape = o.segments, (slave.num_nodes, master.num_nodes)
         self.D = self._replicate(o.facet_nodes, o.facet_nodes, o.D, shape[:1] * 2)
         self.M = self._replicate(s.slave, s.master, o.M, shape)
@@ -234,9 +264,12 @@ class Tie(Interface):
         return matrix
 
     @property
-    def covered(self) -> npt.NDArray[np.bool_]:
-        """Whether a slave node carries a multiplier."""
-        return self.active
+    def offset(self) -> Array:
+        """Zero: there is no gap to take it off."""
+        return self._state.offset
+
+    def _fields(self, operators: Any) -> TiedFields:
+        return TiedFields(self, self._state, operators)
 
     @property
     def nodes(self) -> Indices:
@@ -258,20 +291,13 @@ class Tie(Interface):
     def _sides(self) -> tuple[Surface, Surface]:
         return self.slave, self.master
 
-    @property
-    def gap(self) -> Array:
-        """Mean distance that the two sides have moved apart, nan without multiplier [length]."""
-        gap, on = np.full(self.slave.num_nodes, np.nan), self.active
-        gap[on] = np.linalg.norm(self.jump[on], axis=1) / self.operators.weight[on]
-        return gap
-
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate jump, positions and normals at ``u``, a local array (collective)."""
         on_slave, on_master = self.slave.gather(u), self.master.gather(u)
         x, m = self.slave.X + on_slave, self.master.X + on_master
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
-        self.operators = replace(self.operators, x=x, m=m, n=n, dn=dn)
-        self.jump: Array = self.D @ on_slave - self.M @ on_master
+        apart = self.D @ on_slave - self.M @ on_master
+        self.show(replace(self.operators, x=x, m=m, n=n, dn=dn, apart=apart))
 
     @property
     def as_faced(self) -> MortarOperators:
@@ -359,7 +385,7 @@ class Tie(Interface):
     def update_active(self, *, start: bool = False) -> int:
         """No node changes; with ``start`` multipliers that a failed solve left are forgotten."""
         if start:
-            self.z[~np.isfinite(self.z)] = 0.0
+            self.change(z=np.where(np.isfinite(self.z), self.z, 0.0))
         return 0
 
     def set_initial_gap(self) -> None:
@@ -373,7 +399,7 @@ class Tie(Interface):
 def bind(
     pairs: Sequence[ContactPair | TiedPair],
     space: DisplacementSpace,
-    prescribed: npt.NDArray[np.bool_],
+    prescribed: Flags,
 ) -> list[Contact | Tie]:
     """Bind all pairs; remove the gaps of tied ones from the mesh (collective).
 

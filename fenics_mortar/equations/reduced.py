@@ -540,7 +540,7 @@ class SmallSlidingEquations(ReducedEquations):
         self._balance(self._force)
         for contact, place in self._system.numbered():
             scale = zeta[place] * self._system.scale(contact)
-            contact.z = scale[:, None] * contact.operators.n
+            contact.change(z=scale[:, None] * contact.operators.n)
         return self._problem.step(self._bulk.largest(u - before))
 
     @clock("solve")

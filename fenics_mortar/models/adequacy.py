@@ -247,7 +247,7 @@ class AdequacyCheck:
             for contact, theirs in zip(
                 problem.contacts, summit.model.problem.contacts, strict=True
             ):
-                contact.operators = theirs.operators
+                contact.show(theirs.operators)
         mesh_error = self._climb.mesh_error if self._climb else self._discretisation
         return Adequacy(found, self._tolerance, self._quantity, mesh_error)
 
@@ -310,7 +310,7 @@ class AdequacyCheck:
             before = self._slips.get(contact, np.zeros(contact.slave.num_nodes))
             self._slips[contact] = np.where(contact.active, before + contact.slip, 0.0)
             partners = contact.partners
-            contact.partners = replace(partners, start=partners.start - before)
+            contact.change(partners=replace(partners, start=partners.start - before))
 
 
 def from_tool(problem: ContactProblem, tool: ElasticTool) -> Assumption:

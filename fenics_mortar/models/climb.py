@@ -14,7 +14,7 @@ again: errors grow as the indicators do, at the most with their square.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -126,7 +126,7 @@ class Climb:
                 solved = self._model.problem.state()
                 start, self.summit = self._judge(self._model, start)
                 if self.summit is not None:
-                    problem.restore(solved)
+                    problem.restore(solved.with_settings_of(start))
                     return report
             problem.restore(start)
             self._next_model()
@@ -181,7 +181,8 @@ class Climb:
         if on_model:
             model.adopt(self._problem)
             model.accept()
-            self._problem.restore(model.state())
+            here = self._problem.state()
+            self._problem.restore(model.state().with_settings_of(here))
 
     def _next_model(self) -> None:
         self._level += 1
@@ -202,7 +203,7 @@ class Climb:
         errors = correct(model.problem, problem)
         self._checked, corrected = (now, errors), problem.state()
         if errors[ENERGY] < FAR:
-            start = replace(corrected, partners=start.partners, standing=start.standing)
+            start = corrected.counting_slip_from(start)
         if self._is_enough(errors):
             return start, Summit(model, errors, "the climb ended here")
         if model.is_linear and model.is_small and np.isfinite(errors[ENERGY]):

@@ -20,6 +20,7 @@ iterations from a line or the last state, three facets 11; from here 3 and 4.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -91,13 +92,17 @@ class Travel:
         if not travels:
             return None
         guess = last.towards(before, -ratio)
+        interfaces = list(guess.interfaces)
+        u = guess.u.copy()
         for body, s in travels.items():
-            self._carry_body(guess.u, (last.u, before.u), body, s, ratio)
+            self._carry_body(u, (last.u, before.u), body, s, ratio)
         for side in self._sides:
             if side.is_slave and side.body in travels:
                 s, i = travels[side.body], side.contact
-                guess.z[i] = _carried(side.surface, (last.z[i], before.z[i]), s, ratio)
-        return guess
+                states = last.interfaces[i].z, before.interfaces[i].z
+                z = _carried(side.surface, states, s, ratio)
+                interfaces[i] = replace(interfaces[i], z=z)
+        return replace(guess, u=u, interfaces=tuple(interfaces))
 
     def _travels(self, moved: Array, ratio: float) -> dict[int, Array]:
         """How far contact travels along the bodies that it goes far on."""

@@ -427,9 +427,9 @@ class FloatingBodies:
     def _touching(self, contact: Contact, pressure: float) -> Touching:
         """The active nodes of a pair as the floating bodies meet there; a typical pressure."""
         on, weight = contact.active, contact.operators.weight
-        opening = [self._responses(contact, body, contact.opening_rate) for body in self.bodies]
+        opening = [self._responses(contact, body, contact.now.opening_rate) for body in self.bodies]
         slip = [self._slipping(contact, body) for body in self.bodies]
-        slope, shear, adhesion = contact.strength(pressure)
+        slope, shear, adhesion = contact.now.strength(pressure)
         return Touching(
             np.concatenate(opening).T[on],
             np.concatenate(slip).T[on],
@@ -506,7 +506,7 @@ class FloatingBodies:
 
     def _slipping(self, contact: Contact, body: FloatingBody) -> Array:
         """Slip of the nodes by the free motions, shape (motions, slave nodes)."""
-        return self._responses(contact, body, contact.slip_rate)
+        return self._responses(contact, body, contact.now.slip_rate)
 
     def _contacts_of(self, body: FloatingBody) -> list[Contact]:
         """The pairs that a body takes part in."""
