@@ -3,7 +3,7 @@
 
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied import TiedPair
+from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.io.checkpoint import load_state, save_state
 from fenics_mortar.io.results import ResultsWriter, contact_table, plot
 from fenics_mortar.mesh.reading import MeshData, dirichlet, read_gmsh

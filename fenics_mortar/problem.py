@@ -26,9 +26,12 @@ from fenics_mortar.bulk.checks import (
 )
 from fenics_mortar.bulk.folds import check_folds
 from fenics_mortar.bulk.residual import Bulk, prescribed_dofs
+from fenics_mortar.contact.binding import bind
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied import Tie, TiedPair, bind
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.contact.words import describe_start
 from fenics_mortar.equations.general import SLIGHT, ContactEquations
 from fenics_mortar.equations.inputs import Inputs, check_roles
 from fenics_mortar.equations.reduced import LinearBulk
@@ -195,7 +198,7 @@ class ContactProblem(ContactEquations):
             contact.set_initial_gap()
         self._evaluate_operators()
         self.accept()
-        self._starts = [contact.describe_start() for contact in self.contacts]
+        self._starts = [describe_start(contact) for contact in self.contacts]
 
     def _renew_system(self) -> None:
         """Make the linear system and its solver, as they were at the start."""

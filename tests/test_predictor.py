@@ -196,5 +196,5 @@ def test_no_guess_takes_the_pressure_away():
     for time, force in enumerate([0.4, 0.15, 1e-5], start=1):
         lid.push(y=-force, moment=0.0)
         notes += predictor.solve(float(time), solve).notes
-    assert np.array_equal(starts[2], predictor._before[1].z[0])
+    assert np.array_equal(starts[2], predictor._before[1].interfaces[0].z)
     assert sum("until contact stopped it" in note for note in notes) == 1  # before the first solve

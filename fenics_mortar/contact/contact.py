@@ -24,13 +24,13 @@ modulus), l_j its length and c a plain number: nothing depends on units.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
-
-from mpi4py import MPI
 
 import numpy as np
 
+from fenics_mortar.contact.active_set import next_sets
+from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.integration import NO_PLACE, Integration
 from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only
 from fenics_mortar.contact.law_calls import Asker, raise_noted
 from fenics_mortar.contact.laws import Nodal
@@ -48,48 +48,26 @@ from fenics_mortar.contact.rows import (
 )
 from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.interface.mortar import (
-    LINEARIZATIONS,
-    Block,
     Linearization,
     MortarOperators,
     MortarOptions,
-    evaluate_mortar,
     evaluate_normals,
 )
 from fenics_mortar.interface.on_obstacle import (
-    evaluate_obstacle,
     surface_without_nodes,
 )
-from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import Outline, Sight, View
+from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_lengths
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import SurfaceError, place
+from fenics_mortar.utils.errors import SurfaceError
 
-# A pressure below this part of the stiffness and a gap below this part of the place are rounding.
-ROUNDING = 1e-14
-# Before the first solve a node is active if it touches: gap below this part of its length.
-TOUCHING = 1e-8
-# A node lies on the other surface, up to facets that stand for curves, within this part of its
+# A node lies on the other surface, up to facets that stand for curves, within this fraction of its
 # length.
 NEAR = 0.5
-# The place of a reference that there is not.
-NO_PLACE = np.full(3, np.nan)
-# Overlaps of active nodes are told of from so many facets on: iterates of Newton have smaller ones.
-MANY = 2.0
-# An overlap before the first solve is told of above this part of a node's length.
-OVERLAP = 1e-6
-
-
-class Reference(NamedTuple):
-    """Frozen operators of the undeformed mesh, and what they were evaluated with."""
-
-    operators: Any
-    carries: Flags
-    place: Array
 
 
 class Contact(Interface):
@@ -98,7 +76,7 @@ class Contact(Interface):
     Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
 
     Attributes:
-        sight: Bodies behind the slave, seen along its normals; ``None`` of an obstacle.
+        integration: Evaluates the operators.
         obstacle: The rigid master, or ``None``.
         arm: Length by which angles of the obstacle are multiplied [length].
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
@@ -152,8 +130,10 @@ class Contact(Interface):
             pair.search_radius or self._reach(),
             float(np.cos(np.radians(pair.max_angle))),
         )
-        self.sight: Sight | None = None
-        self._view: View | None = None
+        sides, small = (self.slave, self.master), pair.sliding == "small"
+        self.integration = Integration(
+            sides, self.obstacle, self.arm, self.plane_normals, self.options, small=small
+        )
         none = np.zeros(self.slave.num_nodes)
         start = Nodal(none, none, none, none, none + 1.0, none)
         self.asker = Asker(pair.slave_name)
@@ -169,13 +149,8 @@ class Contact(Interface):
         return super()._master_surface(space)
 
     def see(self, outline: Outline) -> Outline:
-        """See ``Interface``: through what partners may lie behind the slave.
-
-        Not behind an obstacle: what faces it from outside has it in front.
-        """
-        if self.obstacle is None:
-            normals, _ = evaluate_normals(self.slave, self.slave.X, self.pair.normals)
-            self.sight = Sight(outline, self.slave, self.master, normals)
+        """See ``Interface``: through what partners may lie behind the slave."""
+        self.integration.see(outline)
         return outline
 
     def _find_master_planes(self, prescribed: Flags) -> Array:
@@ -210,64 +185,18 @@ class Contact(Interface):
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, a local array (collective)."""
-        view, x, m = self._look(u)
-        if self.pair.sliding == "small":
-            operators = self._after_small_motion(x, m)
-        else:
-            operators = self._evaluate(x, m, linearization, view)
+        operators, reference = self.integration.evaluate(u, self._state, linearization)
+        if reference is not self._state.reference:
+            self.change(reference=reference)
         self.show(operators.less_offset(self.offset) if self.offset.any() else operators)
         if self.pair.slip == "operators":
             _ = self.operators.vectors  # by all ranks
-
-    def _look(self, u: Array | None) -> tuple[View | None, Array, Array]:
-        """The view at ``u``, or undeformed, and the places of slave and master (collective)."""
-        sides = self.slave, self.master
-        if self.sight is not None:
-            view, *moved = self.sight.look(u)
-        else:
-            view, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
-        x, m = (side.X + change for side, change in zip(sides, moved, strict=True))
-        return view, x, m
 
     @property
     def _slip_measure(self) -> Measure:
         """The pair's, where there is a choice."""
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.slip
-
-    def _evaluate(
-        self, x: Array, m: Array, linearization: Linearization, view: View | None
-    ) -> MortarOperators:
-        """The operators where the nodes are at ``x`` and ``m`` (collective)."""
-        planes, self._view = self.plane_normals, view
-        if self.obstacle is None:
-            return evaluate_mortar(
-                self.slave, self.master, x, m, self.carries, planes, self.options, linearization,
-                view,
-            )  # fmt: skip
-        return evaluate_obstacle(
-            self.slave, self.master, self.obstacle, self.arm, x, self.carries, planes,
-            self.options, linearization,
-        )  # fmt: skip
-
-    def _after_small_motion(self, x: Array, m: Array) -> MortarOperators:
-        """The operators of the undeformed mesh, with the gap of the present positions."""
-        kept = self._state.reference
-        if kept is None or not np.array_equal(kept.carries, self.carries):
-            kept = self._refer()
-        if self.obstacle is None:
-            return kept.operators.after_small_motion(x, m)
-        dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
-        return kept.operators.after_small_motion(x, m, dq)
-
-    def _refer(self) -> Reference:
-        """Evaluate the operators of the undeformed mesh (collective)."""
-        view, X, X_master = self._look(None)
-        operators = self._evaluate(X, X_master, LINEARIZATIONS["frozen"], view).freeze()
-        place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
-        reference = Reference(operators, self.carries, place)
-        self.change(reference=reference)
-        return reference
 
     @property
     def reference_place(self) -> Array:
@@ -281,17 +210,8 @@ class Contact(Interface):
             place: ``reference_place`` of then, shape (3,); nan: there were none.
             carries: Nodes with multipliers of then, shape (slave nodes,).
         """
-        self.change(reference=None, carries=carries)
-        if np.isnan(place).any():
-            return
-        if self.obstacle is None:
-            self._refer()
-            return
-        now, self.obstacle.place = self.obstacle.place, place.copy()
-        try:
-            self._refer()
-        finally:
-            self.obstacle.place = now
+        reference = self.integration.refer_as_at(place, carries)
+        self.change(reference=reference, carries=carries)
 
     @property
     def as_faced(self) -> MortarOperators:
@@ -305,13 +225,7 @@ class Contact(Interface):
 
     def intersections(self) -> Segments:
         """Where the facets of this rank's share meet the master, whatever integrates the pair."""
-        o, options = self.as_faced, self.options
-        if options.integration == "segments" or self.obstacle is not None:
-            return o.segments
-        return find_segments(
-            self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
-            radius=options.radius, least_cosine=options.least_cosine, view=self._view,
-        )  # fmt: skip
+        return self.integration.intersections(self.as_faced)
 
     def adopt(self, other: Contact) -> None:
         """Take over offset, weight and undeformed operators of the same pair by another model."""
@@ -320,12 +234,13 @@ class Contact(Interface):
             c_n=other.c_n,
             reference=other.state.reference or self.state.reference,
         )
-        self._view = other._view or self._view
+        self.integration.view = other.integration.view or self.integration.view
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve, and what they bore."""
         self._carriers.begin()
-        self.change(borne=None)
+        if self.state.borne is not None:
+            self.change(borne=None)
 
     def move(self, z: Array, part: float, step: Array) -> None:
         """See ``Interface``; notes the nodes that press though their multipliers pull (collective).
@@ -336,16 +251,16 @@ class Contact(Interface):
         back an iteration or two later; it is its force that says if it presses.
         """
         old, o = self.z, self.operators
-        super().move(z, part, step)
-        pulls, borne = self.active & (self.tension > 0.0), None
+        z = old + part * (z - old) if part < 1.0 else z
+        self.change(z=z, borne=None)
+        pulls = self.active & (self.tension > 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
-            change = part * self._change(o.weight_derivative(), *sides)
+            change = part * change_along(self.now, o.weight_derivative(), *sides)
             pulls &= change > o.weight
             force = o.weight[:, None] * self.z + change[:, None] * old
             least = -o.weight * self.now.adhesion[0]
-            borne = pulls & (np.einsum("ja,ja->j", o.n, force) > least), force
-        self.change(borne=borne)
+            self.change(borne=(pulls & (np.einsum("ja,ja->j", o.n, force) > least), force))
 
     def accept(self, slid: Flags | None = None) -> None:
         """Note what the slave nodes face at the last evaluated state (collective).
@@ -382,9 +297,12 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
-        before, cover = self.carries, self.operators.cover / self.nodal_lengths
-        self.change(carries=self._carriers.update(before, cover))
-        return int((self.carries != before).sum())
+        cover = self.operators.cover / self.nodal_lengths
+        carries = self._carriers.update(self.carries, cover)
+        changed = int((self.carries != carries).sum())
+        if changed:
+            self.change(carries=carries)
+        return changed
 
     @property
     def undecided(self) -> Indices:
@@ -399,105 +317,14 @@ class Contact(Interface):
             near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= NEAR * self.nodal_lengths
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
-    def describe_start(self) -> str:
-        """Overlap of the present state, or that nothing faces, in words; "" if there is neither."""
-        if not self.covered.any():
-            return (
-                f"no node of '{self.slave.name}' faced '{self.master.name}' before the first "
-                f"solve: nothing within {self.options.radius:.3g} along its "
-                "normals, so the pair bears no force until they come nearer"
-            )
-        overlap = -np.nan_to_num(self.gap)
-        j = int(np.argmax(overlap / self.nodal_lengths))
-        if overlap[j] <= OVERLAP * self.nodal_lengths[j]:
-            return ""
-        return (
-            f"'{self.slave.name}' and '{self.master.name}' overlap by up to {overlap[j]:.3g} at "
-            f"{place(self.operators.x[j])} before the first solve, which counts as interference; "
-            "initial_gap=0 would take it for an error of the mesh"
-        )
-
-    @property
-    def reach(self) -> str:
-        """How far away partners are looked for, in words."""
-        if self.obstacle is not None:
-            return f"up to {self.options.radius:.3g}"
-        return (
-            f"up to {self.options.radius:.3g}, behind the surface at most up to half of what both "
-            "bodies are thick there"
-        )
-
-    def describe_overlap(self) -> str:
-        """The active node that overlaps the most, in words; "" if by a few facets only."""
-        overlap = np.where(self.active, -np.nan_to_num(self.gap) / self.nodal_lengths, 0.0)
-        j = int(np.argmax(overlap))
-        if overlap[j] <= MANY:
-            return ""
-        depth = overlap[j] * self.nodal_lengths[j]
-        return (
-            f"the node at {place(self.operators.x[j])} of '{self.slave.name}' overlaps "
-            f"'{self.master.name}' by {overlap[j]:.1f} facets; partners are looked for "
-            f"{self.reach}: take smaller steps, or, if that is no contact, a search_radius below "
-            f"{depth:.3g}"
-        )
-
-    def gap_change(self, on_slave: Array, on_master: Array) -> Array:
-        """Derivative of the mean gaps in a direction (collective); zero where not covered.
-
-        Args:
-            on_slave: Displacements of the slave nodes, shape (n, 2).
-            on_master: Displacements of the master nodes, shape (n, 2).
-        """
-        change = self._change(self.operators.gap_derivative(), on_slave, on_master)
-        on = self.covered
-        change[on] /= self.operators.weight[on]
-        return np.where(on, change, 0.0)
-
-    def _change(self, blocks: list[Block], on_slave: Array, on_master: Array) -> Array:
-        """What blocks of slave nodes change in a direction, (slave nodes,) (collective)."""
-        sides = (self.slave, self.master)
-        dofs = np.concatenate([side.dofs_of(np.arange(side.num_nodes)) for side in sides])
-        values = np.concatenate([on_slave.ravel(), on_master.ravel()])
-        order = np.argsort(dofs)
-        change = np.zeros(self.slave.num_nodes)
-        for block in blocks:
-            place = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
-            direction = np.where(block.columns >= 0, values[place], 0.0)
-            np.add.at(change, block.rows, np.einsum("bjq,bq->bj", block.values, direction))
-        self.slave.comm.Allreduce(MPI.IN_PLACE, change)
-        return change
-
     def update_active(self, *, start: bool = False) -> int:
         """Set the active set from the complementarity function; return how many nodes changed.
 
-        With ``start`` nodes that touch join it, since before the first solve there is no pressure
-        that could tell; multipliers that a failed solve left as nan are forgotten. Those of open
-        nodes become what the contact law says.
+        Args:
+            start: Whether this is before the first solve; see ``active_set``.
         """
-        z = np.where(np.isfinite(self.z), self.z, 0.0) if start else self.z
-        gap, on, o = self.gap, self.covered, self.operators
-        if self.state.borne is not None:
-            presses, force = self.state.borne
-            presses = presses & on
-            z = np.where(presses[:, None], force / np.where(presses, o.weight, 1.0)[:, None], z)
-        if z is not self.z:
-            self.change(z=z, borne=None)
-        weight = self.c_n * self.stiffness / self.nodal_lengths
-        push = np.where(self.attracted, 0.0, -self.tension)  # what is open bears the adhesion
-        trial = np.where(on, push - weight * np.where(on, gap, 0.0), 0.0)
-        # Where both pressure and gap are rounding, a node stays as it is.
-        rounding = (np.abs(push) <= ROUNDING * self.stiffness) & (
-            np.abs(np.nan_to_num(gap)) <= ROUNDING * np.abs(o.x).max()
-        )
-        active = np.where(rounding, self.active & on, trial > 0.0)
-        if start:
-            active |= on & (np.where(on, gap, np.inf) <= TOUCHING * self.nodal_lengths)
-        changed = active != self.active
-        open_z = -self.now.adhesion[0][:, None] * o.n
-        self.change(active=active, z=np.where(active[:, None], z, open_z), borne=None)
-        piece = self.asker.piece(self.pair.law, self.nodal, self.piece, o.x)
-        changed |= active & self.rubs & (piece != self.piece)
-        self.change(piece=piece)
+        state, changed = next_sets(self.now, start=start)
+        self.put(state)
         return int(changed.sum())
 
     def rows(self) -> Rows:

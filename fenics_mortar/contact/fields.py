@@ -303,23 +303,3 @@ class ContactFields(InterfaceFields):
         shear = np.where(rubs & (shear > KINK * at), shear, 0.0)
         slope = np.where(rubs, np.where(unlimited, np.inf, slope), 0.0)
         return slope, shear, sides.asker.adhesion(law, 0.0 * ones, X)[0]
-
-    def slip_rate(self, on_slave: Array, on_master: Array) -> Array:
-        """Slip of the nodes along their partners by displacements of both sides, (slave nodes,).
-
-        Args:
-            on_slave: Displacements of the slave nodes, shape (n, 2).
-            on_master: Displacements of the master nodes, shape (n, 2).
-        """
-        partners = self.state.partners
-        relative = partners.D @ on_slave - partners.M @ on_master
-        return np.asarray(np.einsum("ja,ja->j", self.operators.tau, relative))
-
-    def opening_rate(self, on_slave: Array, on_master: Array) -> Array:
-        """Opening along n, against which the pressure does work; see ``slip_rate``.
-
-        The gap changes at another rate where n is not normal to both sides, as at corners.
-        """
-        partners = self.state.partners
-        relative = partners.D @ on_slave - partners.M @ on_master
-        return -np.asarray(np.einsum("ja,ja->j", self.operators.n, relative))

@@ -25,21 +25,18 @@ the master's: contact sees a surface that goes on across the joint.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import InterfaceFields
-from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only
-from fenics_mortar.contact.pair import ContactPair, check_reach
+from fenics_mortar.contact.interface import Interface, read_only
 from fenics_mortar.contact.rows import Rows
+from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.interface.mortar import (
-    Basis,
     Block,
     Linearization,
     MortarOperators,
@@ -47,16 +44,13 @@ from fenics_mortar.interface.mortar import (
     evaluate_mortar,
     evaluate_normals,
 )
-from fenics_mortar.interface.segments import Integration, Segments
+from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.mesh.reading import MeshData
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import SurfaceError, check_same_words, place, together
+from fenics_mortar.utils.errors import SurfaceError, place
 
-Gap = Literal["removed", "kept"]
 # A slave node of which less than this part is covered hands its function to its neighbours.
 LEAST_COVER = 0.05
 # Partners are looked for within this part of the longest facet, unless a radius is given.
@@ -65,81 +59,6 @@ NEAR = 0.5
 SAME_PLACE = 1e-6
 # A gap is rounding below this part of the interface's size and place.
 CLOSED = 1e-14
-
-
-class TiedPair:
-    """Joins a slave to a master surface, whose meshes need not match.
-
-    Args:
-        data: Mesh, tags and names.
-        slave: Name or tag of the side that carries the multiplier; either side will do, the finer
-            or softer one gives smoother tractions.
-        master: Name or tag of the other side.
-        basis: "dual" (diagonal D, can be condensed), "standard", or of quadratic facets multipliers
-            at their vertices only, "vertices" or "linear"; see ``ContactPair``.
-        gap: What becomes of the gap that the facets of a curved interface leave. "removed": when
-            the problem is set up, slave nodes move onto the master in the mesh itself, which
-            is then free of stress; so make the problem before you interpolate anything. A
-            displacement of degree 2 needs cells of second order for that, unless the interface is
-            straight. "kept": the mesh stays, and so does the gap vector. It does not turn with
-            the bodies: right for small rotations only, unless there is no gap.
-        points: Gauss points per segment.
-        search_radius: Farthest distance along the slave normal at which a partner is looked for
-            [length]; half the longest facet of the two sides by default. What has no partner stays
-            free.
-        max_angle: Largest angle between the slave normal and the reversed master normal [degree].
-
-    Raises:
-        ValueError: If an option is not one of those named.
-        MeshError: If a name or tag is unknown or has no facets.
-
-    Note:
-        Collective.
-    """
-
-    integration: Integration = "segments"
-
-    def __init__(
-        self,
-        data: MeshData,
-        slave: str | int,
-        master: str | int,
-        *,
-        basis: Basis = "dual",
-        gap: Gap = "removed",
-        points: int = 5,
-        search_radius: float | None = None,
-        max_angle: float = 70.0,
-    ) -> None:
-        check_kind("data", data, MeshData, "the MeshData of the mesh")
-        self.data = data
-        self.slave_name, self.master_name = str(slave), str(master)
-        self.master = master
-        self.basis, self.gap, self.points = basis, gap, points
-        self.search_radius, self.max_angle = search_radius, max_angle
-        with together(data.mesh.comm, "TiedPair"):
-            self.check()
-            self.slave_tag = data.boundary_tag(slave)
-            data.boundary_tag(master)
-        check_same_words(data.mesh.comm, "TiedPair", vars(self))
-        for name in (slave, master):
-            data.boundary_facets(name)
-
-    def check(self) -> None:
-        """Refuse options that are not allowed (local).
-
-        Raises:
-            ValueError: If an option is not one of those named.
-        """
-        check_choice("basis", self.basis, get_args(Basis))
-        check_choice("gap", self.gap, get_args(Gap))
-        right = "a whole number, at least 2 per segment"
-        check_number("points", self.points, right, lambda n: n >= 2, whole=True)
-        check_reach(self.search_radius, self.max_angle)
-
-    def __repr__(self) -> str:
-        """The two sides."""
-        return f"TiedPair({self.slave_name!r}, {self.master_name!r})"
 
 
 @dataclass(frozen=True)
@@ -390,69 +309,3 @@ class Tie(Interface):
 
     def set_initial_gap(self) -> None:
         """There is none to set."""
-
-    def describe_start(self) -> str:
-        """What is tied does not overlap."""
-        return ""
-
-
-def bind(
-    pairs: Sequence[ContactPair | TiedPair],
-    space: DisplacementSpace,
-    prescribed: Flags,
-) -> list[Contact | Tie]:
-    """Bind all pairs; remove the gaps of tied ones from the mesh (collective).
-
-    Args:
-        pairs: The pairs.
-        space: The displacement's space; nodes of its mesh may move.
-        prescribed: Local dofs with Dirichlet values.
-
-    Raises:
-        SurfaceError: If a surface is of no use, or a gap cannot be removed; on all ranks.
-    """
-    ties = {pair: Tie(pair, space, prescribed) for pair in pairs if isinstance(pair, TiedPair)}
-    welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in ties.values())])
-
-    def all_bound() -> list[Contact | Tie]:
-        return [
-            ties[pair] if isinstance(pair, TiedPair) else Contact(pair, space, prescribed, welds)
-            for pair in pairs
-        ]
-
-    bound = all_bound()
-    give_way(list(ties.values()), bound)
-    return all_bound() if close_gaps(list(ties.values()), space) else bound
-
-
-def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
-    """Ties release the nodes that other pairs constrain or bear (collective)."""
-    used = [c.nodes for c in bound]
-    for tie in ties:
-        others = [nodes for nodes, c in zip(used, bound, strict=True) if c is not tie]
-        tie.release(np.isin(tie.slave.nodes, np.concatenate([np.empty(0, np.int64), *others])))
-
-
-def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:
-    """Move slave nodes onto their masters where that is wanted (collective).
-
-    D and M stay those of the places before: what they ask for is then met by the new places. A
-    master that is itself a slave moves, too, hence the sweeps.
-
-    Returns:
-        Whether anything moved.
-
-    Raises:
-        SurfaceError: If the mesh cannot follow.
-    """
-    closing = [tie for tie in ties if tie.pair.gap == "removed"]
-    for sweep in range(len(closing) + 2):
-        open_ties = [tie for tie in closing if tie.close_gap(space)]
-        if not open_ties:
-            return sweep > 0
-        for tie in ties:
-            tie.look_at(space)
-    raise SurfaceError(
-        f"the gap of {open_ties[0].pair} cannot be removed: a displacement of degree 2 on straight "
-        "cells does not follow a curved interface; use a mesh of second order, or gap='kept'"
-    )

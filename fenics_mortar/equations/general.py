@@ -25,6 +25,7 @@ from fenics_mortar.contact.laws import STICK, Pieces
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.words import describe_overlap
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
@@ -302,7 +303,7 @@ class ContactEquations:
 
     def diagnose(self) -> str:
         """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
-        deep = [c.describe_overlap() for c in self.contacts if isinstance(c, Contact)]
+        deep = [describe_overlap(contact) for contact in self.contacts]
         return "; ".join(filter(None, (self._describe_loose(), *deep)))
 
     def _describe_loose(self) -> str:

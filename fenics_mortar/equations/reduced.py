@@ -43,8 +43,8 @@ from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Rows
 from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.rows import Rows
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.sparse import SomeRows, flatten, is_symmetric, leave, schur_complement

@@ -36,6 +36,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_noted
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.words import describe_reach
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import place
 from fenics_mortar.verify.crossing import Crossing
@@ -349,8 +350,8 @@ def _certify_pair(
         shear=max(float(excess.max()), 0.0) / max(largest, float(bound.max())),
         overlap=max(-float(gap.min()), 0.0),
         overlap_at=f"at {place(contact.operators.x[gap.argmin()])}, in facets; partners are looked "
-        f"for {contact.reach}",
-        reach=contact.reach,
+        f"for {describe_reach(contact)}",
+        reach=describe_reach(contact),
         complementarity=float(np.abs(tension * gap).max()) / largest,
         **_between_nodes(contact),
         **_slant(contact, pressure),
