@@ -47,6 +47,7 @@ class Interface(ABC):
     """
 
     now: InterfaceFields
+    offset: Any
 
     z, active, piece = read_only("_state.z"), read_only("_state.active"), read_only("_state.piece")
     carries, overheld = read_only("_state.carries"), read_only("_state.overheld")

@@ -187,6 +187,10 @@ class Tie(Interface):
         """Zero: there is no gap to take it off."""
         return self._state.offset
 
+    @offset.setter
+    def offset(self, lengths: Array) -> None:
+        raise ValueError("a tied pair has no offset: its gap is that of TiedPair(gap=...)")
+
     def _fields(self, operators: Any) -> TiedFields:
         return TiedFields(self, self._state, operators)
 
