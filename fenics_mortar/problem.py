@@ -31,19 +31,13 @@ from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied import Tie, TiedPair, bind
 from fenics_mortar.equations.general import SLIGHT, ContactEquations
 from fenics_mortar.equations.inputs import Inputs, check_roles
-from fenics_mortar.equations.reduced import LinearBulk
+from fenics_mortar.equations.linear_bulk import LinearBulk
 from fenics_mortar.equations.undo import undone_if_interrupted
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.interface.sight import extract_outline
-from fenics_mortar.la.system import (
-    DIRECT,
-    ITERATIVE,
-    MANY,
-    SYSTEMS,
-    Algorithm,
-    Solver,
-    obstacle_to_condensation,
-)
+from fenics_mortar.la.choice import SYSTEMS, Algorithm
+from fenics_mortar.la.condensed import obstacle_to_condensation
+from fenics_mortar.la.options import DIRECT, ITERATIVE, MANY, Solver
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.newton.damping import Damped
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, once, solve
@@ -199,8 +193,8 @@ class ContactProblem(ContactEquations):
     def _renew_system(self) -> None:
         """Make the linear system and its solver, as they were at the start."""
         self.system = self._create_system()
-        self.system.given = set(self._given["petsc_options"] or {})
-        self.system.may_factor = self._may_factor
+        self.system.solver.given = set(self._given["petsc_options"] or {})
+        self.system.solver.may_factor = self._may_factor
 
     def _renew_if_interrupted(self) -> None:
         """Make anew what an interruption may have left half made (collective)."""
