@@ -203,9 +203,10 @@ class CondensedSystem(LinearSystem):
         return np.divide(h, self._A_z, out=np.zeros_like(h), where=self._Z == 0.0)
 
     def _held_forces(self, z: Array) -> Array:
-        """B^T z on the owned dofs, for prescribed components of multipliers (collective)."""
+        """B^T z on the free owned dofs, for prescribed components of multipliers (collective)."""
         forces, B_T = np.zeros(self.bulk.num_owned), self._held_columns()
         forces[self._rows.local] = _times(B_T, z)
+        forces[self.bulk.held] = 0.0
         B_T.destroy()
         return forces
 
