@@ -173,7 +173,7 @@ def simulate(dofs):
     x, m = refined(contact.operators.x, k + 1), refined(contact.operators.m, 2 * k + 1)
     S, M, segments = len(x), len(m), 2 * k  # about two segments to a slave facet
     slave, master, segment = held_bytes()
-    strip = problem.system._multigrid._strip.num_rows / (
+    strip = problem.system.solver.multigrid._strip.num_rows / (
         contact.slave.num_nodes + contact.master.num_nodes
     )
     say(f"\n{dofs:.0e} dofs: S = {S}, M = {M}, {strip * (S + M):.0f} dofs in the strip\n")

@@ -4,6 +4,7 @@
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.io.checkpoint import load_state, save_state
 from fenics_mortar.io.results import ResultsWriter, contact_table, plot
 from fenics_mortar.mesh.reading import MeshData, dirichlet, read_gmsh
@@ -26,6 +27,7 @@ __all__ = [
     "ElasticTool",
     "Frictionless",
     "Law",
+    "LinearVector",
     "MeshData",
     "MeshError",
     "MortarError",

@@ -34,20 +34,15 @@ from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.words import describe_start
 from fenics_mortar.equations.general import SLIGHT, ContactEquations
 from fenics_mortar.equations.inputs import Inputs, check_roles
-from fenics_mortar.equations.reduced import LinearBulk
+from fenics_mortar.equations.linear_bulk import LinearBulk
+from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.undo import undone_if_interrupted
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.interface.sight import extract_outline
-from fenics_mortar.la.system import (
-    DIRECT,
-    ITERATIVE,
-    MANY,
-    SYSTEMS,
-    Algorithm,
-    LinearSystem,
-    Solver,
-    obstacle_to_condensation,
-)
+from fenics_mortar.la.choice import SYSTEMS, Algorithm
+from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.la.condensed import obstacle_to_condensation
+from fenics_mortar.la.options import DIRECT, ITERATIVE, MANY, Solver
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.newton.damping import Damped
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, once, solve
@@ -203,8 +198,8 @@ class ContactProblem(ContactEquations):
     def _renew_system(self) -> None:
         """Make the linear system and its solver, as they were at the start."""
         self.system = self._create_system()
-        self.system.given = set(self._given["petsc_options"] or {})
-        self.system.may_factor = self._may_factor
+        self.system.solver.given = set(self._given["petsc_options"] or {})
+        self.system.solver.may_factor = self._may_factor
 
     def _renew_if_interrupted(self) -> None:
         """Make anew what an interruption may have left half made (collective)."""
@@ -459,6 +454,33 @@ class ContactProblem(ContactEquations):
         self.bulk.assemble_residual()
         self.system.assemble()
         return self.system.matrix
+
+    def linear_solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
+        """Solve with the tangent of all equations at the present state, or with its transpose.
+
+        For sensitivities: unknowns, rows and units are those of ``equations.linearized``. Active
+        sets, branches of the laws and multipliers are those of the present state; nothing of it
+        changes. A direct solver is exact but for rounding; an iterative one leaves the part
+        ``ksp_rtol`` of the right-hand side (1e-8 by default).
+
+        Args:
+            rhs: The right-hand side.
+            transpose: Whether to solve with the transpose, as for an adjoint.
+
+        Returns:
+            The solution, with all parts.
+
+        Raises:
+            ValueError: On all ranks, if ``rhs`` has another shape or is not finite.
+            MortarError: On all ranks, if the tangent is singular, as where contact leaves a body
+                free, or if z or q are not alike on all ranks.
+        """
+        self._renew_if_interrupted()
+        with undone_if_interrupted(self):
+            self._evaluate_operators()
+            self.bulk.free_garbage()
+            equations = LinearizedEquations(self.bulk, self.contacts, self.tools, self.system)
+            return equations.solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""

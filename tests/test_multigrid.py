@@ -19,7 +19,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.la.multigrid import TouchingBodies
-from fenics_mortar.la.system import ITERATIVE
+from fenics_mortar.la.options import ITERATIVE
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}

@@ -51,9 +51,7 @@ def test_one_factorization_and_the_general_paths_agree():
 def test_operators_are_evaluated_once(material, monkeypatch):
     calls = []
     evaluate = integration.evaluate_mortar
-    monkeypatch.setattr(
-        integration, "evaluate_mortar", lambda *a: calls.append(1) or evaluate(*a)
-    )
+    monkeypatch.setattr(integration, "evaluate_mortar", lambda *a: calls.append(1) or evaluate(*a))
     scene = small_blocks(material=material)
     for step in PATH:
         scene.loads["push"].value[:] = step

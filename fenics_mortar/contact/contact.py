@@ -227,6 +227,10 @@ class Contact(Interface):
         """Where the facets of this rank's share meet the master, whatever integrates the pair."""
         return self.integration.intersections(self.as_faced)
 
+    def set_arm(self, arm: float) -> None:
+        """Set the length by which angles of the obstacle are multiplied [length]."""
+        self.arm = self.integration.arm = arm
+
     def adopt(self, other: Contact) -> None:
         """Take over offset, weight and undeformed operators of the same pair by another model."""
         self.change(

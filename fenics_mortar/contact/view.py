@@ -95,7 +95,7 @@ class PairView:
 
     @property
     def status(self) -> npt.NDArray[np.str_]:
-        """"open", "stick" or "slip" (also without friction), shape (slave nodes,)."""
+        """ "open", "stick" or "slip" (also without friction), shape (slave nodes,)."""
         closed = np.where(self.sticking, "stick", "slip")
         return np.where(self.active, closed, "open")
 

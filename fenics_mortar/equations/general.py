@@ -349,12 +349,12 @@ class ContactEquations:
             self.system.assemble()
         raise_noted(self.comm, self.contacts)
         goal = self.newton.residual_tolerance * self._force
-        self.system.forcing = forcing(self._residuals, goal)
+        self.system.solver.forcing = forcing(self._residuals, goal)
         with clock("solve"):
             step, multipliers, motion = self.tools.solve(self.system, self.stiffest, self._force)
         self.floating.drop_undriven(loose, step, self._total, self._force)
-        remarks = [self.system.remark, self.floating.remark(loose)]
-        self.system.remark = ""
+        remarks = [self.system.solver.remark, self.floating.remark(loose)]
+        self.system.solver.remark = ""
         part = self.bulk.move(step)
         for contact, z in zip(self.contacts, multipliers, strict=True):
             contact.move(z, part, step.array_r)

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from fenics_mortar.la.system import drop_added_options
+from fenics_mortar.la.options import drop_added_options
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 

@@ -57,10 +57,10 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
+from fenics_mortar.la.strip import STRIP, Strip, near
 from fenics_mortar.utils.arrays import Array, Indices
-
-ComplexArray = npt.NDArray[np.complex128]
 
 # Measured: sweeps at half the cost of the default ones, for a few iterations more; coarse grids and
 # interpolation for which iterations grow less where contact is curved (by 6 to 8 % in the mean as
@@ -79,20 +79,12 @@ CYCLE = {
 }
 # Of conjugate gradients: GMRES around them, with a tolerance of its own, then needs one iteration.
 CG_TOLERANCE, CG_MOST = 1e-9, 500
-# Each rank factors all of the strip: that is little work, and its solves need one exchange only.
-STRIP = {
-    "pc_type": "redundant",
-    "redundant_pc_type": "lu",
-    "redundant_pc_factor_mat_solver_type": "mumps",
-}
 # Options of both, below the prefix of the solver.
 OPTIONS = {
     f"{part}_{name}": value
     for part, options in (("cycle", CYCLE), ("strip", STRIP))
     for name, value in options.items()
 }
-# Layers of cells on either side of a contact surface that a strip has.
-LAYERS = 2
 # A new cycle costs as much as ten to fifteen iterations, but serves several solves.
 COST = 5
 # Stiffness of the motion that T leaves out, by that of the node: it has no effect but on the
@@ -101,10 +93,6 @@ IDLE = 1e-2
 # Quadratic standard functions of facets partly covered may have integrals near zero or below, which
 # nothing can follow: those below this part of a node's length are left to the strip.
 LIGHT = 1e-2
-# Axes are not turned if all are within this of those of the mesh [radian]: nothing would be gained.
-STRAIGHT = 0.02
-# Tangents of a contact that axes are made of, at the most: they change little from one to the next.
-TANGENTS = 32
 
 
 class TouchingBodies:
@@ -204,9 +192,9 @@ class TouchingBodies:
     def _part_sliding_bodies(self, B: PETSc.Mat) -> None:
         """Leave out what couples tangential motions of the two bodies of a contact, see above."""
         for contact, slave in zip(self._contacts, self._slaves, strict=True):
-            _, tangents = _sliding_nodes(contact)
+            _, tangents = sliding_nodes(contact)
             if tangents.size:
-                axis, free = _quarter_turns(tangents) % 2, _slide(contact)
+                axis, free = quarter_turns(tangents) % 2, _slide(contact)
                 master = contact.master.local_dofs[free, axis] + self._bulk.first
                 _leave_out(B, master, slave[:, axis])
                 _leave_out(B, slave[:, axis], master)
@@ -233,33 +221,35 @@ class TouchingBodies:
         self._motion.mat.multAdd(rest, rest, y)
         x.array[: self._bulk.num_owned] += y.array_r
 
-    def _turn_axes(self) -> None:
-        """Set R; nodes held in one component keep the axes of the mesh."""
-        dofs = self._bulk.space.owned_dofs
-        t = self._tangents(self._bulk.positions()[: len(dofs)])
-        t[self._bulk.prescribed[dofs].sum(axis=1) == 1] = 1.0
-        axes = np.stack([t.real, -t.imag, t.imag, t.real], axis=1).reshape(-1, 2, 2)
-        self._axes = np.empty((self._bulk.num_owned, 2, 2))
-        self._axes[dofs[:, 0]] = axes
-        dofs = dofs + self._bulk.first
-        self._R.assemble([Block(dofs, dofs, axes)])
+    def applyTranspose(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """One application of the transpose, as PETSc calls it.
 
-    def _tangents(self, x: Array) -> ComplexArray:
-        """First axes (n,) at the places x (n, 2), as complex numbers.
-
-        They are means of the tangents in contact, by one over the fourth power of the distance.
-        Quarter turns change nothing but the names of the axes; so of each contact the tangents are
-        turned by as many as bring them nearest to the axes of the mesh.
+        The cycle stands for its own transpose: it is that of a matrix which is symmetric but for
+        contact, and smooths symmetrically.
         """
-        z, mean = x @ [1.0, 1.0j], np.full(len(x), 1e-300 + 0.0j)
-        for places, tangents in map(_sliding_nodes, self._contacts):
-            tangents = tangents * (-1.0j) ** _quarter_turns(tangents)
-            if np.abs(np.angle(tangents)).max(initial=0.0) < STRAIGHT:
-                tangents = np.ones_like(tangents)
-            for place, tangent in zip(places, tangents, strict=True):
-                away = z - place
-                mean += tangent / np.maximum(away.real**2 + away.imag**2, 1e-100) ** 2
-        return mean / np.abs(mean)
+        A, _ = pc.getOperators()
+        R, (whole, rest, gathered, y) = self._R.mat, self._work
+        size = self._bulk.num_owned
+        rest.array[:] = b.array_r[:size]
+        self._motion.mat.multTransposeAdd(rest, rest, gathered)
+        R.multTranspose(gathered, rest)
+        self._cycle.solve(rest, y)
+        y.array[self._held] = 0.0
+        R.mult(y, rest)
+        self._equations.mat.multAdd(rest, rest, y)
+        x.set(0.0)
+        x.array[:size] = y.array_r
+        A.multTranspose(x, whole)
+        whole.aypx(-1.0, b)
+        self._strip.solve(whole, x, transpose=True)
+        x.array[:size] += y.array_r
+
+    def _turn_axes(self) -> None:
+        """Set R."""
+        self._axes = turned_axes(self._bulk, self._contacts)
+        dofs = self._bulk.space.owned_dofs
+        globals_ = dofs + self._bulk.first
+        self._R.assemble([Block(globals_, globals_, self._axes[dofs[:, 0]])])
 
     def _active(self, contact: Interface) -> tuple[Indices, Array, Array]:
         """Local dofs (a, 2), what is followed (a, 2, 2) and stiffness (a,) of own nodes."""
@@ -315,71 +305,10 @@ def _entries(block: Block) -> tuple[Indices, Indices, Array]:
     return block.rows.reshape(-1, 2), block.columns[::2, 0] // 2, block.values[::2, 0, 0]
 
 
-class Strip:
-    """The rows and columns of the dofs near contact surfaces, factored; methods are collective.
-
-    Args:
-        bulk: The bodies; K holds no contact yet.
-        contacts: The contacts.
-        prefix: Prefix of the options.
-        multipliers: Rows of multipliers after those of dofs; all of them are in the strip.
-
-    Attributes:
-        num_rows: Rows of the strip, on all ranks together.
-    """
-
-    def __init__(
-        self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, multipliers: int
-    ) -> None:
-        self._prefix, self._held, self._comm = prefix, bulk.held, bulk.comm
-        rows = np.arange(bulk.num_owned, bulk.num_owned + multipliers)
-        surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
-        self._rows = np.append(_near(bulk, surfaces, LAYERS), rows)
-        self.num_rows = bulk.comm.allreduce(self._rows.size)
-        self._matrix: Any = None
-        self._factors: Any = None
-
-    def factor(self, A: PETSc.Mat) -> None:
-        """Factor the part of ``A``; its pattern may have changed."""
-        if self._matrix is not None:
-            self._factors.destroy()
-            self._matrix.destroy()
-        rows = (self._rows + A.getOwnershipRange()[0]).astype(PETSc.IntType)
-        whole = PETSc.IS().createGeneral(rows, self._comm)
-        self._matrix = A.createSubMatrix(whole, whole)
-        self._factors = PETSc.PC().create(self._comm)
-        self._factors.setOptionsPrefix(self._prefix)
-        self._factors.setFromOptions()
-        self._factors.setOperators(self._matrix)
-        self._factors.setUp()
-        self._b, self._x = self._matrix.createVecs()
-        self._diagonal = A.getDiagonal().array_r[self._held]
-
-    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve for the dofs of the strip and those with prescribed values; others are zero."""
-        x.set(0.0)
-        x.array[self._held] = b.array_r[self._held] / self._diagonal
-        self._b.array[:] = b.array_r[self._rows]
-        self._factors.apply(self._b, self._x)
-        x.array[self._rows] = self._x.array_r
-
-
-def _near(bulk: Bulk, surfaces: Sequence[Surface], layers: int) -> Indices:
-    """Local numbers of the owned dofs within so many layers of cells of the surfaces."""
-    dofs = [np.empty(0, np.int64), *(s.local_dofs.ravel() + bulk.first for s in surfaces)]
-    near = PETSc.IS().createGeneral(
-        np.unique(np.concatenate(dofs)).astype(PETSc.IntType), PETSc.COMM_SELF
-    )
-    bulk.K.increaseOverlap(near, layers)
-    everywhere = np.unique(np.concatenate(bulk.comm.allgather(near.indices)))
-    mine = (everywhere >= bulk.first) & (everywhere < bulk.first + bulk.num_owned)
-    return everywhere[mine].astype(np.int64) - bulk.first
-
-
 def _nodes_near(bulk: Bulk, surface: Surface) -> Indices:
     """Global dofs (n, 2) of the owned nodes of a surface and of the cells on it."""
     dofs = bulk.space.owned_dofs
-    return dofs[np.isin(dofs[:, 0], _near(bulk, [surface], 1))] + bulk.first
+    return dofs[np.isin(dofs[:, 0], near(bulk, [surface], 1))] + bulk.first
 
 
 def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
@@ -393,11 +322,6 @@ def _leave_out(B: PETSc.Mat, rows: Indices, columns: Indices) -> None:
     part.destroy()
 
 
-def _quarter_turns(tangents: ComplexArray) -> int:
-    """How many bring the tangents of a contact nearest to the first axis of the mesh."""
-    return round(np.angle(tangents.sum()) / (np.pi / 2.0))
-
-
 def _slide(contact: Interface) -> npt.NDArray[np.bool_]:
     """Which of this rank's master nodes no slave node sticks to, (owned nodes,) (collective)."""
     s = contact.operators.segments
@@ -405,11 +329,3 @@ def _slide(contact: Interface) -> npt.NDArray[np.bool_]:
     stuck[s.master[contact.sticking[s.slave].any(axis=1)]] = True
     contact.master.comm.Allreduce(MPI.IN_PLACE, stuck, MPI.LOR)
     return ~stuck[contact.master.owned]
-
-
-def _sliding_nodes(contact: Interface) -> tuple[ComplexArray, ComplexArray]:
-    """Places and tangents of ``TANGENTS`` active nodes at the most, not of tied ones: complex."""
-    F, o = contact.followed(), contact.operators
-    j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
-    j = j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
-    return o.x[j] @ [1.0, 1.0j], o.tau[j] @ [1.0, 1.0j]

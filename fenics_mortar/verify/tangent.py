@@ -15,7 +15,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.la.system import SaddleSystem
+from fenics_mortar.la.saddle import SaddleSystem
+from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.utils.arrays import Array
 
 # Remainders below this part of the function's size are rounding: there is no slope to be seen.
@@ -213,9 +214,10 @@ class _Probe:
             ).ravel()
             for contact, place in zip(self.contacts, system.places, strict=True)
         ]
-        parts_q = self.tools.partial_derivatives()
-        pushed = self.tools.derivative(parts_q, self.du, self.dz, self.dq)
-        return np.concatenate([force, *parts, self._mine(pushed.ravel())])
+        balance = linearize_balance(self.tools, system)
+        pushed = self.comm.allreduce(balance.rows @ system.join(self.du, self.dz))
+        pushed = pushed + balance.corner @ self.dq.ravel()
+        return np.concatenate([force, *parts, self._mine(pushed)])
 
     def _apply(self, matrix: PETSc.Mat) -> Array:
         direction, result = matrix.createVecs()

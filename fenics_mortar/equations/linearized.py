@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: MIT
+"""Linear solves with the tangent of all equations, or its transpose, at the present state.
+
+The operator A is the derivative of these residuals by displacement u, multipliers z and places q of
+the obstacles, at fixed active sets and branches of the contact laws:
+
+===============================  ================  =====================================  ==========
+unknowns                         units             rows                                   units
+===============================  ================  =====================================  ==========
+u, free dofs                     length            forces of bodies and contact           stress
+                                                   r + B^T z, r = f_int - f_ext           * length
+u, dofs with prescribed values   length            u                                      length
+z, multipliers of slave nodes    stress            rows of the contact law, as in         stress
+                                                   ``Contact.rows``: blocks . u + A_z z   * length
+q, motions that forces drive     length, radian    forces and moment f_q of contact, in   stress
+                                                   equilibrium with the push              * length,
+                                                                                          * length^2
+q, prescribed motions            length, radian    q                                      as q
+===============================  ================  =====================================  ==========
+
+Springs that regularize floating bodies and loose obstacles while Newton iterates have no part in A:
+where contact leaves a rigid motion free, A is singular.
+
+A change of the residuals by dR at a solution moves it by -A^-1 dR: a force f on the bodies by A^-1
+f, a prescribed displacement by its change in the row of the dof, a push by its change in the row of
+the motion. The gradient of a functional J of the solution by a parameter p is -y . dR/dp with A^T
+y = dJ/d(u, z, q) (the adjoint method). With unknowns beside the displacement (mixed functions) u
+has all of them, in their own units and equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.rigid.balance import linearize_balance
+from fenics_mortar.rigid.bordered import solve_bordered
+from fenics_mortar.rigid.motions import ObstacleMotions
+from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import check_same, together
+
+
+@dataclass(frozen=True)
+class LinearVector:
+    """A right-hand side or solution of ``ContactProblem.linear_solve``; units see there.
+
+    Attributes:
+        u: Values of the dofs that this rank owns, in the order of dolfinx, shape (owned dofs,);
+            ``None`` in a right-hand side: zero.
+        z: Of each pair both components at its slave nodes, in their order along the surface, shape
+            (slave nodes, 2), alike on all ranks; ``None``: zero.
+        q: x, y and angle of each obstacle, in the order of ``problem.tools.obstacles``, shape
+            (obstacles, 3), alike on all ranks; ``None``: zero.
+    """
+
+    u: Array | None = None
+    z: Sequence[Array] | None = None
+    q: Array | None = None
+
+    def dot(self, other: LinearVector, comm: MPI.Comm) -> float:
+        """Sum of the products of all entries, each counted once (collective)."""
+        pairs = [(self.q, other.q), *zip(self.z or (), other.z or (), strict=False)]
+        alike = sum(float(np.vdot(a, b)) for a, b in pairs if a is not None and b is not None)
+        mine = 0.0 if self.u is None or other.u is None else float(self.u @ other.u)
+        return comm.allreduce(mine) + alike
+
+
+class LinearizedEquations:
+    """A at the last evaluated state, factored with the first solve; all methods are collective.
+
+    It is good until the next Newton iteration: matrix and factors are those of the problem.
+
+    Args:
+        bulk: The bodies.
+        contacts: The contacts and ties, evaluated.
+        obstacles: The obstacles.
+        system: System of displacements and multipliers.
+    """
+
+    def __init__(
+        self,
+        bulk: Bulk,
+        contacts: Sequence[Interface],
+        obstacles: ObstacleMotions,
+        system: LinearSystem,
+    ) -> None:
+        self._bulk, self._contacts, self._system = bulk, contacts, system
+        self._shape = obstacles.scales.shape
+        self._driven = obstacles.driven.ravel()
+        bulk.assemble_tangent()
+        system.assemble()
+        border = linearize_balance(obstacles, system)
+        raise_noted(bulk.comm, contacts)
+        self._border = border.scaled(obstacles.scales.ravel())
+
+    def solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
+        """Solve A x = rhs, or A^T x = rhs; see ``ContactProblem.linear_solve``."""
+        b, c = self._read(rhs)
+        solve = self._solve_transposed if transpose else self._solve
+        x, q = solve(b, c)
+        u, z = self._system.split(x)
+        return LinearVector(u, z, q.reshape(self._shape))
+
+    def _solve(self, b: Array, c: Array) -> tuple[Array, Array]:
+        """A [x, q] = [b, c]; prescribed motions are known at once."""
+        driven, border, q = self._driven, self._border, c.copy()
+        given = c[~driven]
+        x = self._system.solve(b - given @ border.columns[~driven])
+        balance = c[driven] - border.corner[np.ix_(driven, ~driven)] @ given
+        x, q[driven] = solve_bordered(
+            self._system.solve, border.part(driven), x, balance, self._bulk.comm
+        )
+        return x, q
+
+    def _solve_transposed(self, b: Array, c: Array) -> tuple[Array, Array]:
+        """A^T [x, q] = [b, c]; prescribed motions are found at last."""
+        driven, border, q = self._driven, self._border, c.copy()
+
+        def solve(rhs: Array) -> Array:
+            return self._system.solve(rhs, transpose=True)
+
+        x, q[driven] = solve_bordered(
+            solve, border.part(driven).transposed, solve(b), c[driven], self._bulk.comm
+        )
+        coupled = self._bulk.comm.allreduce(border.columns[~driven] @ x)
+        q[~driven] = c[~driven] - coupled - q[driven] @ border.corner[np.ix_(driven, ~driven)]
+        return x, q
+
+    def _read(self, rhs: LinearVector) -> tuple[Array, Array]:
+        """The right-hand side as a vector of the system and values of motions.
+
+        Raises:
+            ValueError: On all ranks, if it has another shape or kind.
+            MortarError: On all ranks, if it is not alike on all of them.
+        """
+        with together(self._bulk.comm, "linear_solve"):
+            check_kind("rhs", rhs, LinearVector, "a LinearVector")
+            u = _checked("u", rhs.u, (self._bulk.num_owned,))
+            if rhs.z is not None and len(rhs.z) != len(self._contacts):
+                raise ValueError(
+                    f"z has values of {len(rhs.z)} pairs: expected {len(self._contacts)}"
+                )
+            given = rhs.z or [None] * len(self._contacts)
+            shapes = [(contact.slave.num_nodes, 2) for contact in self._contacts]
+            z = [_checked("z", values, shape) for values, shape in zip(given, shapes, strict=True)]
+            q = _checked("q", rhs.q, self._shape)
+        check_same(self._bulk.comm, [*(("z", values) for values in z), ("q", q)])
+        return self._system.join(u, z), q.ravel()
+
+
+def _checked(name: str, values: Array | None, shape: tuple[int, ...]) -> Array:
+    """Values of this shape, zero by default."""
+    if values is None:
+        return np.zeros(shape)
+    values = np.asarray(values, float)
+    if values.shape != shape:
+        raise ValueError(f"{name} has the shape {values.shape}: expected {shape}")
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name} is not finite: expected numbers")
+    return values

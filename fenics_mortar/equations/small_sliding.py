@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: MIT
+"""Linear bulk and small sliding without friction: pressures of active nodes alone are unknown.
+
+D, M and n stay as they are on the undeformed mesh: contact pushes along B_n = B^T n, one column per
+slave node, and the gap is linear. With the displacement without contact force, of gap g_0, what is
+left is a linear complementarity problem of the pressures,
+
+    g = g_0 + S p >= 0,    p >= 0,    p . g = 0,    S = B_n^T K^-1 B_n,
+
+and columns of S are solved for as nodes become active.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve
+from scipy.sparse import csr_array
+
+from fenics_mortar.equations.reduced import ReducedEquations
+from fenics_mortar.la.compliance import FactoredBulk
+from fenics_mortar.newton.loop import Step
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.errors import MortarError
+
+# Columns of answers solved for at a time: more need more memory, and gain little.
+COLUMNS = 32
+
+
+class SmallSlidingEquations(ReducedEquations):
+    """The equations for pairs that slide little: pressures of active nodes alone are unknown.
+
+    Args:
+        problem: A ``ContactProblem`` with linear bulk; none of its bodies floats.
+        prefix: Prefix of PETSc's options.
+    """
+
+    def __init__(self, problem: Any, prefix: str) -> None:
+        super().__init__(problem, prefix)
+        self._count = sum(place.size for place in self._system.places)
+        self._carries = np.empty(0, bool)
+        self._open: list[Array] = []
+
+    def _factor(self, prefix: str) -> Any:
+        return FactoredBulk(self._bulk, self._dofs, prefix)
+
+    def advance(self) -> Step:
+        """Solve for the pressures of the active nodes; move the surfaces."""
+        u = self._bulk.u.x.array
+        before = u.copy()
+        if self._force is None:
+            self._move_without_contact()
+        else:
+            self._dofs.put(self._start, u)
+        self._find_gaps()
+        with clock("assembly"):
+            pushes = self._pushes()
+        with clock("solve"):
+            self._know_answers(pushes)
+            zeta, step, self._force = self._solve_pressures(pushes)
+        moved = np.zeros_like(u)
+        self._dofs.put(step, moved)
+        u += moved
+        self._balance(self._force)
+        for contact, place in self._system.numbered():
+            scale = zeta[place] * self._system.scale(contact)
+            contact.change(z=scale[:, None] * contact.operators.n)
+        return self._problem.step(self._bulk.largest(u - before))
+
+    @clock("solve")
+    def _move_without_contact(self) -> None:
+        """Move all dofs to where they were without contact."""
+        u, held = self._bulk.u, self._bulk.held
+        u.x.array[held] += self._bulk.distance_to_prescribed()
+        u.x.scatter_forward()
+        self._bulk.assemble_residual()
+        rest = self._bulk.r.duplicate()
+        rest.array[:] = -self._bulk.r.array_r
+        u.x.array[: self._bulk.num_owned] += self._compliance.solve(rest).array_r
+        u.x.scatter_forward()
+        self._start = self._dofs.gather(u.x.array)
+
+    def _find_gaps(self) -> None:
+        """Gaps k_j g_j / D_jj without contact, and a clean slate if other nodes carry now."""
+        carries = np.concatenate([contact.carries for contact in self._problem.contacts])
+        if not np.array_equal(carries, self._carries):
+            self._carries = carries
+            self._answers = np.zeros((self._dofs.size, self._count))
+            self._known = np.zeros(self._count, bool)
+            self._open = []
+        if self._force is None or not self._open:
+            for contact in self._problem.contacts:
+                contact.evaluate(self._bulk.u.x.array, self._problem.linearization)
+            self._open = [contact.operators.gap for contact in self._problem.contacts]
+        self._gaps, self._active = np.zeros(self._count), np.zeros(self._count, bool)
+        for (contact, place), gap in zip(self._system.numbered(), self._open, strict=True):
+            self._gaps[place] = self._system.scale(contact) * gap
+            self._active[place] = contact.active
+
+    def _pushes(self) -> csr_array:
+        """B_n of the active nodes, (size, slave nodes), complete on rank 0."""
+        normals = np.zeros((self._count, 2))
+        for contact, place in self._system.numbered():
+            normals[place] = contact.operators.n
+        columns = np.repeat(np.arange(self._count), 2)
+        entries = normals.ravel(), (np.arange(columns.size), columns)
+        shape = self._dofs.size, columns.size
+        B_T = self._collect(self._system.force_blocks(), shape, (True, False))
+        return B_T.tocsr() @ csr_array(entries, shape=(columns.size, self._count))
+
+    def _know_answers(self, pushes: csr_array) -> None:
+        """Solve for the displacements by the pressures of nodes that had none so far."""
+        new = np.flatnonzero(self._active & ~self._known)
+        for part in _portions(new.size):
+            loads = self._compliance.loads(pushes[:, new[part]].T.tocsr())
+            answers = self._compliance.answers(loads)
+            columns = self._compliance.at_contact(answers)
+            self._problem.comm.Allreduce(MPI.IN_PLACE, columns)
+            self._answers[:, new[part]] = columns
+            loads.destroy()
+            answers.destroy()
+        self._known[new] = True
+
+    def _solve_pressures(self, pushes: csr_array) -> tuple[Array, Array, Array]:
+        """Pressures zeta (slave nodes,), and what they move and push, both (size,)."""
+        zeta, a, pressures = np.zeros(self._count), np.flatnonzero(self._active), None
+        if not a.size:
+            pressures = np.empty(0)
+        elif self._comm.rank == 0:
+            S = pushes[:, a].T @ self._answers[:, a]
+            with suppress(LinAlgError):
+                pressures = solve(S, -self._gaps[a], assume_a="pos")
+        pressures = self._comm.bcast(pressures)
+        if pressures is None:
+            raise MortarError("the linear system was not solved, it may be singular")
+        zeta[a] = pressures
+        force = self._comm.bcast(pushes @ zeta if self._comm.rank == 0 else None)
+        return zeta, -self._answers @ zeta, force
+
+
+def _portions(count: int) -> list[Indices]:
+    """The numbers below ``count``, in parts that are solved for at a time."""
+    return [np.arange(i, min(i + COLUMNS, count)) for i in range(0, count, COLUMNS)]

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""Axes that turn from node to node: in contact with its tangents, smoothly in between."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.utils.arrays import Array
+
+ComplexArray = npt.NDArray[np.complex128]
+
+# Axes are not turned if all are within this of those of the mesh [radian]: nothing would be gained.
+STRAIGHT = 0.02
+# Tangents of a contact that axes are made of, at the most: they change little from one to the next.
+TANGENTS = 32
+
+
+def turned_axes(bulk: Bulk, contacts: Sequence[Interface]) -> Array:
+    """Axes of the owned nodes in rows of their first dofs, shape (num_owned, 2, 2) (local).
+
+    Columns are the axes; nodes held in one component keep those of the mesh.
+    """
+    dofs = bulk.space.owned_dofs
+    t = _tangents(contacts, bulk.positions()[: len(dofs)])
+    t[bulk.prescribed[dofs].sum(axis=1) == 1] = 1.0
+    axes = np.empty((bulk.num_owned, 2, 2))
+    axes[dofs[:, 0]] = np.stack([t.real, -t.imag, t.imag, t.real], axis=1).reshape(-1, 2, 2)
+    return axes
+
+
+def _tangents(contacts: Sequence[Interface], x: Array) -> ComplexArray:
+    """First axes (n,) at the places x (n, 2), as complex numbers.
+
+    They are means of the tangents in contact, by one over the fourth power of the distance. Quarter
+    turns change nothing but the names of the axes; so of each contact the tangents are turned by as
+    many as bring them nearest to the axes of the mesh.
+    """
+    z, mean = x @ [1.0, 1.0j], np.full(len(x), 1e-300 + 0.0j)
+    for places, tangents in map(sliding_nodes, contacts):
+        tangents = tangents * (-1.0j) ** quarter_turns(tangents)
+        if np.abs(np.angle(tangents)).max(initial=0.0) < STRAIGHT:
+            tangents = np.ones_like(tangents)
+        for place, tangent in zip(places, tangents, strict=True):
+            away = z - place
+            mean += tangent / np.maximum(away.real**2 + away.imag**2, 1e-100) ** 2
+    return mean / np.abs(mean)
+
+
+def quarter_turns(tangents: ComplexArray) -> int:
+    """How many bring the tangents of a contact nearest to the first axis of the mesh."""
+    return round(np.angle(tangents.sum()) / (np.pi / 2.0))
+
+
+def sliding_nodes(contact: Interface) -> tuple[ComplexArray, ComplexArray]:
+    """Places and tangents of ``TANGENTS`` active nodes at the most, not of tied ones: complex."""
+    F, o = contact.followed(), contact.operators
+    j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
+    j = j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
+    return o.x[j] @ [1.0, 1.0j], o.tau[j] @ [1.0, 1.0j]

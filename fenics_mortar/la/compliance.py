@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: MIT
+"""The compliance of the contact dofs: displacements by forces on them and by prescribed values."""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+import numpy as np
+from scipy.linalg import LinAlgError, inv
+from scipy.sparse import csr_array
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.la.contact_dofs import ContactDofs
+from fenics_mortar.la.factored import factored_bulk
+from fenics_mortar.la.sparse import schur_complement
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import MortarError, raise_together
+
+
+class FactoredBulk:
+    """K, factored with the prescribed dofs held (collective).
+
+    Args:
+        bulk: The bodies; their tangent is constant, and assembled.
+        dofs: The contact dofs.
+        prefix: Prefix of PETSc's options.
+        single: Whether loads come one by one, to ``solve`` alone.
+    """
+
+    def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str, *, single: bool = False) -> None:
+        self._bulk, self._dofs = bulk, dofs
+        self._pc = factored_bulk(bulk, prefix, single=single)
+        free = ~bulk.prescribed[dofs.local]
+        self._numbers, self._local = dofs.numbers[free], dofs.local[free]
+
+    def answers(self, loads: PETSc.Mat) -> PETSc.Mat:
+        """Displacements (dofs, k) by forces on free dofs, the rows of ``loads`` (k, dofs).
+
+        The rows are all on rank 0, as MUMPS wants them.
+        """
+        count = loads.getSize()[0]
+        answers = PETSc.Mat().createDense(
+            ((self._bulk.num_owned, None), (None, count)), comm=self._bulk.comm
+        )
+        answers.setUp()
+        answers.assemble()
+        self._pc.getFactorMatrix().matSolve(PETSc.Mat().createTranspose(loads), answers)
+        return answers
+
+    def loads(self, forces: csr_array) -> PETSc.Mat:
+        """Forces on the contact dofs, one load a row, (k, size), as rows for ``answers``.
+
+        Those of rank 0 count. Held dofs take none.
+        """
+        here = self._bulk.comm.rank == 0
+        forces = forces[: forces.shape[0] if here else 0].tocoo()
+        columns = self._dofs.free_globals[forces.col]
+        kept = columns >= 0
+        size = forces.shape[0], self._bulk.r.getSize() if here else 0
+        rows = csr_array((forces.data[kept], (forces.row[kept], columns[kept])), shape=size)
+        csr = rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data
+        sizes = (size[0], None), (size[1], None)
+        return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._bulk.comm)
+
+    def at_contact(self, answers: PETSc.Mat) -> Array:
+        """Owned part of ``answers`` at the contact dofs, shape (size, k); the rest is zero."""
+        values = np.zeros((self._dofs.size, answers.getSize()[1]))
+        values[self._numbers] = answers.getDenseArray()[self._local]
+        return values
+
+    def solve(self, force: PETSc.Vec) -> PETSc.Vec:
+        """The displacement by forces on the free dofs; prescribed ones stay."""
+        force.array[self._bulk.held] = 0.0
+        answer = force.duplicate()
+        self._pc.apply(force, answer)
+        return answer
+
+
+class Compliance(FactoredBulk):
+    """The answers of the contact dofs to forces on them, and to prescribed values (collective).
+
+    Args:
+        bulk: The bodies; their tangent is constant, and assembled.
+        dofs: The contact dofs.
+        prefix: Prefix of PETSc's options.
+
+    Attributes:
+        A: Displacement of the contact dofs by unit forces on them, zero for prescribed ones, shape
+            (size, size) on rank 0, (0, 0) on the others [1 / stress].
+    """
+
+    def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
+        self.A = _compliance(bulk, dofs, prefix)
+        super().__init__(bulk, dofs, prefix, single=True)  # the other factors are gone
+        self._changes = np.empty((0, bulk.held.size))
+        self._answers = np.empty((0, dofs.size))
+
+    def by_forces(self, forces: Array) -> Array:
+        """Displacement of the contact dofs, zero on other ranks than 0 (local)."""
+        return self.A @ forces if self._bulk.comm.rank == 0 else np.zeros_like(forces)
+
+    def by_prescribed(self, change: Array, rounding: float) -> Array:
+        """Change of the contact dofs that are free, by that of the held ones (local part).
+
+        The changes so far have an orthonormal basis; only what is new in this one is solved for.
+
+        Args:
+            change: That of the held dofs.
+            rounding: Size of a change that is rounding [length].
+        """
+        parts = np.zeros(len(self._changes))
+        for _ in range(2):  # once leaves what rounding takes from the basis
+            more = self._bulk.comm.allreduce(self._changes @ change)
+            parts, change = parts + more, change - more @ self._changes
+        new = np.sqrt(self._bulk.comm.allreduce(float(change @ change)))
+        if new > rounding:
+            self._learn(change / new)
+            parts = np.append(parts, new)
+        return parts @ self._answers
+
+    def _learn(self, change: Array) -> None:
+        """Add a change to the basis, and the answer to it."""
+        self._bulk.assemble_tangent()  # which a step on all dofs may have added to
+        moved, force = self._bulk.K.createVecs()
+        moved.array[self._bulk.held] = -change
+        self._bulk.K.mult(moved, force)
+        answer = self._dofs.gather(self.solve(force).array_r)
+        self._changes = np.vstack([self._changes, change])
+        self._answers = np.vstack([self._answers, np.where(self._dofs.free, answer, 0.0)])
+
+
+def _compliance(bulk: Bulk, dofs: ContactDofs, prefix: str) -> Array:
+    """See ``Compliance``: the inverse of K with all but the free contact dofs eliminated.
+
+    Raises:
+        MortarError: On all ranks, if K is singular.
+    """
+    rest = dofs.free_globals[dofs.free]
+    pc = factored_bulk(bulk, prefix, rest)
+    A, error = schur_complement(pc.getFactorMatrix(), rest.size), None
+    pc.destroy()
+    try:
+        A = inv(A, overwrite_a=True) if A.size else A
+    except LinAlgError:
+        error = MortarError("the stiffness of the bodies is singular")
+    raise_together(bulk.comm, error)
+    if bulk.comm.rank == 0 and rest.size < dofs.size:
+        A, free = np.zeros((dofs.size, dofs.size)), A
+        A[np.ix_(dofs.free, dofs.free)] = free
+    return A

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: MIT
+"""The dofs of all contact surfaces, numbered through."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.la.sparse import SomeRows
+from fenics_mortar.utils.arrays import Array, Indices
+
+
+class ContactDofs(SomeRows):
+    """The dofs of all contact surfaces, numbered through; equal on all ranks.
+
+    Attributes:
+        size: Their number.
+        free: Whether they are not prescribed, shape (size,), bool.
+        free_globals: Their global numbers, -1 for prescribed ones, shape (size,).
+    """
+
+    def __init__(self, contacts: Sequence[Interface], bulk: Bulk) -> None:
+        self._surfaces = [side for contact in contacts for side in (contact.slave, contact.master)]
+        dofs = np.concatenate([surface.dofs for surface in self._surfaces])
+        super().__init__(dofs, bulk.first, bulk.num_owned)
+        self.size = self._rows.size
+        self.free = self.gather(bulk.prescribed.astype(float)) == 0.0
+        self.free_globals: Indices = np.where(self.free, self._rows, -1)
+
+    def gather(self, values: Array) -> Array:
+        """Values at these dofs of a local array of all dofs, shape (size,) (collective)."""
+        result = np.zeros(self.size)
+        for surface in self._surfaces:
+            result[self.number(surface.dofs)] = surface.gather(values)
+        return result
+
+    def put(self, values: Array, target: Array) -> None:
+        """Write ``values`` (size,) into a local array of all dofs (local)."""
+        for surface in self._surfaces:
+            target[surface.local_dofs] = values[self.number(surface.dofs[surface.owned])]

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: MIT
+"""Options of PETSc: defaults of the linear solvers, and how they meet those of the user."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Literal
+
+from petsc4py import PETSc
+
+from fenics_mortar.la.multigrid import OPTIONS
+from fenics_mortar.utils import compat
+
+Solver = Literal["auto", "direct", "iterative"]
+# The elimination order is kept while values change, so that MUMPS needs more memory than its
+# analysis estimates: 50 %.
+DIRECT = {
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_14": 50,
+}
+ITERATIVE = {
+    "ksp_type": "gmres",
+    "ksp_pc_side": "right",
+    "ksp_gmres_restart": 100,
+    "ksp_rtol": 1e-8,
+    "ksp_max_it": 300,
+    "pc_type": "python",
+    **OPTIONS,
+}
+# Number of unknowns from which solver "auto" iterates; see ``ContactProblem``.
+MANY = 100_000
+# Options with this prefix belong to another solver, see ``la.factored``.
+COMPLIANCE = "compliance_"
+# Prefixes and names of options that ``options_added`` has in PETSc's database at present.
+_added: set[tuple[str, str]] = set()
+
+
+@contextmanager
+def options_added(
+    prefix: str, options: dict[str, Any], used: set[str] | None = None
+) -> Iterator[None]:
+    """Have options in PETSc's database, except those that the user has set there.
+
+    Args:
+        prefix: Prefix of the options.
+        options: Values by name.
+        used: Set to which the names that PETSc has read in the meantime are added.
+    """
+    database = PETSc.Options(prefix)
+    ours = {k: v for k, v in options.items() if not database.hasName(k)}
+    try:
+        for name, value in ours.items():
+            _added.add((prefix, name))
+            database.setValue(name, value)
+        yield
+    finally:
+        if used is not None:
+            names = {*options, *database.getAll()} - used
+            used |= {name for name in names if compat.option_is_used(prefix + name)}
+        for name in ours:
+            database.delValue(name)
+            _added.discard((prefix, name))
+
+
+def drop_added_options() -> None:
+    """Remove what an interrupted ``options_added`` has left in PETSc's database (local)."""
+    for prefix, name in list(_added):
+        PETSc.Options(prefix).delValue(name)
+    _added.clear()

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: MIT
+"""The saddle-point system (Alg. 1): rows [dd, zeta] on each rank, with the matrix S_r A S_c.
+
+S_c scales multipliers to forces, S_r the rows of prescribed dofs; see ``system``. With their
+transposes in the other order the transposed system is solved by the same factors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.interface.mortar import Block
+from fenics_mortar.la.reach import zeros
+from fenics_mortar.la.sparse import BlockMatrix, add_blocks
+from fenics_mortar.la.system import LinearSystem, components
+from fenics_mortar.utils.arrays import Array, Indices
+
+# Kinds of rows and columns of the matrix: dofs of the bodies, components of multipliers.
+DOF, MULTIPLIER = 0, 1
+# Kind of rows, kind of columns and blocks in which each kind is numbered by itself.
+Part = tuple[int, int, Iterable[Block]]
+
+
+class SaddleSystem(LinearSystem):
+    """Displacements and multipliers; any basis of multipliers, nodes shared between pairs."""
+
+    has_multipliers = True
+
+    def __init__(
+        self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
+    ) -> None:
+        super().__init__(bulk, contacts, prefix, options)
+        self._sizes = bulk.num_owned, 2 * self.num_multipliers
+        sizes = np.array(self.comm.allgather(self._sizes))
+        self._ends = np.cumsum(sizes, axis=0)
+        self._shifts = np.stack([(self._ends - sizes)[:, MULTIPLIER], self._ends[:, DOF]], axis=1)
+        self._no_K = BlockMatrix(self.comm, *[self._sizes[MULTIPLIER]] * 2).assemble([])
+        self._assembled: Any = None
+
+    def _number(self, kind: int, numbers: Indices) -> Indices:
+        """Numbers in the whole matrix of dofs or of components of multipliers; -1 stays -1."""
+        rank = np.searchsorted(self._ends[:, kind], numbers, side="right")
+        return np.where(numbers >= 0, numbers + self._shifts[rank, kind], -1)
+
+    def _numbered_blocks(self, parts: Iterable[Part]) -> Iterator[Block]:
+        """Blocks for the whole matrix."""
+        for row_kind, column_kind, blocks in parts:
+            for rows, columns, values in blocks:
+                yield Block(
+                    self._number(row_kind, rows), self._number(column_kind, columns), values
+                )
+
+    def _parts(self) -> Iterator[Part]:
+        """Blocks of K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
+        laws = [contact.rows() for contact in self.contacts]
+        self._law_rhs = [law.rhs for law in laws]
+        yield DOF, DOF, self.force_derivative()
+        yield DOF, MULTIPLIER, self.force_blocks()
+        yield MULTIPLIER, DOF, self.law_blocks(laws)
+        yield MULTIPLIER, MULTIPLIER, self.multiplier_blocks(laws)
+
+    def _room(self) -> Iterator[Part]:
+        """Zeros for the reach of K_c, B^T and C; those of A_z are always there."""
+        for (contact, place), reach in zip(self.numbered(), self._reaches, strict=True):
+            own = contact.slave.owned
+            dofs, multipliers = reach.force_pattern(reach.carries)
+            dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
+            numbers = components(place[np.append(multipliers, own), None]).reshape(-1, 1)
+            nodes, coupled = reach.law_pattern()
+            yield DOF, DOF, [reach.derivative_pattern()]
+            yield DOF, MULTIPLIER, [zeros(dofs, numbers)]
+            yield MULTIPLIER, DOF, [zeros(components(place[nodes, None]), coupled)]
+
+    def blocks(self) -> tuple[PETSc.Mat, PETSc.Mat, PETSc.Mat, PETSc.Mat]:
+        """K + K_c, B^T, C and A_z, the last three for scaled multipliers zeta (collective)."""
+        K_c, B_T, C, A_z = (
+            BlockMatrix(self.comm, self._sizes[rows], self._sizes[columns]).assemble(blocks)
+            for rows, columns, blocks in self._parts()
+        )
+        K = self.bulk.K.copy()
+        K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        return K, B_T, C, A_z
+
+    def assemble(self) -> None:
+        """Fill the matrix, made anew where contact goes beyond its room (collective)."""
+        nest = PETSc.Mat().createNest([[self.bulk.K, None], [None, self._no_K]], comm=self.comm)
+        K = PETSc.Mat()
+        nest.convert("aij", out=K)
+        nest.destroy()
+        if self._update_pattern():
+            self._make_room(K)
+        self.matrix.zeroEntries()
+        K.copy(self.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        K.destroy()
+        add_blocks(self.matrix, self._numbered_blocks(self._parts()))
+        self._scales = np.repeat(self.collect(self.scale(c)[:, None] for c in self.contacts), 2)
+        self._hold(self.matrix, self.matrix.getOwnershipRange()[0])
+
+    def _make_room(self, K: PETSc.Mat) -> None:
+        """Make the matrix anew, with the entries of K and all that contact may reach."""
+        if self._assembled is not None:
+            self._assembled.destroy()
+        parts = chain(self._parts(), self._room())
+        room = BlockMatrix(self.comm, *[sum(self._sizes)] * 2)
+        room.assemble(self._numbered_blocks(parts))
+        self.matrix = self._assembled = room.mat
+        self.matrix.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        self.solver.forget_pattern()
+
+    def step(self) -> Array:
+        """See ``LinearSystem``; solves for the change of zeta, which vanishes as Newton converges.
+
+        So the accuracy of an iterative solver refers to the residual.
+        """
+        size = self.bulk.num_owned
+        rhs = self._scale_rows(self.join(self._newton_force(), self._law_rhs))
+        present, product = self.matrix.createVecs()
+        present.array[size:] = self.collect(c.z for c in self.contacts).ravel() / self._scales
+        self.matrix.mult(present, product)
+        x = self._solve(rhs - product.array_r) + present.array_r
+        present.destroy()
+        product.destroy()
+        return self._scale_multipliers(x)
+
+    def solve(self, b: Array, *, transpose: bool = False) -> Array:
+        """See ``LinearSystem``."""
+        if transpose:
+            return self._scale_rows(self._solve(self._scale_multipliers(b), transpose=True))
+        return self._scale_multipliers(self._solve(self._scale_rows(b)))
+
+    def _scale_rows(self, b: Array) -> Array:
+        """S_r b."""
+        scaled = b.copy()
+        scaled[self.bulk.held] *= self._held_scale
+        return scaled
+
+    def _scale_multipliers(self, x: Array) -> Array:
+        """S_c x."""
+        scaled = x.copy()
+        scaled[self.bulk.num_owned :] *= self._scales
+        return scaled

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: MIT
+"""A linear solver of PETSc whose answers are checked: a singular matrix must not pass in silence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from fenics_mortar.la.multigrid import TouchingBodies
+from fenics_mortar.la.options import COMPLIANCE, DIRECT, options_added
+from fenics_mortar.utils.errors import MortarError, raise_together
+
+# Largest relative residual of an accepted solution: a direct solver that leaves more has met a
+# singular matrix.
+LINEAR_TOLERANCE = 1e-5
+# Relative residual of a direct solution above which it is refined once: a few units of rounding.
+REFINED = 1e-14
+# PETSc's reasons for the end of a linear solve by number, and those that say that a factorization
+# has met a pivot of zero or nan.
+REASONS = {
+    number: name
+    for name, number in vars(PETSc.KSP.ConvergedReason).items()
+    if name.isupper() and isinstance(number, int)
+}
+NO_FACTORS = (-9, -11)
+
+
+class LinearSolver:
+    """Solves A x = b and A^T x = b; all methods are collective.
+
+    Args:
+        comm: Communicator.
+        prefix: Prefix of PETSc's options.
+        options: Options by name, without the prefix; those of the database come first.
+        preconditioner: Makes the preconditioner of ``pc_type python``.
+
+    Attributes:
+        ksp: PETSc's solver.
+        forcing: Relative residual that the next solve may leave if it is iterative [1].
+        may_factor: Whether a direct solver takes over for good if an iterative one fails.
+        remark: Says that it has done so, or that PETSc does not know an option; else "".
+        given: Names of the options of PETSc that the user gave, without the prefix.
+
+    Raises:
+        MortarError: On all ranks, if PETSc refuses an option.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        prefix: str,
+        options: dict[str, Any],
+        preconditioner: Callable[[], TouchingBodies],
+    ) -> None:
+        self._comm, self._prefix, self._make_preconditioner = comm, prefix, preconditioner
+        self.forcing, self.may_factor, self.remark = 0.0, False, ""
+        self.given: set[str] = set()
+        self._used: set[str] = set()
+        self._first = True
+        self._create({**DIRECT, **options})
+
+    def _create(self, options: dict[str, Any]) -> None:
+        self._options = options
+        self.ksp = PETSc.KSP().create(self._comm)
+        self.ksp.setOptionsPrefix(self._prefix)
+        error = None
+        try:
+            with options_added(self._prefix, self._options, self._used):
+                self.ksp.setFromOptions()
+        except PETSc.Error as of_petsc:
+            what = str(of_petsc).splitlines()[-1].removeprefix(f"[{PETSc.COMM_WORLD.rank}] ")
+            error = MortarError(f"PETSc refuses an option '{self._prefix}...': {what}")
+        raise_together(self._comm, error)
+        self.multigrid: TouchingBodies | None = None
+        if self.ksp.getPC().getType() == "python":
+            self.multigrid = self._make_preconditioner()
+            self.ksp.getPC().setPythonContext(self.multigrid)
+        self._finest, *_ = self.ksp.getTolerances()
+
+    def forget_pattern(self) -> None:
+        """Drop factors of a matrix with another pattern: PETSc does not see it; multigrid does."""
+        if self.multigrid is None:
+            self.ksp.reset()
+
+    def solve(self, matrix: PETSc.Mat, rhs: PETSc.Vec, *, transpose: bool = False) -> PETSc.Vec:
+        """Solve and check the solution.
+
+        A direct solution whose residual is above rounding is refined once: pivots of a saddle point
+        are chosen for sparsity, too, and cost digits. Factors are kept while the matrix stays.
+
+        Args:
+            matrix: A.
+            rhs: The right-hand side, of this layout in either case.
+            transpose: Whether to solve with A^T.
+
+        Raises:
+            MortarError: On all ranks, if no solution was found.
+        """
+        self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
+        self.forcing = 0.0
+        solution, failure = self._attempt(matrix, rhs, transpose)
+        if failure:  # an elimination order that suited other values may not suit these
+            self.ksp.reset()
+            solution, failure = self._attempt(matrix, rhs, transpose)
+        if not failure:
+            return solution
+        self.ksp.reset()  # MUMPS does not factor again after it has failed
+        if not self.may_factor:
+            raise MortarError(f"the linear system was not solved{failure}")
+        self.may_factor = False
+        self.remark = (
+            f"the iterative solver failed{failure}; from now on the linear systems are solved "
+            "directly"
+        )
+        self.ksp.destroy()
+        self._create(DIRECT)
+        return self.solve(matrix, rhs, transpose=transpose)
+
+    def _attempt(self, matrix: PETSc.Mat, rhs: PETSc.Vec, transpose: bool) -> tuple[PETSc.Vec, str]:
+        """A solution and the reason why it is none, as the end of a sentence; "" if it is one."""
+        solution = rhs.duplicate()
+        self.ksp.setOperators(matrix)
+        try:
+            self._run(rhs, solution, transpose)
+        except MortarError as error:
+            return solution, f": {error}"
+        defect = rhs.duplicate()
+        relative = _defect(matrix, rhs, solution, defect, transpose)
+        if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
+            correction = rhs.duplicate()
+            self._call(defect, correction, transpose)
+            solution.axpy(1.0, correction)
+            correction.destroy()
+            relative = _defect(matrix, rhs, solution, defect, transpose)
+        defect.destroy()
+        reason = self.ksp.getConvergedReason()
+        if reason >= 0 and relative <= LINEAR_TOLERANCE:
+            return solution, ""
+        return solution, (
+            f", {self._describe(reason)}, remaining part of the right-hand side {relative:.1e} "
+            f"(allowed {LINEAR_TOLERANCE:g})"
+        )
+
+    def _call(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:
+        """Let PETSc solve."""
+        (self.ksp.solveTranspose if transpose else self.ksp.solve)(rhs, solution)
+
+    def _run(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:
+        """Let PETSc solve; its error on any rank is raised on all as a ``MortarError``."""
+        error, copy = None, rhs.copy()  # an error leaves the right-hand side locked
+        try:
+            with options_added(self._prefix, self._options, self._used if self._first else None):
+                self._call(copy, solution, transpose)
+            copy.destroy()
+        except MortarError as ours:
+            error = ours
+        except PETSc.Error as of_petsc:
+            what = str(of_petsc).splitlines()[-1]
+            error = MortarError(f"PETSc's error {of_petsc.ierr}, {what}")
+        raise_together(self._comm, error)
+        if self._first:
+            self._first = False
+            self.remark = "; ".join(filter(None, (self.remark, self._describe_unused())))
+
+    def _describe(self, reason: int) -> str:
+        """What PETSc's reason says of a solve that has failed, in words."""
+        named = f"PETSc's reason {reason} ({REASONS.get(reason, 'unknown')})"
+        if self.ksp.getType() == "preonly" or reason in NO_FACTORS:
+            return f"it may be singular: {named}"
+        if reason >= 0:
+            return (
+                f"the iterative solver stopped too early: {named}, a smaller tolerance is right, "
+                f"as '{self._prefix}ksp_rtol'"
+            )
+        return f"the iterative solver did not converge: {named}"
+
+    def _describe_unused(self) -> str:
+        """Options of the user that PETSc did not read in a solve, in words, each once."""
+        database = PETSc.Options(self._prefix).getAll() if self._prefix else {}
+        given = {name for name in database if not name.startswith(COMPLIANCE)}
+        given |= self.given
+        used = set().union(*self._comm.allgather(self._used))
+        unused = sorted(given - used)
+        self.given, self._used = set(), used | given
+        if not unused:
+            return ""
+        names = ", ".join(f"'{self._prefix}{name}'" for name in unused)
+        return f"PETSc did not ask for the option {names}: misspelt, or of another solver"
+
+
+def _defect(
+    matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec, defect: PETSc.Vec, transpose: bool
+) -> float:
+    """Set ``defect`` to the residual; return its norm over that of the right-hand side."""
+    (matrix.multTranspose if transpose else matrix.mult)(solution, defect)
+    defect.aypx(-1.0, rhs)
+    return float(defect.norm() / max(rhs.norm(), np.finfo(float).tiny))

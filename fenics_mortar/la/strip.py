@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: MIT
+"""The strip along the contact surfaces: its rows and columns of a matrix, factored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.utils.arrays import Indices
+
+# Each rank factors all of the strip: that is little work, and its solves need one exchange only.
+STRIP = {
+    "pc_type": "redundant",
+    "redundant_pc_type": "lu",
+    "redundant_pc_factor_mat_solver_type": "mumps",
+}
+# Layers of cells on either side of a contact surface that a strip has.
+LAYERS = 2
+
+
+class Strip:
+    """The rows and columns of the dofs near contact surfaces, factored; methods are collective.
+
+    Args:
+        bulk: The bodies; K holds no contact yet.
+        contacts: The contacts.
+        prefix: Prefix of the options.
+        multipliers: Rows of multipliers after those of dofs; all of them are in the strip.
+
+    Attributes:
+        num_rows: Rows of the strip, on all ranks together.
+    """
+
+    def __init__(
+        self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, multipliers: int
+    ) -> None:
+        self._prefix, self._held, self._comm = prefix, bulk.held, bulk.comm
+        rows = np.arange(bulk.num_owned, bulk.num_owned + multipliers)
+        surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
+        self._rows = np.append(near(bulk, surfaces, LAYERS), rows)
+        self.num_rows = bulk.comm.allreduce(self._rows.size)
+        self._matrix: Any = None
+        self._factors: Any = None
+
+    def factor(self, A: PETSc.Mat) -> None:
+        """Factor the part of ``A``; its pattern may have changed."""
+        if self._matrix is not None:
+            self._factors.destroy()
+            self._matrix.destroy()
+        rows = (self._rows + A.getOwnershipRange()[0]).astype(PETSc.IntType)
+        whole = PETSc.IS().createGeneral(rows, self._comm)
+        self._matrix = A.createSubMatrix(whole, whole)
+        self._factors = PETSc.PC().create(self._comm)
+        self._factors.setOptionsPrefix(self._prefix)
+        self._factors.setFromOptions()
+        self._factors.setOperators(self._matrix)
+        self._factors.setUp()
+        self._b, self._x = self._matrix.createVecs()
+        self._diagonal = A.getDiagonal().array_r[self._held]
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec, *, transpose: bool = False) -> None:
+        """Solve for the dofs of the strip and those with prescribed values; others are zero.
+
+        Args:
+            b: Right-hand side of the whole matrix.
+            x: The solution.
+            transpose: Whether to solve with the transposed factors.
+        """
+        x.set(0.0)
+        x.array[self._held] = b.array_r[self._held] / self._diagonal
+        self._b.array[:] = b.array_r[self._rows]
+        apply = self._factors.applyTranspose if transpose else self._factors.apply
+        apply(self._b, self._x)
+        x.array[self._rows] = self._x.array_r
+
+
+def near(bulk: Bulk, surfaces: Sequence[Surface], layers: int) -> Indices:
+    """Local numbers of the owned dofs within ``layers`` of cells of the surfaces (collective)."""
+    dofs = [np.empty(0, np.int64), *(s.local_dofs.ravel() + bulk.first for s in surfaces)]
+    found = PETSc.IS().createGeneral(
+        np.unique(np.concatenate(dofs)).astype(PETSc.IntType), PETSc.COMM_SELF
+    )
+    bulk.K.increaseOverlap(found, layers)
+    everywhere = np.unique(np.concatenate(bulk.comm.allgather(found.indices)))
+    mine = (everywhere >= bulk.first) & (everywhere < bulk.first + bulk.num_owned)
+    return everywhere[mine].astype(np.int64) - bulk.first

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: MIT
+"""Balance of obstacles: its linearization, the border of the system of u and z.
+
+To the equations of displacement and multipliers, whatever their form, come the columns C_q of the
+contact law, and for each motion the row of its balance,
+
+    E_d du + M_q z + E_q dq = push,    M_q z = f_q,
+
+with E the derivatives of f_q at fixed z. D does not depend on q, so the rows of the bodies have no
+columns.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.rigid.bordered import Border
+from fenics_mortar.rigid.motions import ObstacleMotions
+
+
+def linearize_balance(motions: ObstacleMotions, system: LinearSystem) -> Border:
+    """C_q, [E_d, M_q] and E_q of all motions, driven or not (collective).
+
+    Args:
+        motions: The obstacles.
+        system: System of displacement and multipliers, whose vectors the columns and rows are.
+    """
+    count, size = motions.scales.size, system.bulk.num_owned
+    columns = np.zeros((count, size + 2 * system.num_multipliers))
+    rows, corner = np.zeros_like(columns), np.zeros((count, count))
+    for contact, place in system.numbered():
+        if contact.obstacle is None:
+            continue
+        own = slice(3 * (first := motions.obstacles.index(contact.obstacle)), 3 * first + 3)
+        E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
+        acting = M_q * contact.acts[:, None]
+        multipliers = size + 2 * system.local(contact, place)[:, None] + np.arange(2)
+        mine = contact.slave.owned
+        columns[own, multipliers] += np.moveaxis(contact.motion_rows()[mine], 2, 0)
+        rows[own, multipliers] += acting[:, mine]
+        for row, forces in zip(rows[own], E_d, strict=True):
+            contact.slave.scatter_add(forces, row)
+        corner[own, own] += E_q
+    return Border(columns, rows, corner)

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: MIT
+"""Motions of obstacles that forces drive and active contact does not resist.
+
+A spring in the tangent regularizes them, as it does for floating bodies, see ``floating``: the
+residual has none, so that the converged solution is unaffected.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fenics_mortar.rigid.floating import HELD, LEAST_SPRING
+from fenics_mortar.rigid.motions import ObstacleMotions, in_words
+from fenics_mortar.utils.arrays import Array
+
+# Smallest force along loose motions that counts as driving them, over the size of the forces [1]:
+# above rounding.
+DRIVEN = 1e-12
+
+
+def loose_motions(motions: ObstacleMotions) -> list[Array]:
+    """Loose motions of each obstacle, an orthonormal basis of shape (n, 3) each (local)."""
+    found = []
+    for number, driven in enumerate(motions.driven):
+        basis = np.eye(3)[driven]
+        closing = [c.gap_by_motions()[c.active] for c in motions.contacts_of(number)]
+        answers = np.concatenate([*closing, np.zeros((3, 3))]) @ basis.T
+        _, norms, combinations = np.linalg.svd(answers, full_matrices=False)
+        found.append(combinations[norms <= HELD] @ basis)
+    return found
+
+
+def tangent_springs(
+    motions: ObstacleMotions, residual: Array, stiffness: float, force: float
+) -> Array:
+    """Springs on loose motions, in proportion to the force that drives them, as E_q (local).
+
+    Args:
+        motions: The obstacles.
+        residual: Of their balance, shape (obstacles, 3) [stress length].
+        stiffness: Of the bulk [stress].
+        force: Size of all forces [stress length].
+
+    Returns:
+        Shape (3 obstacles, 3 obstacles) [stress].
+    """
+    total = np.zeros((motions.scales.size, motions.scales.size))
+    for number, loose in enumerate(loose_motions(motions)):
+        own = slice(3 * number, 3 * number + 3)
+        drive = float(np.linalg.norm(loose @ residual[number])) / max(force, 1e-300)
+        total[own, own] = stiffness * np.clip(drive, LEAST_SPRING, 1.0) * (loose.T @ loose)
+    return total
+
+
+def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> str:
+    """Loose motions that forces drive, in words; "" if there are none (local).
+
+    Args:
+        motions: The obstacles.
+        residual: Of their balance, shape (obstacles, 3) [stress length].
+        force: Size of all forces [stress length].
+    """
+    found = []
+    for obstacle, loose, rest in zip(
+        motions.obstacles, loose_motions(motions), residual, strict=True
+    ):
+        drive = loose @ rest
+        if np.linalg.norm(drive) > DRIVEN * force:
+            found.append(f"obstacle '{obstacle.name}' can {in_words(drive @ loose)}")
+    return ", ".join(found)
