@@ -37,15 +37,17 @@ def measure(dofs):
     """Dofs, segments, seconds of an iteration, and of looking at a state and at a step."""
     problem, facet, top = two_pressed_blocks(dofs)
     problem.solve()
-    crossings, costs = problem.crossings, []
+    crossings, costs = problem.equations.crossings, []
     for _ in range(STEPS):
         top.value[0] += 0.5 * facet
         before = crossings.accepted
         seconds, report = seconds_of(problem.solve)
-        crossings.restore(before, problem.bulk.u.x.array.copy())
+        crossings.restore(before, problem.equations.bulk.u.x.array.copy())
         state, found = seconds_of(crossings.find, REPEATS)
-        step, passed = seconds_of(lambda: crossings.passages(problem.tools.places), REPEATS)
-        crossings.accept(problem.tools.places)
+        step, passed = seconds_of(
+            lambda: crossings.passages(problem.equations.tools.places), REPEATS
+        )
+        crossings.accept(problem.equations.tools.places)
         assert passed == [] and all(crossing.facets < 0.1 for crossing in found)
         costs.append((seconds / report.num_iterations, state, step))
     return size_of(problem), len(crossings.outline.segments), *np.median(costs, axis=0)

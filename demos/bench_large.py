@@ -51,7 +51,7 @@ for depth in DEPTHS:
     iterations, clock, cpu = iterations + report.num_iterations, clock + wall, cpu + busy
     for phase, seconds in report.total_seconds().items():
         phases[phase] = phases.get(phase, 0.0) + seconds
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     cells = [f"{depth:.2f}", f"{contact.total_force[1]:.6f}", f"{contact.active.sum()}"]
     cells += [f"{report.num_iterations}", f"{wall:.1f}", f"{busy:.1f}"]
     say(f"| {' | '.join(cells)} |")

@@ -96,7 +96,7 @@ for which, (problem, tool) in enumerate(problems):
     pressed[which].append(peak())
 slid = [[measure(*each, displacement) for each in problems] for displacement in sliding]
 
-u, w = (problem.bulk.u.x.array for problem, _ in problems)
+u, w = (problem.equations.bulk.u.x.array for problem, _ in problems)
 difference = comm.allreduce(float(np.abs(u - w).max()), MPI.MAX)
 size = problems[0][0].bulk.V.dofmap.index_map.size_global * 2
 if comm.rank == 0:

@@ -31,7 +31,7 @@ def measure(refinements):
     options = {"solver": "iterative", "algorithm": ALGORITHM}
     problem, push = half_cylinder(0.16, refinements, stiff=stiff, **options)
     seen = []  # iteration and residual: 0, 1, 2, ... in each linear solve
-    problem.system.ksp.setMonitor(
+    problem.equations.system.ksp.setMonitor(
         lambda ksp, iteration, residual: seen.append((iteration, residual))
     )
     newton = 0
@@ -42,7 +42,7 @@ def measure(refinements):
     (first,) = np.nonzero(number == 0)
     last = np.append(first[1:], number.size) - 1
     linear, digits = number[last].sum(), np.log10(residual[first] / residual[last]).sum()
-    active = problem.contacts[0].active.sum()
+    active = problem.equations.contacts[0].active.sum()
     return size_of(problem), active, newton, linear / newton, 8 * linear / digits
 
 

@@ -77,13 +77,16 @@ def measure(kind, dofs):
     """Print a row; return the problem."""
     problem, _, top = two_pressed_blocks(dofs, solver="iterative")
     problem.solve()
-    contact, counting = problem.contacts[0], Counting(problem.contacts[0].slave.comm)
+    contact, counting = (
+        problem.equations.contacts[0],
+        Counting(problem.equations.contacts[0].slave.comm),
+    )
     for part in (contact.slave, contact.master, contact.sight.outline):
         object.__setattr__(part, "comm", counting)
-    problem.evaluate(start=True)
+    problem.equations.evaluate(start=True)
     counting.calls = counting.bytes = 0
-    problem.advance()
-    problem.evaluate(start=False)
+    problem.equations.advance()
+    problem.equations.evaluate(start=False)
     calls, sent = counting.calls, counting.bytes
     counting.calls = counting.bytes = 0
     iterations, clock, cpu, phases = 0, 0.0, 0.0, 0.0
@@ -114,7 +117,7 @@ titles += ["72 S + 16 M + 16 B", "bytes, all told", "force"]
 say(f"per Newton iteration\n\n| {' | '.join(titles)} |\n|{'---:|' * len(titles)}")
 measure("weak", DOFS * comm.size)
 problem, CALLS, FACTOR = measure("strong", DOFS)
-contact = problem.contacts[0]
+contact = problem.equations.contacts[0]
 # -
 
 # ## A thousand ranks
@@ -173,7 +176,7 @@ def simulate(dofs):
     x, m = refined(contact.operators.x, k + 1), refined(contact.operators.m, 2 * k + 1)
     S, M, segments = len(x), len(m), 2 * k  # about two segments to a slave facet
     slave, master, segment = held_bytes()
-    strip = problem.system.solver.multigrid._strip.num_rows / (
+    strip = problem.equations.system.solver.multigrid._strip.num_rows / (
         contact.slave.num_nodes + contact.master.num_nodes
     )
     say(f"\n{dofs:.0e} dofs: S = {S}, M = {M}, {strip * (S + M):.0f} dofs in the strip\n")

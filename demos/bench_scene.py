@@ -91,4 +91,4 @@ def half_cylinder(h, refinements, **options):
 
 def size_of(problem):
     """Number of unknowns of the displacement."""
-    return problem.bulk.r.getSize()
+    return problem.equations.bulk.r.getSize()

@@ -102,8 +102,10 @@ for number in range(REPEATS + 1):
 # +
 u, problem, *_ = runs["full"][0]
 if comm.rank == 0:
-    size = problem.bulk.r.getSize()
-    print(f"{size} dofs, {problem.contacts[0].active.sum()} of {len(problem.contacts[0].active)} ")
+    size = problem.equations.bulk.r.getSize()
+    print(
+        f"{size} dofs, {problem.equations.contacts[0].active.sum()} of {len(problem.equations.contacts[0].active)} "
+    )
     print("| model | first step [s] | all steps [s] | iterations | faster | force | off |")
     print("|---|---:|---:|---:|---:|---:|---:|")
 seconds = {name: np.median([run[2] for run in found], axis=0) for name, found in runs.items()}
@@ -112,7 +114,7 @@ for name, found in runs.items():
     w, other, _, iterations = found[0]
     mine = seconds[name]
     off = np.linalg.norm(w - u) / np.linalg.norm(u)
-    force = other.contacts[0].total_force[1]
+    force = other.equations.contacts[0].total_force[1]
     if comm.rank == 0:
         cells = [f"{mine[0]:.2f}", f"{mine.sum():.2f}", f"{sum(iterations)}"]
         cells += [f"{full[0] / mine[0]:.1f}, {full.sum() / mine.sum():.1f}"]

@@ -70,7 +70,7 @@ for place in [*((0.0, -0.004 * k) for k in range(1, 11)), (0.002, -0.04), (0.004
 # ## Comparison
 
 # +
-pair, node = problem.contacts[0], problem.contacts[0].nodal
+pair, node = problem.equations.contacts[0], problem.equations.contacts[0].nodal
 P, Q = pair.total_force[1], -pair.total_force[0]
 a = np.sqrt(8 * P * R * (1 - nu**2) / (np.pi * E))
 c = a * np.sqrt(1 - Q / (friction * P))

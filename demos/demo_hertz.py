@@ -70,7 +70,7 @@ for depth in (0.02, 0.04):
 # ## Comparison
 
 # +
-pair = problem.contacts[0]
+pair = problem.equations.contacts[0]
 x, p, weights = pair.operators.x[:, 0], pair.pressure, pair.operators.diagonal
 P = pair.total_force[1]
 E_star = E / (2 * (1 - nu**2))

@@ -73,7 +73,7 @@ fm.plot(problem, "results/tied.png", stress=strain[0, 0], label="strain in x", s
 # The force on the quarter of the inclusion is the stress in it times the radius.
 
 # +
-arc, kappa = problem.contacts[0], 3 - 4 * nu
+arc, kappa = problem.equations.contacts[0], 3 - 4 * nu
 mean = G["inclusion"] * (kappa + 1) / (2 * G["inclusion"] + G["plate"] * (kappa - 1)) / 2
 deviator = G["inclusion"] * (kappa + 1) / (kappa * G["inclusion"] + G["plate"]) / 2
 exact = np.array([mean + deviator, mean - deviator])

@@ -92,6 +92,6 @@ if comm.rank == 0:
 # ## Check
 # Newton ends quadratically, and the two blocks push each other with forces that cancel.
 
-on_slave, on_master = problem.contacts[0].operators.force(problem.contacts[0].z)
+on_slave, on_master = problem.equations.contacts[0].operators.force(problem.equations.contacts[0].z)
 assert report.num_iterations <= 8
 assert np.abs(on_slave.sum(axis=0) + on_master.sum(axis=0)).max() < 1e-12 * np.abs(on_slave).max()

@@ -80,7 +80,7 @@ class Held:
     @property
     def moved(self) -> Array:
         """Displacement of all nodes in the frame of the scene, shape (nodes, 2)."""
-        return self.problem.bulk.by_input_node()[1] @ rotation(self.turn)
+        return self.problem.equations.bulk.by_input_node()[1] @ rotation(self.turn)
 
     def nodes(self, name: str) -> slice:
         """Nodes of a body among those of ``moved``."""
@@ -107,7 +107,7 @@ class Held:
 
     def force(self, number: int) -> Array:
         """Contact force on the slave of a pair in the frame of the scene (2,)."""
-        return np.array(self.problem.contacts[number].total_force) @ rotation(self.turn)
+        return np.array(self.problem.equations.contacts[number].total_force) @ rotation(self.turn)
 
     def structure(self, loads: Loads, live: Loads) -> Structure:
         """The rigid bodies under dead loads, with live ones to be scaled."""

@@ -96,7 +96,7 @@ class Scene:
 
     @property
     def contact(self):
-        return self.problem.contacts[0]
+        return self.problem.equations.contacts[0]
 
 
 def pressed_blocks(
@@ -158,11 +158,11 @@ def homogeneous_blocks(
 
 def disturbed(scene: Scene) -> Scene:
     """All nodes moved at random, alike on any number of ranks; the covered ones are active."""
-    bulk = scene.problem.bulk
+    bulk = scene.problem.equations.bulk
     noise = np.random.default_rng(0).uniform(-0.01, 0.01, bulk.r.getSize())
     scene.u.x.array[: bulk.num_owned] = noise[bulk.first :][: bulk.num_owned]
     scene.u.x.scatter_forward()
-    scene.contact.evaluate(scene.u.x.array, scene.problem.linearization)
+    scene.contact.evaluate(scene.u.x.array, scene.problem.equations.linearization)
     scene.contact.change(active=scene.contact.covered)
     return scene
 
@@ -172,7 +172,7 @@ def nodal(problem) -> np.ndarray:
 
     Two meshes of the same input may be shared out among the ranks in different ways.
     """
-    return problem.bulk.by_input_node()[1]
+    return problem.equations.bulk.by_input_node()[1]
 
 
 def rotation(angle: float) -> np.ndarray:
@@ -182,5 +182,5 @@ def rotation(angle: float) -> np.ndarray:
 
 def global_norm(scene: Scene) -> float:
     """Euclidean norm of the owned displacement dofs of all ranks."""
-    mine = scene.u.x.array[: scene.problem.bulk.num_owned]
+    mine = scene.u.x.array[: scene.problem.equations.bulk.num_owned]
     return float(np.sqrt(MPI.COMM_WORLD.allreduce(float(mine @ mine))))

@@ -37,7 +37,7 @@ MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
 def blocks(push, *, strain="linear", sliding="finite", solve=True, **check):
     """Two blocks, solved by a rung of the ladder; a check that knows the finite residual."""
     scene = pressed_blocks(**MESH)
-    data, V, bcs = scene.data, scene.u.function_space, scene.problem.bulk.bcs
+    data, V, bcs = scene.data, scene.u.function_space, scene.problem.equations.bulk.bcs
     u = fem.Function(V)
     laws = {"linear": linear_elastic, "finite": neo_hookean}
     forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in laws.items()}
@@ -79,7 +79,7 @@ def test_a_check_leaves_the_state_and_later_steps_as_they_are():
         before.interfaces[0].z, after.interfaces[0].z
     )
     assert np.array_equal(before.interfaces[0].active, after.interfaces[0].active)
-    assert problem.contacts[0].operators.linearization.frozen
+    assert problem.equations.contacts[0].operators.linearization.frozen
     one, other = problem.solve(), alone.solve()
     assert other.adequacy is None and one.num_iterations == other.num_iterations
     u, w = nodal(problem), nodal(alone)
@@ -113,7 +113,7 @@ def test_rigid_obstacles_follow_the_rule_of_stiffness(ratio, verdict):
     problem = fm.ContactProblem(
         internal(u, neo_hookean(u, 100.0, 0.3)), u,
         [fm.ContactPair(scene.data, "upper/bottom", plane)],
-        bcs=scene.problem.bulk.bcs, petsc_options_prefix="test_",
+        bcs=scene.problem.equations.bulk.bcs, petsc_options_prefix="test_",
         adequacy=fm.AdequacyCheck(stiffness_ratio=ratio),
     )  # fmt: skip
     scene.loads["push"].value[1] = -0.05
@@ -160,16 +160,18 @@ def test_a_meshed_tool_says_what_it_is_worth_that_an_obstacle_is_rigid():
     found = []
     for angle in (0.0, 0.7):
         problem, tool = soft_on("rigid", angle=angle)
-        before, offset = problem.state(), problem.contacts[0].offset
+        before, offset = problem.state(), problem.equations.contacts[0].offset
         (assumption,) = fm.AdequacyCheck(tools=[tool()]).assess(problem).assumptions
         assert np.array_equal(problem.state().u, before.u)
-        assert problem.contacts[0].offset is offset and "give way" in assumption.indicator
+        assert problem.equations.contacts[0].offset is offset and "give way" in assumption.indicator
         found.append(assumption.errors)
     assert found[1] == pytest.approx(found[0], rel=1e-6)
-    other, (nodes, u) = Snapshot.of(full), full.bulk.by_input_node()
+    other, (nodes, u) = Snapshot.of(full), full.equations.bulk.by_input_node()
     here = Snapshot.of(problem)
-    problem.bulk.set_by_input_node(nodes[: SOFT.x[:, :, 0].size], u[: SOFT.x[:, :, 0].size])
-    other.u = problem.bulk.u.x.array[: problem.bulk.num_owned].copy()
+    problem.equations.bulk.set_by_input_node(
+        nodes[: SOFT.x[:, :, 0].size], u[: SOFT.x[:, :, 0].size]
+    )
+    other.u = problem.equations.bulk.u.x.array[: problem.equations.bulk.num_owned].copy()
     true = differences(problem, here, other)
     for name in QUANTITIES:
         assert 0.85 < found[0][name] / true[name] < 1.15, (name, true, found[0])
@@ -209,16 +211,16 @@ def test_facets_of_a_meshed_tool_stand_beside_its_elasticity():
     rigid, full, alone = (
         ring_on(name, read(lambda g=grids: mapped_grids.build(g))) for name, grids in meshes.items()
     )
-    (contact,) = rigid.contacts
+    (contact,) = rigid.equations.contacts
     elastic = alone(contact.obstacle)
     give, flatness = elastic.give([contact])[0], elastic.flatness([contact])[0]
     on = contact.active
     assert 0.5 * 3.8e-3 < flatness[on].mean() < 0.8 * 3.8e-3  # two thirds of the largest
     found = estimate_wider(rigid, [contact], [give + flatness])
-    forces = [problem.contacts[0].total_force for problem in (rigid, full)]
+    forces = [problem.equations.contacts[0].total_force for problem in (rigid, full)]
     true = np.linalg.norm(forces[0] - forces[1]) / np.linalg.norm(forces[1])
     assert 0.85 < found["total force"] / true < 1.15
-    peaks = [problem.contacts[0].pressure.max() for problem in (rigid, full)]
+    peaks = [problem.equations.contacts[0].pressure.max() for problem in (rigid, full)]
     assert 0.7 < found[PEAK] / (abs(peaks[0] / peaks[1] - 1)) < 1.3
     check = fm.AdequacyCheck(1e-3, tools=[elastic]).assess(rigid)
     assert check.verdict(check.assumptions[0]) == "refine before you model more"
@@ -243,7 +245,7 @@ def test_small_sliding_on_an_obstacle_that_has_moved():
         pair = fm.ContactPair(scene.data, "upper/bottom", tool, sliding="small")
         check = fm.AdequacyCheck(finite_strain=forms["finite"], stiffness_ratio=0.001)
         problem = fm.ContactProblem(
-            forms[strain], u, [pair], bcs=scene.problem.bulk.bcs, petsc_options_prefix="test_",
+            forms[strain], u, [pair], bcs=scene.problem.equations.bulk.bcs, petsc_options_prefix="test_",
             adequacy=check if strain == "linear" else None,
         )  # fmt: skip
         tool.move(x=0.3, y=0.05)
@@ -259,14 +261,14 @@ def test_strain_and_rotation_of_a_known_state():
     problem, _ = blocks((0.0, 0.0), strain="finite", solve=False)
     turn = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
     H = turn @ np.diag([1.03, 1.0]) - np.eye(2)
-    problem.bulk.u.interpolate(lambda X: H @ X[:2])
+    problem.equations.bulk.u.interpolate(lambda X: H @ X[:2])
     assert largest_strain(problem) == pytest.approx((0.1, 0.03), rel=1e-10)
 
 
 def test_rigid_motions_of_the_bodies_are_no_strain():
     """Both are stretched by 2 % and turned by 0.4 radian; what is left is the stretch, turned."""
     problem, _ = blocks((0.0, 0.0), strain="finite", solve=False)
-    bulk = problem.bulk
+    bulk = problem.equations.bulk
     turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
     bulk.u.interpolate(lambda X: turn @ np.diag([1.02, 1.0]) @ X[:2] - X[:2])
     rest = strained(problem, bulk.u.x.array[: bulk.num_owned])[bulk.space.owned_dofs] @ turn
@@ -348,12 +350,12 @@ def climbing(law=None, **check):
     u = fem.Function(scene.u.function_space)
     pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", law=law)
     problem = fm.ContactProblem(
-        internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=scene.problem.bulk.bcs,
+        internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=scene.problem.equations.bulk.bcs,
         petsc_options_prefix="test_", newton=TIGHT,
         adequacy=fm.AdequacyCheck(climb=True, **check) if check else None,
     )  # fmt: skip
-    steps, advance = [], problem.advance
-    problem.advance = lambda: steps.append(1) or advance()
+    steps, advance = [], problem.equations.advance
+    problem.equations.advance = lambda: steps.append(1) or advance()
     return problem, scene.loads["push"].value, steps
 
 
@@ -369,7 +371,7 @@ def test_climb_reaches_the_full_model_where_it_is_needed(law):
         assert report.adequacy.suffices and not report.adequacy.assumptions
         u, w = nodal(full), nodal(problem)
         assert np.abs(u - w).max() < 1e-9 * np.abs(u).max()
-        z, w = full.contacts[0].z, problem.contacts[0].z
+        z, w = full.equations.contacts[0].z, problem.equations.contacts[0].z
         assert np.abs(z - w).max() < 1e-8 * np.abs(z).max()
 
 
@@ -440,7 +442,7 @@ def test_climb_goes_on_where_a_rung_fails(monkeypatch):
     for model in models:
 
         def fail(rung=model.problem):
-            rung.bulk.u.x.array[:] = 0.01
+            rung.equations.bulk.u.x.array[:] = 0.01
             raise fm.MortarError("no")
 
         monkeypatch.setattr(model.problem, "solve", fail)

@@ -88,7 +88,7 @@ def test_columns_are_pulled_by_the_closed_form(degree, law, options):
     """
     problem, lift = columns(law, degree=degree, **options)
     height = 2.0
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     for up in (-0.02, 0.03, 0.08, 0.12, 0.2):
         lift.value = up
         record = problem.solve()
@@ -136,7 +136,7 @@ def test_tangent_at_an_obstacle_that_pulls_has_slope_two():
     circle = fm.Circle((0.5, -2.0), 2.01)
     problem, _ = block_on(circle, law=Sticky(0.3))
     record = problem.solve()
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     assert record.certificate.violations() == []
     assert contact.active.any() and contact.attracted.any()
     assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)

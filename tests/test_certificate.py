@@ -51,7 +51,7 @@ def test_tension_and_overlap_are_seen():
     z[3] *= -2.0
     contact.change(z=z)
     scene.u.x.array[:] *= 2.0
-    contact.evaluate(scene.u.x.array, scene.problem.linearization)
+    contact.evaluate(scene.u.x.array, scene.problem.equations.linearization)
     assert any("overlap" in v for v in scene.problem.certificate().pairs[0].violations())
 
 
@@ -68,7 +68,7 @@ def test_what_the_mesh_leaves_between_the_nodes_is_told():
             u.x.array[:] = start
             u.x.array[up] += part * facets * contact.slave.lengths.max()
             u.x.scatter_forward()
-            contact.evaluate(u.x.array, scene.problem.linearization)
+            contact.evaluate(u.x.array, scene.problem.equations.linearization)
             (pair,) = scene.problem.certificate().pairs
             assert any(re.search(expected, said) for said in (*pair.remarks(), *pair.violations()))
     contact.change(active=np.zeros_like(contact.active))
@@ -95,8 +95,8 @@ def test_contact_that_was_missed_is_seen():
     u.x.array[:] = 0.0
     problem.solve(accept_violations=True)
     (certificate,) = problem.certificate().pairs
-    assert np.abs(problem.contacts[0].total_force).max() == 0.0
-    assert certificate.unpaired >= problem.contacts[0].slave.num_nodes
+    assert np.abs(problem.equations.contacts[0].total_force).max() == 0.0
+    assert certificate.unpaired >= problem.equations.contacts[0].slave.num_nodes
     assert any("contact was missed" in v for v in certificate.violations())
 
 
@@ -137,7 +137,7 @@ def test_nodes_of_one_pair_that_another_pair_holds_are_not_missed():
     residual = internal(u, neo_hookean(u, 100.0, 0.3))
     problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="tools_")
     certificate = problem.solve().certificate
-    assert min(abs(c.total_force[1]) for c in problem.contacts) > 1.0
+    assert min(abs(c.total_force[1]) for c in problem.equations.contacts) > 1.0
     assert [pair.unpaired for pair in certificate.pairs] == [0, 0]
 
 
@@ -201,7 +201,7 @@ def dragged_wedge(slave, half, tilt, mu):
     for motion in ((0.0, -0.015), (0.0, -0.03), (0.05, -0.03), (0.12, -0.03), (0.19, -0.03)):
         push.value[:] = motion
         report = problem.solve()
-    return problem.contacts[0], report
+    return problem.equations.contacts[0], report
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_body_that_leans_on_a_held_slave_node_is_told(shift, leans):
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="leaning_")
     report = problem.solve()
     (certificate,) = report.certificate.pairs
-    assert problem.contacts[0].active.sum() > 2
+    assert problem.equations.contacts[0].active.sum() > 2
     assert any("leans on a held slave node" in note for note in report.notes) == leans
     assert (certificate.lean > 2.0) == leans
     if leans:  # the node at the end of the held side
@@ -258,7 +258,7 @@ def test_two_solutions_by_the_end_of_the_master_are_told_of(part, told):
     lower = {"slave": "lower", "n_lower": 8, "width_lower": 2.0}
     width = 2.0 * (0.5 + 0.25 * np.sqrt(2.0 * part))
     scene = pressed_blocks(n_upper=5, layers_upper=2, layers_lower=2, width_upper=width, **lower)
-    scene.problem.evaluate(start=True)
+    scene.problem.equations.evaluate(start=True)
     assert np.allclose(scene.contact.operators.cover[[1, 7]], 0.25 * part, rtol=1e-9)
     said = [remark for remark in scene.problem.certificate().remarks() if "two solutions" in remark]
     assert len(said) == told

@@ -113,10 +113,10 @@ def test_an_array_that_is_missing_or_short_is_refused_by_all_ranks(shared_path, 
     if name == "places" and what == "short":
         return  # there are no obstacles
     problem = altered(shared_path, change)
-    u = problem.bulk.u.x.array.copy()
+    u = problem.equations.bulk.u.x.array.copy()
     with pytest.raises(fm.MortarError, match=f"'{name}'" if what == "missing" else "other|missing"):
         fm.load_state(problem, shared_path / "state")
-    assert np.array_equal(problem.bulk.u.x.array, u)
+    assert np.array_equal(problem.equations.bulk.u.x.array, u)
 
 
 def test_numbers_that_are_not_finite_are_refused(shared_path):
@@ -199,7 +199,7 @@ def test_restart_of_a_climb_is_the_uninterrupted_run(shared_path, law, check):
         assert len(steps) == len(same_steps)
         u, w = nodal(whole), nodal(again)
         assert np.abs(u - w).max() < 1e-14  # rounding
-        z, w = whole.contacts[0].z, again.contacts[0].z
+        z, w = whole.equations.contacts[0].z, again.equations.contacts[0].z
         assert np.abs(z - w).max() < 1e-12 * np.abs(z).max()
 
 
@@ -228,5 +228,5 @@ def test_small_sliding_goes_on_by_the_operators_that_it_began_with(shared_path):
         obstacle.move(x=0.1, y=0.01)
     problem.solve()
     again.solve()
-    z, w = problem.contacts[0].z, again.contacts[0].z
+    z, w = problem.equations.contacts[0].z, again.equations.contacts[0].z
     assert np.abs(z).max() > 0.1 and np.abs(z - w).max() < 1e-11 * np.abs(z).max()  # Newton's

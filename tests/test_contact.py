@@ -12,10 +12,10 @@ MESH = {"n_upper": 7, "n_lower": 9, "layers_upper": 3, "layers_lower": 3}
 
 def test_touching_nodes_are_active_at_the_start_and_open_ones_are_not():
     touching = pressed_blocks(**MESH)
-    touching.problem.evaluate(start=True)
+    touching.problem.equations.evaluate(start=True)
     assert touching.contact.active.all()
     opened = pressed_blocks(gap=0.01, **MESH)
-    opened.problem.evaluate(start=True)
+    opened.problem.equations.evaluate(start=True)
     assert not opened.contact.active.any()
     assert opened.contact.gap == pytest.approx(0.01, rel=1e-10)
 
@@ -23,7 +23,7 @@ def test_touching_nodes_are_active_at_the_start_and_open_ones_are_not():
 def test_node_without_partner_has_no_gap_and_is_never_active():
     scene = pressed_blocks(slave="lower", **MESH)
     scene.contact.change(z=np.tile([0.0, 1e3], (len(scene.contact.z), 1)))
-    scene.problem.evaluate(start=True)
+    scene.problem.equations.evaluate(start=True)
     alone = ~scene.contact.covered
     assert alone.any() and np.isnan(scene.contact.gap[alone]).all()
     assert not scene.contact.active[alone].any()
@@ -60,13 +60,13 @@ def test_result_does_not_depend_on_the_weight_of_the_gap(c_n):
 def test_merged_sets_hold_all_nodes_of_the_cycle():
     scene = pressed_blocks(gap=0.01, **MESH)
     problem, contact = scene.problem, scene.contact
-    problem.evaluate(start=True)
+    problem.equations.evaluate(start=True)
     for node in (1, 2):
         at = np.arange(len(contact.z))[:, None] == node
         contact.change(z=np.where(at, 1e6 * contact.operators.n, 0.0))
-        problem.evaluate(start=False)
+        problem.equations.evaluate(start=False)
     assert contact.active_nodes.tolist() == [2]
-    assert "last 2 iterations" in problem.merge_sets(2)
+    assert "last 2 iterations" in problem.equations.merge_sets(2)
     assert contact.active_nodes.tolist() == [1, 2]
     assert contact.c_n <= 1e-3
 
@@ -93,14 +93,14 @@ def test_node_whose_cover_grows_presses_on(monkeypatch):
         scene.problem.solve()
     edge = contact.active_nodes[0]
     before = contact.operators.cover[edge]
-    look, active = scene.problem.look, []
+    look, active = scene.problem.equations.look, []
 
     def note(*, start):
         status = look(start=start)
         active.append(contact.active[edge])
         return status
 
-    monkeypatch.setattr(scene.problem, "look", note)
+    monkeypatch.setattr(scene.problem.equations, "look", note)
     scene.loads["push"].value[:] = (0.04 + 0.9 * facet, -0.1)
     scene.problem.solve()
     assert contact.operators.cover[edge] > 3.0 * before

@@ -37,7 +37,7 @@ def problem_of(data, pairs, bcs, u, load=0.0, **options):
 
 def move_body(problem, where, new):
     """Put the nodes of the body that is at ``where`` (x -> bool) to ``new`` (x) by hand."""
-    bulk, labels = problem.bulk, problem.floating.labels
+    bulk, labels = problem.equations.bulk, problem.equations.floating.labels
     x = bulk.positions()
     found = {body for mine in problem.comm.allgather(labels[where(x)].tolist()) for body in mine}
     assert len(found) == 1
@@ -70,7 +70,7 @@ def c_ring(push, *, degree=1, cell="quadrilateral", comm=MPI.COMM_WORLD):
 def test_ends_of_a_ring_that_went_past_each_other_are_told(degree, cell):
     _, problem = c_ring(1.0, degree=degree, cell=cell)
     report = problem.solve(accept_violations=True)
-    assert np.abs(problem.contacts[0].total_force).max() == 0.0  # contact saw nothing
+    assert np.abs(problem.equations.contacts[0].total_force).max() == 0.0  # contact saw nothing
     (crossing,) = report.certificate.crossings
     assert crossing.facets > 3.0 and crossing.depth > 0.5
     assert told(report, "body 'ring' crosses itself at (") and told(report, "deep (")
@@ -86,7 +86,7 @@ def test_result_is_that_of_one_rank():
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         _, problem = c_ring(1.0, comm=comm)
         reports.append(problem.solve(accept_violations=True))
-        outlines.append(problem.crossings.outline)
+        outlines.append(problem.equations.crossings.outline)
     for name in ("X", "segments", "after", "before", "ends"):
         assert np.allclose(*(getattr(outline, name) for outline in outlines))
     (mine,), (alone,) = (report.certificate.crossings for report in reports)
@@ -105,8 +105,8 @@ def test_path_of_a_ring_ends_with_its_ends_in_contact():
 
     path = fm.follow_path(problem, load, fm.SteppingOptions(step=1.0, smallest=1e-3))
     assert path.finished and is_silent(path.steps[-1].report)
-    o = problem.contacts[0].operators
-    assert abs(o.x.mean(axis=0)[1]) < 0.05 and problem.contacts[0].total_force[1] != 0.0
+    o = problem.equations.contacts[0].operators
+    assert abs(o.x.mean(axis=0)[1]) < 0.05 and problem.equations.contacts[0].total_force[1] != 0.0
 
 
 def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
@@ -182,7 +182,7 @@ def test_path_of_a_block_through_a_plate_is_cut_and_ends_in_contact():
     path = fm.follow_path(problem, load, fm.SteppingOptions(step=1.0, smallest=1e-3))
     assert path.finished and is_silent(path.steps[-1].report)
     assert "went through body" in path.steps[0].failures[0].reason
-    assert problem.contacts[0].total_force[1] > 0.1
+    assert problem.equations.contacts[0].total_force[1] > 0.1
 
 
 def test_path_that_only_leads_through_a_plate_ends_where_it_began():
@@ -311,7 +311,10 @@ def test_disk_in_a_groove_of_plates_is_silent(half):
     for depth in (-0.01, -0.05):
         push.value[1] = depth
         assert is_silent(problem.solve(accept_violations=True))
-        assert problem.contacts[0].active.any() and problem.contacts[1].active.any()
+        assert (
+            problem.equations.contacts[0].active.any()
+            and problem.equations.contacts[1].active.any()
+        )
 
 
 @pytest.mark.parametrize("slave", ["tool", "ground"])
@@ -338,7 +341,7 @@ def test_press_fit_by_offsets_is_silent():
     bcs = [fm.dirichlet(V, data, "inner/inside", (0.0, 0.0))]
     pair = fm.ContactPair(data, "inner/outside", "outer/inside")
     problem = problem_of(data, [pair], bcs, u)
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     overlap = np.nan_to_num(contact.gap)
     for part in (0.8, 0.6):
         contact.offset = part * overlap
@@ -351,9 +354,9 @@ def test_pressed_blocks_that_turn_together_are_silent(angle):
     scene = pressed_blocks(n_upper=5, n_lower=7)
     scene.loads["push"].value[:] = (0.0, -0.04)
     scene.problem.solve(accept_violations=True)
-    x, crossings = scene.problem.bulk.positions(), scene.problem.crossings
-    scene.u.x.array[scene.problem.bulk.space.dofs] += turned([3.0, -2.0], angle)(x) - x
-    assert crossings.passages(scene.problem.tools.places) == []
+    x, crossings = scene.problem.equations.bulk.positions(), scene.problem.equations.crossings
+    scene.u.x.array[scene.problem.equations.bulk.space.dofs] += turned([3.0, -2.0], angle)(x) - x
+    assert crossings.passages(scene.problem.equations.tools.places) == []
     assert not [crossing for crossing in crossings.find() if crossing.facets > 0.2]
 
 
@@ -371,8 +374,8 @@ def test_ring_that_turns_on_a_shaft_is_silent(angle):
     bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("shaft/top", "ring/bottom")]
     problem = problem_of(data, [fm.ContactPair(data, "shaft/bottom", "ring/top")], bcs, u)
     move_body(problem, lambda x: np.hypot(*x.T) > 1.2, turned([0.0, 0.0], angle))
-    assert problem.crossings.passages(problem.tools.places) == []
-    assert not [c for c in problem.crossings.find() if c.facets > 0.2]
+    assert problem.equations.crossings.passages(problem.equations.tools.places) == []
+    assert not [c for c in problem.equations.crossings.find() if c.facets > 0.2]
 
 
 def test_disk_that_rolls_far_in_one_step_is_silent():
@@ -393,4 +396,4 @@ def test_disk_that_rolls_far_in_one_step_is_silent():
     problem = problem_of(data, pairs, bcs, u)
     roll = turned([0.0, 1.0], -100.0)
     move_body(problem, lambda x: x[:, 1] > 0.5, lambda x: np.add(roll(x), [np.radians(100.0), 0.0]))
-    assert problem.crossings.passages(problem.tools.places) == []
+    assert problem.equations.crossings.passages(problem.equations.tools.places) == []

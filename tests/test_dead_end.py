@@ -84,7 +84,7 @@ def test_no_end_is_seen_where_the_path_goes_on(end):
     scene, *_ = ENDS[end]
     at = posed(scene)
     fm.follow_path(at.problem, at.set_loads, fm.SteppingOptions(1.0 / scene.steps), stop=7 / 18)
-    assert end == "slip off" or at.problem.contacts[0].sliding.any()
+    assert end == "slip off" or at.problem.equations.contacts[0].sliding.any()
     before = at.problem.state()
     at.set_loads(7 / 18 + ONWARD)
     assert why_path_ends(at.problem) == ""

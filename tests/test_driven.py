@@ -48,7 +48,7 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
     report = found.solve()
     assert report.certificate.violations() == []
     assert any("contact force" in note for note in report.notes)
-    z, exact = found.contacts[0].z, given.contacts[0].z
+    z, exact = found.equations.contacts[0].z, given.equations.contacts[0].z
     # The last step is quadratic: what is left is rounding, 5e-13 of the pressure at a loose spline.
     assert np.abs(z - exact).max() < 1e-11 * np.abs(exact).max()
     assert np.abs(driven.place - moved.place).max() < 1e-11
@@ -72,7 +72,7 @@ def test_egg_rolls_until_it_lies(degree):
     part = report.certificate.springs
     assert egg.reaction == pytest.approx((0.0, 0.2, 0.0), abs=0.2 * max(part, 1e-8))
     rise = (0.4**2 - 0.25**2) / 0.25  # of the height of its middle by the angle squared, twice
-    held = part * problem.contacts[0].arm / rise
+    held = part * problem.equations.contacts[0].arm / rise
     assert egg.place[2] == pytest.approx(-slope, abs=1e-3 + held)
 
 
@@ -112,7 +112,7 @@ def test_lid_on_two_columns_finds_its_tilt():
     report = problem.solve()
     assert report.certificate.violations() == []
     assert any("moved until contact stopped it" in note for note in report.notes)
-    left, right = (contact.total_force for contact in problem.contacts)
+    left, right = (contact.total_force for contact in problem.equations.contacts)
     assert left + right == pytest.approx(-lid.reaction[:2], rel=1e-10)
     assert lid.reaction[1:] == pytest.approx((4.0, 1.0), rel=1e-10)
     assert lid.place[2] < -0.02
@@ -128,14 +128,14 @@ def test_path_rolls_back_and_restarts(shared_path):
         obstacle.push(y=-6.0 * time, moment=0.5 * time)
 
     fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), stop=0.5)
-    kept, z = obstacle.place.copy(), problem.contacts[0].z.copy()
+    kept, z = obstacle.place.copy(), problem.equations.contacts[0].z.copy()
     state = problem.state()
     fm.save_state(problem, str(shared_path / "state.npz"))
     fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), start=0.5)
     end = obstacle.place.copy()
     assert np.abs(end - kept).max() > 0.01
     problem.restore(state)
-    assert (obstacle.place == kept).all() and (problem.contacts[0].z == z).all()
+    assert (obstacle.place == kept).all() and (problem.equations.contacts[0].z == z).all()
     other = KINDS["open"]()
     again = block_under(other)
     fm.load_state(again, str(shared_path / "state.npz"))
@@ -171,9 +171,9 @@ def test_forces_and_moments_of_supports_and_obstacle_cancel():
     problem.solve()
     bulk, contact, _ = problem.forces()
     held = np.zeros(bulk.size)
-    held[problem.bulk.held] = (bulk + contact)[problem.bulk.held]
+    held[problem.equations.bulk.held] = (bulk + contact)[problem.equations.bulk.held]
     on_nodes = held.reshape(-1, 2)
-    x = problem.bulk.positions()[: len(on_nodes)]
+    x = problem.equations.bulk.positions()[: len(on_nodes)]
     mine = [*on_nodes.sum(axis=0), (x[:, 0] * on_nodes[:, 1] - x[:, 1] * on_nodes[:, 0]).sum()]
     supports = comm.allreduce(np.array(mine))
     pivot = obstacle.pivot + obstacle.place[:2]
@@ -226,7 +226,7 @@ def test_block_between_a_floor_and_a_lid():
     report = problem.solve()
     assert report.certificate.violations() == []
     assert floor.reaction == pytest.approx((0.0, -3.0, 0.5 * -3.0), abs=1e-9)
-    pressure = problem.contacts[1].pressure
+    pressure = problem.equations.contacts[1].pressure
     assert np.ptp(pressure) < 1e-9 * pressure.mean()
 
 

@@ -292,7 +292,7 @@ def test_orientation_of_cells_does_not_matter(cell):
         ]
         problem = problem_on(data, u=u, bcs=bcs)
         problem.solve()
-        contact = problem.contacts[0]
+        contact = problem.equations.contacts[0]
         results.append([contact.slave.X, contact.slave.facets, contact.pressure])
     for one, other in zip(*results, strict=True):
         assert np.allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(one).max())
@@ -614,7 +614,7 @@ def test_contact_alone_holds_a_body_that_touches(algorithm):
     """Nodes that touch are active from the start; only sliding along is held by a condition."""
     problem = pushed_block(pin=(0,), algorithm=algorithm)
     assert problem.solve().converged
-    assert problem.contacts[0].total_force[1] == pytest.approx(1.0, rel=1e-8)
+    assert problem.equations.contacts[0].total_force[1] == pytest.approx(1.0, rel=1e-8)
 
 
 # Singular systems
@@ -673,10 +673,10 @@ def assert_nothing_lost(problem, report):
     assert len(report.iterations) >= 1
     assert report.reason in report.table()
     assert len(set(COMM.allgather(repr(report.residuals)))) == 1
-    for contact in problem.contacts:
+    for contact in problem.equations.contacts:
         assert contact.z.shape == (contact.slave.num_nodes, 2)
         assert contact.active_nodes.size <= contact.slave.num_nodes
-    assert problem.bulk.inverted_cells()[0] >= 0
+    assert problem.equations.bulk.inverted_cells()[0] >= 0
 
 
 def test_too_few_iterations_say_what_is_missing_and_can_be_continued():

@@ -70,10 +70,10 @@ def rubbing(data, slave, master):
 
 def move_upper(problem, step):
     """Move all nodes above the interface, whatever is prescribed."""
-    bulk = problem.bulk
+    bulk = problem.equations.bulk
     u = bulk.u.x.array
     upper = np.zeros(bulk.space.dofs.shape[0], bool)
-    tags = problem.contacts[0].pair.data
+    tags = problem.equations.contacts[0].pair.data
     cells = tags.cell_tags.find(tags.body_tag("upper"))
     upper[np.unique(compat.dofmap(bulk.V)[cells])] = True
     u[bulk.space.dofs[upper]] += step
@@ -116,10 +116,10 @@ def test_facets_that_are_covered_in_part_bear_the_force_on_that_part(degree, sla
     """Of a uniform pressure; the ends of the upper block are in the middle of lower facets."""
     wide = {"width_lower": 2.0, "n_lower": 7}
     problem = column(scenes.linear_elastic, degree, 0.0, slave=slave, **wide)
-    (contact,), rule = problem.contacts, gauss_rule(3)
-    contact.evaluate(problem.bulk.u.x.array, problem.linearization)
+    (contact,), rule = problem.equations.contacts, gauss_rule(3)
+    contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
     contact.change(z=np.tile([1.0, -3.0], (len(contact.z), 1)))
-    held = problem.bulk.prescribed.astype(float)
+    held = problem.equations.bulk.prescribed.astype(float)
     for surface, tractions in interface_tractions(contact, held, rule):
         ends = np.sort(surface.X[surface.facets[:, [0, -1]], 0])
         covered = np.diff(np.clip(ends, 0.5, 1.5))
@@ -133,7 +133,7 @@ def test_every_term_sees_what_is_wrong():
     problem = column(scenes.linear_elastic, 1, 0.0)
     problem.solve()
     good = problem.estimate()
-    (contact,) = problem.contacts
+    (contact,) = problem.equations.contacts
     contact.change(z=1.1 * contact.z)
     wrong = problem.estimate()
     assert wrong.parts["contact"] > 0.01 * wrong.size
@@ -144,8 +144,8 @@ def test_every_term_sees_what_is_wrong():
     # on the length 1 of the surface: half of (E / height of a layer) times the gap squared
     assert wrong.parts["gap"] == pytest.approx(np.sqrt(0.5 * 100.0 / 0.5) * 0.01, rel=1e-9)
     contact.offset = np.zeros(contact.slave.num_nodes)
-    u = problem.bulk.u.x.array
-    u[problem.bulk.space.dofs] += 1e-3 * np.sin(9 * problem.bulk.positions())
+    u = problem.equations.bulk.u.x.array
+    u[problem.equations.bulk.space.dofs] += 1e-3 * np.sin(9 * problem.equations.bulk.positions())
     wrong = problem.estimate()
     for part in ("sides", "boundary", "contact"):
         assert wrong.parts[part] > 0.01 * wrong.size, part
@@ -159,10 +159,10 @@ def test_gap_is_that_of_the_model(sliding, gap, degree):
         scenes.linear_elastic, degree, 0.0, pair=partial(fm.ContactPair, sliding=sliding)
     )
     problem.solve()
-    (contact,) = problem.contacts
+    (contact,) = problem.equations.contacts
     contact.change(active=np.ones_like(contact.active))
-    u, dofs = problem.bulk.u.x.array, problem.bulk.space.dofs
-    u[dofs[:, 1]] += 0.1 * problem.bulk.positions().reshape(-1, 2)[:, 0]
+    u, dofs = problem.equations.bulk.u.x.array, problem.equations.bulk.space.dofs
+    u[dofs[:, 1]] += 0.1 * problem.equations.bulk.positions().reshape(-1, 2)[:, 0]
     move_upper(problem, (0.01, 0.0))
     # but for the length 0.01 that slips off the end
     expected = np.sqrt(0.5 * 100.0 / 0.5) * gap
@@ -185,7 +185,7 @@ def test_shear_below_the_bound_in_sliding_is_seen():
     """The bound 0.3 x 3 would take up work on the slip 0.01 that no shear does."""
     problem = column(scenes.linear_elastic, 1, 0.0, pair=rubbing)
     problem.solve()
-    (contact,) = problem.contacts
+    (contact,) = problem.equations.contacts
     contact.change(piece=np.ones_like(contact.piece))
     move_upper(problem, (0.01, 0.0))
     wrong = problem.estimate()
@@ -245,15 +245,17 @@ def test_mixed_functions_have_the_stress_and_the_constraint_of_their_pressure():
     problem = block_under_pressure()
     problem.solve()
     assert problem.estimate().total < EXACT
-    dofs = problem.bulk.space.dofs
-    problem.bulk.u.x.array[dofs[:, 0]] += 0.01 * problem.bulk.positions().reshape(-1, 2)[:, 0]
+    dofs = problem.equations.bulk.space.dofs
+    problem.equations.bulk.u.x.array[dofs[:, 0]] += (
+        0.01 * problem.equations.bulk.positions().reshape(-1, 2)[:, 0]
+    )
     assert problem.estimate().parts["constraint"] == pytest.approx(0.01 * np.sqrt(2.0))
 
 
 def test_unknowns_with_a_flux_of_their_own_are_refused():
     problem = block_under_pressure(lambda p, q: 0.1 * ufl.inner(ufl.grad(p), ufl.grad(q)))
-    _, pressures = problem.bulk.space.whole.sub(1).collapse()
-    problem.bulk.u.x.array[np.ravel(pressures)] = np.arange(np.size(pressures))
+    _, pressures = problem.equations.bulk.space.whole.sub(1).collapse()
+    problem.equations.bulk.u.x.array[np.ravel(pressures)] = np.arange(np.size(pressures))
     with pytest.raises(fm.MortarError, match="gradient of another test function"):
         problem.estimate()
 

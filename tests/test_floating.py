@@ -27,11 +27,11 @@ def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap
     falling, lying = (pushed_block(gap=g, algorithm=algorithm) for g in (gap, 0.0))
     report = falling.solve()
     lying.solve()
-    pressure, exact = (problem.contacts[0].pressure for problem in (falling, lying))
+    pressure, exact = (problem.equations.contacts[0].pressure for problem in (falling, lying))
     # Rounding, of about 1e-14 and, where the loose body tilts, 2e-12.
     assert np.abs(pressure - exact).max() < 1e-12 * exact.max()
     assert np.abs(pressure - pressure[::-1]).max() < 1e-10 * exact.max()
-    assert falling.contacts[0].total_force == pytest.approx((0.0, 1.0), abs=1e-9)
+    assert falling.equations.contacts[0].total_force == pytest.approx((0.0, 1.0), abs=1e-9)
     assert report.num_iterations <= 5
     assert any("spring" in note for note in report.notes)
 
@@ -39,7 +39,7 @@ def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap
 def test_pinned_body_turns_until_it_touches():
     problem = pushed_block(gap=0.1, pin=(0, 1))
     problem.solve()
-    assert problem.contacts[0].active.sum() == 1
+    assert problem.equations.contacts[0].active.sum() == 1
     assert problem.certificate().pairs[0].violations() == []
 
 
@@ -86,7 +86,7 @@ def test_disk_falls_in_a_ring_to_where_newton_finds_its_rest():
     bcs = [fm.dirichlet(V, data, "outer", (0.0, 0.0))]
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="disk_")
     problem.solve()
-    force = problem.contacts[0].total_force
+    force = problem.equations.contacts[0].total_force
     assert abs(force[0]) < 1e-8
     assert force[1] == pytest.approx(np.pi * 0.65**2, rel=0.008)  # a polygon: 0.5 % smaller
     assert problem.certificate().violations() == []
@@ -159,7 +159,7 @@ def test_disk_that_may_roll_falls_in_one_solve(size):
     report = problem.solve()
     certificate = report.certificate
     assert certificate.violations() == []
-    force = problem.contacts[0].total_force
+    force = problem.equations.contacts[0].total_force
     # The weight of a polygon: 0.64 % less than that of the disk on the coarsest mesh.
     assert force[1] == pytest.approx(0.5 * np.pi * 0.25, rel=0.008)
     told = any("springs hold" in note for note in report.notes)
@@ -171,7 +171,7 @@ def test_disk_that_may_roll_needs_springs_that_let_go(monkeypatch):
     def give_up(equations, options, failed):
         raise failed
 
-    monkeypatch.setattr("fenics_mortar.problem.release_slowly", give_up)
+    monkeypatch.setattr("fenics_mortar.equations.solver.release_slowly", give_up)
     failures = 0
     for size in (0.1, 0.085, 0.06):
         try:

@@ -104,7 +104,9 @@ def block_on(obstacle, *, degree=1, law=None, angle=0.0, weight=0.0):
 def slopes(problem, pieces=None):
     """Slopes of the whole system; 1 where a term is missing."""
     if pieces is not None:
-        problem.contacts[0].change(piece=np.resize(pieces, problem.contacts[0].piece.size))
+        problem.equations.contacts[0].change(
+            piece=np.resize(pieces, problem.equations.contacts[0].piece.size)
+        )
     return problem.check_tangent(print_table=False).slopes["whole"]
 
 
@@ -196,7 +198,7 @@ def test_wedge_takes_the_closed_form():
     for travel in (0.05, 0.1):
         along.value = travel
         problem.solve()
-    contact, W = problem.contacts[0], 0.5 * weight
+    contact, W = problem.equations.contacts[0], 0.5 * weight
     assert contact.active.any() and not contact.sticking.any()
     force = contact.total_force
     H = W * (np.tan(angle) + mu) / (1.0 - mu * np.tan(angle))
@@ -213,10 +215,10 @@ def test_slip_by_operators_is_the_usual_one(degree, pair):
     contact, u = scene.contact, scene.u.x.array
     old, faced = contact.operators, contact.covered
     contact.start_step()
-    X = scene.problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    X = scene.problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
     moved = 0.03 * np.sin(X @ [[1.0, 2.0], [3.0, 1.0]])
     u += (moved + np.where(X[:, 1:] > 1.005, [0.05, -0.01], 0.0)).ravel()
-    contact.evaluate(u, scene.problem.linearization)
+    contact.evaluate(u, scene.problem.equations.linearization)
     new, both = contact.operators, faced & contact.covered
     jump = new.jump(new.x, new.m) - old.jump(new.x, new.m)
     usual = -np.einsum("ja,ja->j", new.tau, jump)[both] / old.weight[both]
@@ -233,10 +235,10 @@ def test_rigid_rotation_is_no_slip(degree, pair):
     drive(scene, (0.03, -0.05))
     contact, u = scene.contact, scene.u.x.array
     contact.start_step()
-    X = scene.problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    X = scene.problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
     x = X + u.reshape(-1, 2)
     u[:] = (x @ rotation(1.0).T + [3.0, -2.0] - X).ravel()
-    contact.evaluate(u, scene.problem.linearization)
+    contact.evaluate(u, scene.problem.equations.linearization)
     assert np.abs(contact.slip).max() < 1e-13
 
 
@@ -245,15 +247,15 @@ def test_slip_on_an_obstacle_is_against_its_material():
     plane = fm.Plane((0.0, 0.0), (0.0, 1.0))
     problem, _ = block_on(plane, law=fm.Coulomb(0.3))
     plane.move(x=0.2)
-    contact, u = problem.contacts[0], problem.bulk.u
+    contact, u = problem.equations.contacts[0], problem.equations.bulk.u
     contact.start_step()
-    contact.evaluate(u.x.array, problem.linearization)
+    contact.evaluate(u.x.array, problem.equations.linearization)
     # tau = (1, 0) for n = (0, -1): the block moves along -tau relative to the plane
     assert np.allclose(contact.slip, -0.2 * contact.operators.tau[:, 0], atol=1e-15)
     plane.move(x=0.0, angle=0.7)
-    x = problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    x = problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
     u.x.array[:] = (x @ rotation(0.7).T - x).ravel()
-    contact.evaluate(u.x.array, problem.linearization)
+    contact.evaluate(u.x.array, problem.equations.linearization)
     assert np.abs(contact.slip).max() < 1e-14
 
 
@@ -265,11 +267,11 @@ def test_nodes_that_enter_slip_by_the_motion_of_their_material(pair):
     uncovered = ~contact.covered
     assert uncovered.any()
     contact.start_step()
-    X = scene.problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    X = scene.problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
     upper = X[:, 1] > 1.05
     moved = np.where(upper[:, None], [-0.4, 0.0], 0.0).ravel()
     for _ in range(2):
-        contact.evaluate(moved, scene.problem.linearization)
+        contact.evaluate(moved, scene.problem.equations.linearization)
         contact.update_carriers()
     assert (contact.covered & uncovered).any()
     assert np.abs(np.abs(contact.slip) - 0.4).max() < 1e-13
@@ -289,12 +291,12 @@ def test_closing_arcs_do_not_slip():
     pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=fm.Coulomb(0.3))
     residual = internal(u, linear_elastic(u, E, NU))
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="test_")
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     contact.start_step()
     X = V.tabulate_dof_coordinates()[:, :2]
     flat = np.zeros(X.shape)
     flat[:, 1] = -np.sign(X[:, 1]) * X[:, 0] ** 2 / (2 * radius)
-    contact.evaluate(flat.ravel(), problem.linearization)
+    contact.evaluate(flat.ravel(), problem.equations.linearization)
     by_slave = np.abs(contact.slave.X[:, 0]) ** 3 / radius**2
     inside = contact.covered & (by_slave < 0.8 * by_slave.max())
     assert np.abs(contact.slip[inside]).max() < 0.1 * by_slave[inside].max()
@@ -475,10 +477,10 @@ def test_edge_that_shear_peels_off_is_named_with_a_law_that_has_a_solution():
     circle.move(x=0.1)
     with pytest.raises(fm.NotConvergedError, match=r"1 nodes of 'block/top' .*one at \(1.6.*peel"):
         problem.solve()
-    problem.restore(replace(pressed, places=problem.tools.places))
+    problem.restore(replace(pressed, places=problem.equations.tools.places))
     pair.law = fm.Coulomb(1.0, most=law.stress)
     problem.solve()
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     assert np.abs(contact.z_tau).max() == pytest.approx(law.stress, rel=1e-9)
     edge = contact.active_nodes[0]
     assert contact.z_tau[edge] == pytest.approx(contact.pressure[edge], rel=1e-9)
@@ -518,7 +520,7 @@ def bowed_block_under_a_tool(half, degree):
         newton=TIGHT,
     )  # fmt: skip
     problem.solve()
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     order = np.argsort(contact.slave.X[:, 0])
     order = order[contact.slave.X[order, 0] > -1e-9]
     return contact.z_tau[order], contact.pressure[order], contact.slip[order]

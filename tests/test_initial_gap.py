@@ -47,7 +47,7 @@ def test_overlap_of_polygons_is_interference_and_is_told():
     problem = press_fit()
     report = problem.solve()
     assert "overlap by up to" in report.table() and "initial_gap=0" in report.table()
-    assert problem.contacts[0].pressure.max() > 1e-3 * E
+    assert problem.equations.contacts[0].pressure.max() > 1e-3 * E
     assert "overlap" not in problem.solve().table()
 
 
@@ -69,11 +69,11 @@ def test_pair_that_never_faces_is_told():
 
 def test_closed_gaps_leave_polygons_without_stress():
     problem = press_fit(initial_gap=0.0)
-    assert np.abs(problem.contacts[0].gap).max() < 1e-15
+    assert np.abs(problem.equations.contacts[0].gap).max() < 1e-15
     report = problem.solve()
     assert not any("overlap" in note for note in report.notes)
-    assert np.abs(problem.bulk.u.x.array).max(initial=0.0) < 1e-13
-    assert np.abs(problem.contacts[0].z).max() < 1e-12 * E
+    assert np.abs(problem.equations.bulk.u.x.array).max(initial=0.0) < 1e-13
+    assert np.abs(problem.equations.contacts[0].z).max() < 1e-12 * E
 
 
 @pytest.mark.parametrize("n, uneven", [(24, 0.003), (48, 0.001)])
@@ -81,7 +81,7 @@ def test_interference_of_polygons_gives_the_pressure_of_circles(n, uneven):
     """Three layers of cells cost 0.6 % on either mesh; what is uneven are the facets alone."""
     problem = press_fit(linear_elastic, n, n + n // 3, initial_gap=-1e-4)
     problem.solve()
-    pressure = problem.contacts[0].pressure
+    pressure = problem.equations.contacts[0].pressure
     assert pressure.mean() == pytest.approx(lame_pressure(1e-4), rel=0.01)
     assert np.ptp(pressure) < uneven * pressure.mean()
 
@@ -89,7 +89,7 @@ def test_interference_of_polygons_gives_the_pressure_of_circles(n, uneven):
 def test_ramped_overlap_ends_in_the_same_state():
     direct, ramped = (press_fit(held=("inner/inside",)) for _ in range(2))
     direct.solve()
-    contact = ramped.contacts[0]
+    contact = ramped.equations.contacts[0]
     overlap = np.nan_to_num(contact.gap).clip(max=0.0)
 
     def set_loads(time):
@@ -97,7 +97,7 @@ def test_ramped_overlap_ends_in_the_same_state():
 
     path = fm.follow_path(ramped, set_loads, fm.SteppingOptions(step=0.25))
     assert len(path.steps) == 4
-    z, exact = contact.z, direct.contacts[0].z
+    z, exact = contact.z, direct.equations.contacts[0].z
     assert np.abs(z - exact).max() < 1e-12 * np.abs(exact).max()  # both to rounding
 
 

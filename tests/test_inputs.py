@@ -185,8 +185,8 @@ def test_distance_that_is_not_finite_far_from_a_start_is_a_failure_that_holds_th
     # The block is not held against the floor at first: the prescribed push moves it through.
     bcs = bcs_of(data, u.function_space, push=-0.3)
     problem = problem_on(data, [fm.ContactPair(data, "slave", deep.obstacle)], bcs=bcs, u=u)
-    problem.contacts[0].change(active=np.zeros_like(problem.contacts[0].active))
-    problem._last_converged = True
+    problem.equations.contacts[0].change(active=np.zeros_like(problem.equations.contacts[0].active))
+    problem.equations.last_converged = True
     with refused(fm.NotConvergedError, "iteration 1: the distance of 'floor'.* is not finite"):
         problem.solve()
 
@@ -461,7 +461,7 @@ def test_distance_may_use_its_arrays_again():
     usual, reused = (on_obstacle(Floor(f).obstacle) for f in (lambda x, *fields: fields, again))
     for problem in (usual, reused):
         assert problem.solve().certificate.violations() == []
-    z = [problem.contacts[0].z for problem in (usual, reused)]
+    z = [problem.equations.contacts[0].z for problem in (usual, reused)]
     assert np.abs(z[0] - z[1]).max() < 1e-12 * np.abs(z[0]).max()
 
 
@@ -912,7 +912,7 @@ def test_sum_of_forces_without_pairs_is_still_looked_at():
     problem.solve()
     u.x.array[: 6 if COMM.rank == 0 else 0] += 0.05
     u.x.scatter_forward()
-    problem.evaluate(start=False)
+    problem.equations.evaluate(start=False)
     assert any("balance" in words for words in problem.certificate().violations())
 
 
@@ -1171,7 +1171,7 @@ petsc4py.init(sys.argv)
 from test_inputs import solved_with
 problem = solved_with({})
 report = problem.solve()
-print(problem.system.ksp.getType(), *report.notes)
+print(problem.equations.system.ksp.getType(), *report.notes)
 """
 
 

@@ -56,9 +56,13 @@ class Interrupt:
 def everything(problem):
     """All that a solve may change and an interruption has to leave, as copies."""
     state = problem.state()
-    contacts = [c.operators for c in problem.contacts]
+    contacts = [c.operators for c in problem.equations.contacts]
     options = PETSc.Options("test_").getAll()
-    springs = [id(array) for of in (problem.floating, problem.tools) for array in of.springs]
+    springs = [
+        id(array)
+        for of in (problem.equations.floating, problem.equations.tools)
+        for array in of.springs
+    ]
     return state, contacts, options, problem.newton, springs, clock.depth
 
 

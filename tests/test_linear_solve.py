@@ -29,16 +29,18 @@ EXACT = 1e-10
 
 def assembled(problem):
     """A on every rank: dofs by global number, multipliers in the order of pairs, places."""
-    contacts, tools = problem.contacts, problem.tools
-    problem.bulk.assemble_tangent()
-    system = SaddleSystem(problem.bulk, contacts, "reference_", {})
+    contacts, tools = problem.equations.contacts, problem.equations.tools
+    problem.equations.bulk.assemble_tangent()
+    system = SaddleSystem(problem.equations.bulk, contacts, "reference_", {})
     K, B_T, C, A_z = (dense(block) for block in system.blocks())
     order = [(2 * place[:, None] + np.arange(2)).ravel() for place in system.places]
     order = np.concatenate([np.empty(0, np.int64), *order])
     scale = np.concatenate([np.empty(0), *(np.repeat(system.scale(c), 2) for c in contacts)])
     B_T, A_z = B_T[:, order] / scale, A_z[np.ix_(order, order)] / scale
     C = C[order]
-    held = np.concatenate(comm.allgather(problem.bulk.held + problem.bulk.first))
+    held = np.concatenate(
+        comm.allgather(problem.equations.bulk.held + problem.equations.bulk.first)
+    )
     K[held], B_T[held] = 0.0, 0.0
     K[held, held] = 1.0
     n, m, k = len(K), len(A_z), 3 * len(tools.obstacles)
@@ -73,28 +75,33 @@ def flat(problem, x):
 
 def random_vector(problem, seed, sizes):
     """Random entries, alike on any number of ranks; ``sizes``: of u, z, q."""
-    rng, bulk = np.random.default_rng(seed), problem.bulk
+    rng, bulk = np.random.default_rng(seed), problem.equations.bulk
     u = sizes[0] * rng.uniform(-1.0, 1.0, bulk.r.getSize())
-    z = [sizes[1] * rng.uniform(-1.0, 1.0, c.z.shape) for c in problem.contacts]
-    q = sizes[2] * rng.uniform(-1.0, 1.0, problem.tools.places.shape)
+    z = [sizes[1] * rng.uniform(-1.0, 1.0, c.z.shape) for c in problem.equations.contacts]
+    q = sizes[2] * rng.uniform(-1.0, 1.0, problem.equations.tools.places.shape)
     return fm.LinearVector(u[bulk.first :][: bulk.num_owned], z, q)
 
 
 def check(problem, exact=EXACT):
     """Both solves against the matrix, and against each other; the state stays."""
-    u, z = problem.bulk.u.x.array.copy(), [c.z.copy() for c in problem.contacts]
+    u, z = problem.equations.bulk.u.x.array.copy(), [c.z.copy() for c in problem.equations.contacts]
     A = assembled(problem)
     b, c = (random_vector(problem, seed, (1.0, 1.0, 1.0)) for seed in (1, 2))
     for _ in range(2):  # factors are those of the state, whatever was factored before
         x, y = problem.linear_solve(b), problem.linear_solve(c, transpose=True)
     for matrix, solution, rhs in ((A, x, b), (A.T, y, c)):
         found, wanted = flat(problem, solution), np.linalg.solve(matrix, flat(problem, rhs))
-        parts = problem.bulk.r.getSize(), len(A) - 3 * len(problem.tools.obstacles)
+        parts = (
+            problem.equations.bulk.r.getSize(),
+            len(A) - 3 * len(problem.equations.tools.obstacles),
+        )
         for mine, theirs in zip(np.split(found, parts), np.split(wanted, parts), strict=True):
             assert np.abs(mine - theirs).max(initial=0.0) <= exact * np.abs(theirs).max(initial=1.0)
     assert b.dot(y, comm) == pytest.approx(x.dot(c, comm), rel=exact)
-    assert (problem.bulk.u.x.array == u).all()
-    assert all((contact.z == before).all() for contact, before in zip(problem.contacts, z))
+    assert (problem.equations.bulk.u.x.array == u).all()
+    assert all(
+        (contact.z == before).all() for contact, before in zip(problem.equations.contacts, z)
+    )
 
 
 def rubbing(algorithm, *, pair=None, degree=1, **options):
@@ -116,7 +123,7 @@ def rubbing(algorithm, *, pair=None, degree=1, **options):
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_friction(algorithm):
     problem = rubbing(algorithm)
-    (contact,) = problem.contacts
+    (contact,) = problem.equations.contacts
     assert contact.sticking.any() and contact.sliding.any() and not contact.active.all()
     check(problem)
 
@@ -142,7 +149,7 @@ def test_slave_node_on_a_symmetry_plane(algorithm):
     problem, lift = test_adhesion.columns(law, algorithm=algorithm, linear_bulk=False)
     lift.value = -0.02
     problem.solve()
-    (contact,) = problem.contacts
+    (contact,) = problem.equations.contacts
     assert (contact.free[contact.active] == 0.0).any()
     check(problem)
     lift.value = 0.12
@@ -159,7 +166,7 @@ def test_driven_obstacle(algorithm, kind):
     problem = block_under(obstacle, algorithm=algorithm, pair={"law": fm.Coulomb(0.3)})
     obstacle.push(**({"y": -5.0, "moment": 0.1} if kind == "plane" else {"y": -5.0}))
     problem.solve()
-    assert 0 < problem.tools.driven.sum() < 3
+    assert 0 < problem.equations.tools.driven.sum() < 3
     check(problem)
 
 
@@ -213,7 +220,7 @@ def test_mixed_function(algorithm):
 def test_multigrid(algorithm):
     problem = rubbing(algorithm, solver="iterative", petsc_options={"ksp_rtol": 1e-13})
     check(problem)
-    assert problem.system.ksp.getType() == "gmres"
+    assert problem.equations.system.ksp.getType() == "gmres"
 
 
 def test_multigrid_of_tied_bodies():
@@ -226,7 +233,7 @@ def test_multigrid_of_tied_bodies():
     )  # fmt: skip
     problem.solve()
     check(problem)
-    assert problem.system.ksp.getType() == "gmres"
+    assert problem.equations.system.ksp.getType() == "gmres"
 
 
 def test_transposed_iterations_are_about_as_many():
@@ -234,7 +241,7 @@ def test_transposed_iterations_are_about_as_many():
     b, counts = random_vector(problem, 0, (1.0, 1.0, 1.0)), []
     for transpose in (False, True):
         problem.linear_solve(b, transpose=transpose)
-        counts.append(problem.system.ksp.getIterationNumber())
+        counts.append(problem.equations.system.ksp.getIterationNumber())
     assert counts[1] <= 1.5 * counts[0]
 
 
@@ -261,7 +268,7 @@ def test_sensitivities_are_those_of_the_solution():
         by_places = (right.place - left.place) / (2.0 * step)
         scale = np.abs(by_places).max()
         assert np.abs(forward.q[0] - by_places).max() < 1e-5 * scale
-        by_z = (there.contacts[0].z - back.contacts[0].z) / (2.0 * step)
+        by_z = (there.equations.contacts[0].z - back.equations.contacts[0].z) / (2.0 * step)
         assert np.abs(forward.z[0] - by_z).max() < 1e-5 * np.abs(by_z).max()
         gradient = adjoint.q[0, column]
         assert gradient == pytest.approx(by_places @ [0.0, 1.0, 0.7], abs=1e-5 * scale)
@@ -298,5 +305,5 @@ def test_free_body_is_singular(transpose):
     )
     with pytest.raises(fm.MortarError, match="was not solved"):
         problem.linear_solve(
-            fm.LinearVector(u=np.ones(problem.bulk.num_owned)), transpose=transpose
+            fm.LinearVector(u=np.ones(problem.equations.bulk.num_owned)), transpose=transpose
         )

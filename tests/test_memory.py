@@ -52,7 +52,7 @@ def test_iterations_take_no_memory(material, options):
     before = memory()
     done = iterate(scene, MEASURED)
     grown = comm.allreduce(memory() - before)
-    assert grown < ALLOWED * scene.problem.bulk.r.getSize() * done
+    assert grown < ALLOWED * scene.problem.equations.bulk.r.getSize() * done
 
 
 def test_what_is_asked_of_a_state_takes_no_memory():
@@ -61,12 +61,12 @@ def test_what_is_asked_of_a_state_takes_no_memory():
     scene.loads["push"].value[1] = -0.02
     problem = scene.problem
     problem.solve()
-    size = problem.bulk.r.getSize()
+    size = problem.equations.bulk.r.getSize()
 
     def ask(times):
         for _ in range(times):
             problem.estimate()
-            problem.D, problem.M, problem.tangent, problem.matrices.gap()
+            problem.matrices.D(0), problem.matrices.M(0), problem.tangent, problem.matrices.gap()
 
     ask(5)
     before = memory()

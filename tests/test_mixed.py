@@ -231,7 +231,7 @@ def test_rigid_obstacle_presses_an_incompressible_block(driven):
     report = problem.solve()
     assert report.certificate.balance < 1e-10 and not report.certificate.violations()
     if driven:
-        assert problem.contacts[0].total_force[1] == pytest.approx(-1.0, abs=1e-10)
+        assert problem.equations.contacts[0].total_force[1] == pytest.approx(-1.0, abs=1e-10)
     slopes = problem.check_tangent().slopes
     assert all(slope > 1.9 for slope in slopes.values()), slopes
 
@@ -276,7 +276,7 @@ def test_body_without_support_is_held_by_contact_alone(gap):
         petsc_options_prefix="test_",
     )
     report = problem.solve()
-    assert problem.contacts[0].total_force == pytest.approx((0.0, 1.0), abs=1e-9)
+    assert problem.equations.contacts[0].total_force == pytest.approx((0.0, 1.0), abs=1e-9)
     assert report.certificate.balance < 1e-10 and not report.certificate.violations()
 
 

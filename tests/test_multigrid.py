@@ -73,12 +73,12 @@ def pressed(k, upper, lower, inclination, basis="dual"):
         petsc_options_prefix="test_", solver="iterative", linear_bulk=False,
     )  # fmt: skip
     left, count, digits = [], 0, 0.0
-    problem.system.ksp.setMonitor(lambda ksp, iteration, residual: left.append(residual))
-    problem.evaluate(start=True)
+    problem.equations.system.ksp.setMonitor(lambda ksp, iteration, residual: left.append(residual))
+    problem.equations.evaluate(start=True)
     for _ in range(3):
         left.clear()
-        problem.advance()
-        problem.evaluate(start=False)
+        problem.equations.advance()
+        problem.equations.evaluate(start=False)
         count, digits = count + len(left) - 1, digits + np.log10(left[0] / left[-1])
     return 8.0 * count / digits
 
@@ -136,7 +136,7 @@ def pressed_cylinder(refinements, cylinder, block):
         petsc_options_prefix="test_", solver="iterative",
     )  # fmt: skip
     seen = []
-    problem.system.ksp.setMonitor(lambda ksp, *now: seen.append(now))
+    problem.equations.system.ksp.setMonitor(lambda ksp, *now: seen.append(now))
     for depth in (0.05, 0.15):
         push.value[1] = -depth
         problem.solve()
@@ -170,7 +170,7 @@ def test_rigid_obstacle_is_pressed_into_a_block(options):
             circle.move(x=0.01 * step, y=-0.02 * step)
             report = problem.solve()
             assert not any("led astray" in note for note in report.notes)
-        results.append((nodal(problem), problem.contacts[0].z, report))
+        results.append((nodal(problem), problem.equations.contacts[0].z, report))
     (u, z, one), (w, y, other) = results
     assert one.num_iterations == other.num_iterations
     assert largest(u - w) < 1e-8 * largest(u) and largest(z - y) < 1e-8 * largest(z)
@@ -183,7 +183,7 @@ def test_what_it_cannot_do_is_said():
 
 
 def solver_of(problem):
-    return {"gmres": "iterative", "preonly": "direct"}[problem.system.ksp.getType()]
+    return {"gmres": "iterative", "preonly": "direct"}[problem.equations.system.ksp.getType()]
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def solver_of(problem):
     ],
 )
 def test_size_and_system_decide_how_to_solve(monkeypatch, many, options, expected):
-    monkeypatch.setattr("fenics_mortar.problem.MANY", many)
+    monkeypatch.setattr("fenics_mortar.la.choice.MANY", many)
     scene = {name: options[name] for name in ("material", "pair") if name in options}
     problem = {name: value for name, value in options.items() if name not in scene}
     assert solver_of(pressed_blocks(problem=problem, **scene, **MESH).problem) == expected
@@ -210,7 +210,7 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
     options = {"newton": fm.NewtonOptions()}
     u, reports = [], []
     for many in (10**9, 0):
-        monkeypatch.setattr("fenics_mortar.problem.MANY", many)
+        monkeypatch.setattr("fenics_mortar.la.choice.MANY", many)
         monkeypatch.setitem(ITERATIVE, "ksp_max_it", 1)
         scene = pressed_blocks(problem=options, **MESH)
         for push in (-0.05, -0.1):
@@ -228,7 +228,7 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
 
 def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monkeypatch):
     """PETSc knows no such factors: an error, not a solve that diverged."""
-    monkeypatch.setattr("fenics_mortar.problem.MANY", 0)
+    monkeypatch.setattr("fenics_mortar.la.choice.MANY", 0)
     monkeypatch.setitem(ITERATIVE, "strip_redundant_pc_factor_mat_solver_type", "nobody")
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05
@@ -247,7 +247,7 @@ def test_an_error_of_petsc_in_an_iteration_leaves_nothing_locked(monkeypatch):
     def fail(*_):
         raise PETSc.Error(76)
 
-    monkeypatch.setattr("fenics_mortar.problem.MANY", 0)
+    monkeypatch.setattr("fenics_mortar.la.choice.MANY", 0)
     monkeypatch.setattr(TouchingBodies, "apply", fail)
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05

@@ -140,7 +140,7 @@ def test_tangent(kind, degree, pair):
     rough = {"law": fm.Coulomb(0.3)} if pair == "dual" else {}
     problem = block_under(obstacle, degree=degree, pair=PAIRS[pair] | rough)
     obstacle.move(x=0.03, y=-0.02, angle=0.05)
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     contact.offset = np.random.default_rng(1).uniform(-0.01, 0.01, contact.slave.num_nodes)
     contact.change(active=contact.covered)
     check = problem.check_tangent(print_table=False)
@@ -156,9 +156,9 @@ def test_balance_and_algorithms(kind):
         problem = block_under(obstacle, algorithm=algorithm)
         obstacle.move(y=-0.05)
         report = problem.solve()
-        assert problem.contacts[0].active.any()
+        assert problem.equations.contacts[0].active.any()
         assert report.certificate.violations() == []
-        found.append((problem.contacts[0].z, report.num_iterations))
+        found.append((problem.equations.contacts[0].z, report.num_iterations))
     assert np.allclose(found[0][0], found[1][0], atol=1e-9 * np.abs(found[0][0]).max())
     assert found[0][1] == found[1][1]
 
@@ -192,9 +192,9 @@ def test_linear_bulk_with_an_obstacle():
         problem = block_under(obstacle, material=linear_elastic, linear_bulk=reduced)
         obstacle.move(x=0.02, y=-0.05)
         problem.solve()
-        z = problem.contacts[0].z.copy()
+        z = problem.equations.contacts[0].z.copy()
         obstacle.push(y=-1.2 * obstacle.reaction[1])
         problem.solve()
-        found.append((z, problem.contacts[0].z))
+        found.append((z, problem.equations.contacts[0].z))
     for reduced, exact in zip(*found, strict=True):
         assert np.abs(reduced - exact).max() < 1e-9 * np.abs(exact).max()

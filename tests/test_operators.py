@@ -18,7 +18,7 @@ def moved_scene(**options):
     scene.u.interpolate(lambda X: np.stack([0.03 * X[1] + 0.01 * X[0] ** 2, -0.02 * X[0] * X[1]]))
     scene.u.x.scatter_forward()
     contact = scene.contact
-    contact.evaluate(scene.u.x.array, scene.problem.linearization)
+    contact.evaluate(scene.u.x.array, scene.problem.equations.linearization)
     contact.update_active(start=True)
     return scene
 
@@ -38,7 +38,7 @@ def whole(vec):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_row_sums_of_D_and_M_are_equal(slave, basis, degree):
     problem = moved_scene(slave=slave, pair={"basis": basis}, degree=degree).problem
-    D, M = dense(problem.D), dense(problem.M)
+    D, M = dense(problem.matrices.D(0)), dense(problem.matrices.M(0))
     assert np.abs(D.sum(axis=1) - M.sum(axis=1)).max() < 1e-15
     if basis == "dual":  # but for what a node hands over whose integral is negative
         kept = np.diag(D) > 0.0
@@ -50,15 +50,19 @@ def test_operators_do_not_depend_on_the_number_of_ranks():
     scene = moved_scene()
     reference = comm.bcast(scene.contact.operators.gap)
     assert np.array_equal(scene.contact.operators.gap, reference)
-    D = dense(scene.problem.D)
+    D = dense(scene.problem.matrices.D(0))
     assert np.abs(np.diag(D) - scene.contact.operators.diagonal).max() < 1e-16
 
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_linear_fields_pass_exactly_from_master_to_slave(degree):
     scene = pressed_blocks(n_upper=7, n_lower=5, width_upper=1.0, width_lower=1.2, degree=degree)
-    scene.problem.evaluate(start=True)
-    D, M, contact = dense(scene.problem.D), dense(scene.problem.M), scene.contact
+    scene.problem.equations.evaluate(start=True)
+    D, M, contact = (
+        dense(scene.problem.matrices.D(0)),
+        dense(scene.problem.matrices.M(0)),
+        scene.contact,
+    )
     linear = np.array([1.0, -2.0])
     assert np.abs(D @ contact.slave.X @ linear - M @ contact.master.X @ linear).max() < 1e-14
 
@@ -75,15 +79,15 @@ def test_derivative_matrices_are_the_change_of_the_operators(degree):
         "slave": matrices.slave_force_derivative(z),
         "master": matrices.master_force_derivative(z),
     }
-    size, first = problem.bulk.num_owned, problem.bulk.first
-    direction = np.random.default_rng(1).uniform(-1, 1, problem.bulk.r.getSize())
+    size, first = problem.equations.bulk.num_owned, problem.equations.bulk.first
+    direction = np.random.default_rng(1).uniform(-1, 1, problem.equations.bulk.r.getSize())
     mine = direction[first : first + size]
     u0 = scene.u.x.array[:size].copy()
 
     def functions(step):
         scene.u.x.array[:size] = u0 + step * mine
         scene.u.x.scatter_forward()
-        contact.evaluate(scene.u.x.array, problem.linearization)
+        contact.evaluate(scene.u.x.array, problem.equations.linearization)
         on_slave, on_master = contact.operators.force(z)
         forces = []
         for side, values in ((contact.slave, on_slave), (contact.master, on_master)):

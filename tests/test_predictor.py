@@ -50,7 +50,7 @@ def test_sliding_by_facets_takes_fewer_iterations(law, facets):
     # the first two steps along do not know yet where contact goes
     assert (counts(plain) - counts(guessed))[5:].mean() >= 1.5
     assert np.median(counts(guessed)[5:]) <= 5
-    z, exact = (problem.contacts[0].z for problem in (other, one))
+    z, exact = (problem.equations.contacts[0].z for problem in (other, one))
     assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
 
 
@@ -61,8 +61,13 @@ def test_states_travel_with_the_contact(degree):
     scene = pressed_blocks(slave="lower", degree=degree, n_lower=columns, n_upper=5)
     problem, contact = scene.problem, scene.contact
     s = np.array([np.ptp(contact.slave.X[:, 0]) / columns, 0.0])
-    X, dofs = problem.bulk.V.tabulate_dof_coordinates()[:, :2], problem.bulk.space.dofs
-    lower = problem.floating.labels == problem.floating.labels_of(contact.slave)[0]
+    X, dofs = (
+        problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2],
+        problem.equations.bulk.space.dofs,
+    )
+    lower = (
+        problem.equations.floating.labels == problem.equations.floating.labels_of(contact.slave)[0]
+    )
 
     def wave(X, time):
         x = (X - s * time) / s[0]
@@ -190,7 +195,7 @@ def test_no_guess_takes_the_pressure_away():
     predictor, notes, starts = Predictor(problem, 0.0), [], []
 
     def solve():
-        starts.append(problem.contacts[0].z.copy())
+        starts.append(problem.equations.contacts[0].z.copy())
         return problem.solve()
 
     for time, force in enumerate([0.4, 0.15, 1e-5], start=1):

@@ -21,7 +21,7 @@ MASTER_FACET = 0.1
 
 
 def entries(scene):
-    return scene.problem.system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
+    return scene.problem.equations.system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
 
 
 def slide(scene, facets):
@@ -35,10 +35,10 @@ def test_pattern_stays_while_contact_slides_over_fewer_facets_than_the_margin(de
     scene = pressed_blocks(degree=degree, problem={"algorithm": algorithm}, **MESH)
     scene.loads["push"].value[1] = -0.01
     scene.problem.solve()
-    before, matrix = entries(scene), scene.problem.system.matrix
+    before, matrix = entries(scene), scene.problem.equations.system.matrix
     for _ in range(3):
         slide(scene, 0.3 * MARGIN)
-        assert entries(scene) == before and scene.problem.system.matrix is matrix
+        assert entries(scene) == before and scene.problem.equations.system.matrix is matrix
     slide(scene, 0.5 * MARGIN)
     assert entries(scene) > before
 
@@ -47,11 +47,11 @@ def test_zeros_that_contact_left_behind_go():
     scene = pressed_blocks(**MESH)
     scene.loads["push"].value[:] = (-1.2, -0.01)
     scene.problem.solve()
-    matrices, sizes = scene.problem.bulk.num_patterns, []
+    matrices, sizes = scene.problem.equations.bulk.num_patterns, []
     for _ in range(2 * MOST_GROWTHS):
         slide(scene, 0.6 * MARGIN)
         sizes.append(entries(scene))
-    assert scene.problem.bulk.num_patterns == matrices + 1
+    assert scene.problem.equations.bulk.num_patterns == matrices + 1
     assert np.diff(sizes).min() < 0.0 and sizes[-1] < 1.2 * sizes[0]
 
 
@@ -60,7 +60,7 @@ def test_pattern_is_made_again_where_a_node_comes_to_bear_the_multiplier_of_anot
     scene = pressed_blocks(degree=2, **MESH)
     scene.loads["push"].value[1] = -0.01
     scene.problem.solve()
-    (contact,) = scene.problem.contacts
+    (contact,) = scene.problem.equations.contacts
     state = contact.operators, contact.carries, contact.faced()
     reach = Reach(*state)
     assert reach.holds(*state, contact.active)
@@ -94,14 +94,14 @@ def pressed_cylinder(degree, algorithm):
 def test_pattern_is_made_once_while_contact_grows(degree, algorithm, monkeypatch):
     """Where it is open the arc turns: it meets other facets, and comes to the block's ends."""
     problem, push = pressed_cylinder(degree, algorithm)
-    made, make_room = [], type(problem.system)._make_room
+    made, make_room = [], type(problem.equations.system)._make_room
     monkeypatch.setattr(
-        type(problem.system), "_make_room", lambda *args: made.append(make_room(*args))
+        type(problem.equations.system), "_make_room", lambda *args: made.append(make_room(*args))
     )
     num_active = []
     for depth in (0.1, 0.4, 0.9):
         push.value[1] = -depth
         assert problem.solve().converged
-        num_active.append(problem.contacts[0].active.sum())
+        num_active.append(problem.equations.contacts[0].active.sum())
     assert num_active[-1] > 2 * num_active[0]
     assert len(made) == 1

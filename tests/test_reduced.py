@@ -110,7 +110,7 @@ def loaded_blocks(reduced, *, held="both"):
     v = ufl.TestFunction(V)
     stress = modulus * linear_elastic(u, 1.0, 0.3)
     residual = internal(u, stress) - ufl.inner(weight, v) * ufl.dx
-    bcs = scene.problem.bulk.bcs[: {"lower": 1, "both": 2}[held]]
+    bcs = scene.problem.equations.bulk.bcs[: {"lower": 1, "both": 2}[held]]
     pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top")
     problem = fm.ContactProblem(
         residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", newton=TIGHT,
@@ -149,7 +149,9 @@ def test_body_that_contact_alone_holds_takes_the_general_path_and_says_so():
     loads["weight"].value[1] = -1.0
     report = problem.solve()
     assert any("do not hold body 'upper'" in note for note in report.notes)
-    assert problem.contacts[0].total_force[1] == pytest.approx(1.0, rel=1e-9)  # its weight
+    assert problem.equations.contacts[0].total_force[1] == pytest.approx(
+        1.0, rel=1e-9
+    )  # its weight
     assert not any("do not hold" in note for note in problem.solve().notes)  # said once
 
 

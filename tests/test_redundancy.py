@@ -44,7 +44,7 @@ def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, ce
     reports = list(scene.solve())
     assert max(report.num_iterations for report in reports) <= 10
     assert all(report.certificate.violations() == [] for report in reports)
-    overheld = sum(int(contact.overheld.sum()) for contact in scene.problem.contacts)
+    overheld = sum(int(contact.overheld.sum()) for contact in scene.problem.equations.contacts)
     told = [note for note in reports[-1].notes if "not unique" in note]
     assert bool(overheld) == bool(told)
     if cells == (4,):
@@ -54,9 +54,9 @@ def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, ce
 def test_state_of_redundant_shears_is_kept_by_a_further_solve():
     scene = held.wall(2, 2, 0.6, push=0.25)
     list(scene.solve())
-    before = [contact.z.copy() for contact in scene.problem.contacts]
+    before = [contact.z.copy() for contact in scene.problem.equations.contacts]
     scene.problem.solve()
     largest = max(np.abs(z).max() for z in before)
-    for contact, z in zip(scene.problem.contacts, before, strict=True):
+    for contact, z in zip(scene.problem.equations.contacts, before, strict=True):
         # As exact as the residual's tolerance, over the compliance of the elastic stick.
         assert np.abs(contact.z - z).max() < 1e-5 * largest

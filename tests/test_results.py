@@ -183,7 +183,7 @@ def test_ranks_without_cells_take_part(shared_path):
 
 def test_two_slaves_of_one_name_in_files_get_two_series(shared_path):
     scene = pressed()
-    scene.problem.contacts = 2 * scene.problem.contacts
+    scene.problem.equations.contacts = 2 * scene.problem.equations.contacts
     ResultsWriter(shared_path / "series", scene.problem).write(0.0)
     for i in range(2):
         assert len(steps(shared_path / f"series_contact_upper_bottom_{i}.pvd")) == 1
@@ -193,7 +193,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
     """On the curve to rounding, closed where it is, and warped to the present place."""
     tools = fm.Circle((0.5, 1.5), 0.25, name="ball"), fm.Plane((0.0, 1.1), (0.0, -1.0), name="far")
     problem = block_under(tools[0])
-    problem.tools.obstacles.append(tools[1])
+    problem.equations.tools.obstacles.append(tools[1])
     tools[1].move(y=100.0)
     with ResultsWriter(shared_path / "series", problem) as results:
         for time, motion in enumerate([(0.0, 0.0, 0.0), (0.1, -0.3, 0.5)]):
@@ -284,7 +284,7 @@ def test_table_shows_forces_that_cancel_and_push_the_bodies_apart():
 
 def reaction(scene):
     """What the lower body's bottom exerts on it, from the internal forces alone."""
-    bulk = scene.problem.bulk
+    bulk = scene.problem.equations.bulk
     bulk.assemble_residual()
     X = bulk.V.tabulate_dof_coordinates()[: bulk.num_owned // 2]
     forces = bulk.r.array_r[: bulk.num_owned].reshape(-1, 2)[X[:, 1] < 1e-9]

@@ -58,7 +58,7 @@ def test_flanks_of_a_groove_share_the_load_of_a_disk(half, depth):
     exact = 0.5 * weight / np.sin(half) * np.array([np.cos(half), np.sin(half)])
     assert np.allclose(sides[0].reaction[:2], -exact, atol=1e-9 * weight)
     assert np.allclose(sides[1].reaction[:2], exact * [1.0, -1.0], atol=1e-9 * weight)
-    one, other = problem.contacts
+    one, other = problem.equations.contacts
     assert one.active.sum() == other.active.sum() >= 2
     if depth is None:  # 72 facets of the outer and the inner circle
         outer, inner = (36 * r**2 * np.sin(np.pi / 36) for r in (1.0, 0.5))
@@ -77,7 +77,7 @@ def test_nearest_of_two_is_the_same_where_no_node_sees_both():
             np.where(left.reshape(-1, *([1] * (a.ndim - 1))), a, b) for a, b in zip(*fields)
         )
 
-    data = problem.contacts[0].pair.data
+    data = problem.equations.contacts[0].pair.data
     one = problem_on(
         data, "disk/bottom", [fm.SignedDistance(nearer)],
         bcs=lambda V: [fm.dirichlet(V, data, "disk/top", (0.0, -0.02))],
@@ -90,9 +90,9 @@ def test_nearest_of_two_is_the_same_where_no_node_sees_both():
 def test_tangent_and_the_form_of_the_system():
     """Taylor slopes with nodes active against both; what cannot be condensed says why."""
     problem, _ = disk(np.pi / 3, 0.02)
-    for contact in problem.contacts:
+    for contact in problem.equations.contacts:
         contact.change(active=contact.covered)
-    assert (problem.contacts[0].active & problem.contacts[1].active).sum() > 10
+    assert (problem.equations.contacts[0].active & problem.equations.contacts[1].active).sum() > 10
     check = problem.check_tangent(print_table=False)
     assert all(slope > 1.9 for slope in check.slopes.values()), check.slopes
     with pytest.raises(ValueError, match="are slaves of 'right', too; use algorithm='saddle'"):
@@ -121,16 +121,19 @@ def test_corner_in_the_tip_of_a_groove_is_pressed_evenly(strain, sliding):
     problem = tip(strain, pair={"sliding": sliding})
     report = problem.solve()
     assert report.certificate.violations() == [] and not report.notes[2:]
-    corner = np.argmin(np.hypot(*problem.contacts[0].slave.X.T))
+    corner = np.argmin(np.hypot(*problem.equations.contacts[0].slave.X.T))
     mu, lmbda = lame(E, NU)
     stress = {  # P, a force over a length of the undeformed mesh
         "linear": 2 * (mu + lmbda) * 0.02,
         "finite": mu * (1 / 0.98 - 0.98) - lmbda * 2 * np.log(0.98) / 0.98,
     }
     length = {"small": 1.0, "finite": 0.98}  # what a pressure of the model is counted over
-    u, X = problem.bulk.u.x.array.reshape(-1, 2), problem.bulk.V.tabulate_dof_coordinates()[:, :2]
+    u, X = (
+        problem.equations.bulk.u.x.array.reshape(-1, 2),
+        problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2],
+    )
     assert np.abs(u + 0.02 * X).max() < 1e-12
-    for contact in problem.contacts:
+    for contact in problem.equations.contacts:
         assert contact.active[corner]
         on = contact.active & (np.abs(contact.slave.X).max(axis=1) < 0.7)  # the last is prescribed
         assert np.allclose(contact.pressure[on] * length[sliding], stress[strain], rtol=1e-9)
@@ -170,7 +173,7 @@ def test_two_bodies_side_by_side_as_masters(law):
         ],
     )  # fmt: skip
     assert problem.solve().certificate.violations() == []
-    one, other = (contact.total_force for contact in problem.contacts)
+    one, other = (contact.total_force for contact in problem.equations.contacts)
     assert np.allclose(one, other * [-1.0, 1.0], atol=1e-9 * np.abs(one).max())
     assert one[1] > 0.1 and (law is None or abs(one[0]) > 1e-3)
     slopes = problem.check_tangent(print_table=False).slopes
@@ -222,17 +225,17 @@ def test_corner_sticks_to_floor_and_wall(meshed, strain, linear_bulk):
     Floor and wall that deform by themselves leave it free to stick to both.
     """
     problem, move = cornered(meshed, strain=strain, linear_bulk=linear_bulk)
-    corner = np.argmin(np.hypot(*(problem.contacts[0].slave.X - [1.0, 0.0]).T))
+    corner = np.argmin(np.hypot(*(problem.equations.contacts[0].slave.X - [1.0, 0.0]).T))
     overheld = []
     for step in PATH:
         move(*step)
         report = problem.solve()
         assert report.certificate.violations() == [] and report.num_iterations < 10
-        overheld.append([bool(contact.overheld[corner]) for contact in problem.contacts])
-        for contact in problem.contacts:
+        overheld.append([bool(contact.overheld[corner]) for contact in problem.equations.contacts])
+        for contact in problem.equations.contacts:
             assert np.abs(contact.slip[contact.sticking]).max(initial=0.0) < 1e-12
-        if not meshed and all(contact.active[corner] for contact in problem.contacts):
-            place = problem.contacts[0].operators.x[corner]
+        if not meshed and all(contact.active[corner] for contact in problem.equations.contacts):
+            place = problem.equations.contacts[0].operators.x[corner]
             assert place == pytest.approx((1.0 - step[2], step[1]), abs=1e-12)
     both, one, other = [True, True], [True, False], [False, True]
     if meshed:

@@ -67,7 +67,7 @@ class Scene:
 
     @property
     def contact(self):
-        return self.problem.contacts[0]
+        return self.problem.equations.contacts[0]
 
 
 def plates(outlines, slave="lower", height=0.1, degree=1, **options):
@@ -145,7 +145,7 @@ def test_a_radius_is_a_bound_behind_as_well():
         problem = fm.ContactProblem(
             internal(u, linear_elastic(u, E, NU)), u, [pair], bcs=bcs, petsc_options_prefix="test_"
         )
-        assert problem.contacts[0].covered.any() == found
+        assert problem.equations.contacts[0].covered.any() == found
 
 
 @pytest.mark.parametrize("coated", ["slave", "master"])
@@ -305,10 +305,10 @@ def test_deep_overlap_of_an_active_node_is_named_with_the_reach():
         pass
     scene.u.x.array[:] = 0.0
     contact = scene.contact
-    contact.evaluate(scene.u.x.array, scene.problem.linearization)
+    contact.evaluate(scene.u.x.array, scene.problem.equations.linearization)
     contact.change(active=contact.covered)
     assert re.search(words, contact.describe_overlap())
-    assert re.search(words, scene.problem.diagnose())
+    assert re.search(words, scene.problem.equations.diagnose())
     (certificate,) = scene.problem.certificate().pairs
     (said,) = (v for v in certificate.violations() if "overlap" in v)
     assert re.search(r"at \(.*\), in facets; partners are looked for up to", said)

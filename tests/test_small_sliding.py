@@ -130,7 +130,7 @@ def test_obstacles(obstacle):
         for height in (0.02, 0.05):
             tool.move(y=height, angle=0.5 * height)
             problem.solve()
-        assert problem.contacts[0].active.any()
+        assert problem.equations.contacts[0].active.any()
         found.append(nodal(problem))
         slopes = problem.check_tangent(print_table=False).slopes
         assert all(slope == np.inf for slope in slopes.values()), slopes

@@ -100,7 +100,7 @@ def test_tangent_of_slave_nodes_is_taken_from_K_in_place_while_the_pattern_stays
     for depth in (0.02, 0.021):
         scene.loads["push"].value[1] = -depth
         scene.problem.solve()
-        kept.append(scene.problem.system._slave_K)
+        kept.append(scene.problem.equations.system._slave_K)
     assert kept[0] is kept[1]
     rows = 2 * (scene.contact.slave.num_nodes + scene.contact.master.num_nodes)
-    assert scene.problem.system._R.mat.getSize()[0] == rows
+    assert scene.problem.equations.system._R.mat.getSize()[0] == rows

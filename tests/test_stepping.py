@@ -55,7 +55,7 @@ def test_path_that_fails_in_one_step_is_finished_in_several():
     assert sum(step.step for step in path.steps) == pytest.approx(5.0, rel=1e-12)
     small, set_small = ironing()
     fm.follow_path(small, set_small, fm.SteppingOptions(step=0.5), stop=6.0)
-    z, exact = problem.contacts[0].z, small.contacts[0].z
+    z, exact = problem.equations.contacts[0].z, small.equations.contacts[0].z
     assert np.abs(z - exact).max() < 1e-10 * np.abs(exact).max()  # Newton's tolerance
     assert problem.certificate().pairs[0].violations() == []
 
@@ -105,7 +105,7 @@ def test_restart_continues_the_run_on_any_number_of_ranks(writer, reader, shared
     again, set_again = ironing(reader)
     fm.load_state(again, file)
     path = fm.follow_path(again, set_again, options, start=1.25, stop=1.75)
-    z, exact = again.contacts[0].z, whole.contacts[0].z
+    z, exact = again.equations.contacts[0].z, whole.equations.contacts[0].z
     assert len(path.steps) == 2
     assert np.abs(z - exact).max() < 1e-12 * np.abs(exact).max()  # nothing is lost
 
@@ -154,11 +154,11 @@ def test_file_of_a_state_that_cannot_be_read_is_refused_by_all_ranks(shared_path
 
 def test_state_is_read_by_the_name_that_the_first_rank_wrote_it_by(shared_path):
     problem = pressed_blocks(**MESH).problem
-    problem.contacts[0].change(z=np.ones_like(problem.contacts[0].z))
+    problem.equations.contacts[0].change(z=np.ones_like(problem.equations.contacts[0].z))
     fm.save_state(problem, shared_path / "new" / f"state{'' if comm.rank == 0 else 'elsewhere'}")
     again = pressed_blocks(**MESH).problem
     fm.load_state(again, shared_path / "new" / "state")
-    assert (again.contacts[0].z == 1.0).all()
+    assert (again.equations.contacts[0].z == 1.0).all()
 
 
 def test_state_with_slave_and_master_exchanged_is_refused(shared_path):
@@ -320,5 +320,5 @@ def test_step_that_ends_in_a_wrong_state_is_not_accepted():
 
     path = fm.follow_path(problem, set_loads, fm.SteppingOptions(step=1.0, largest=1.0))
     assert path.num_cuts > 0 and "contact was missed" in path.table()
-    assert problem.contacts[0].total_force[1] > 0.0
+    assert problem.equations.contacts[0].total_force[1] > 0.0
     assert problem.certificate().violations() == []

@@ -34,13 +34,13 @@ def test_saddle_and_condensed_system_have_the_same_iterates(slave, linearization
         options = {"algorithm": algorithm, "linearization": linearization}
         scene = pressed_blocks(slave=slave, problem=options, **MESH)
         scene.loads["push"].value[:] = (0.02, -0.08)
-        scene.problem.evaluate(start=True)
+        scene.problem.equations.evaluate(start=True)
         scenes.append(scene)
     one, other = scenes
     for _ in range(4):
         for scene in scenes:
-            scene.problem.advance()
-            scene.problem.evaluate(start=False)
+            scene.problem.equations.advance()
+            scene.problem.equations.evaluate(start=False)
         u, w = nodal(one.problem), nodal(other.problem)
         assert largest(u - w) < 1e-12 * largest(u)  # to rounding, at each iteration
         assert largest(one.contact.z - other.contact.z) < 1e-12 * largest(one.contact.z)
@@ -73,8 +73,8 @@ def test_symmetry_plane_through_the_surface_gives_half_of_the_whole(algorithm):
     )
     half.solve()
     z, exact = (
-        half.contacts[0].pressure,
-        whole.contact.pressure[-half.contacts[0].slave.num_nodes :],
+        half.equations.contacts[0].pressure,
+        whole.contact.pressure[-half.equations.contacts[0].slave.num_nodes :],
     )
     assert largest(z - exact) < 1e-11 * largest(exact)
 
@@ -90,7 +90,7 @@ def test_node_with_prescribed_displacement_has_no_multiplier(algorithm):
     scene = pressed_blocks(problem={"algorithm": algorithm}, **MESH)
     V, data = scene.u.function_space, scene.data
     bcs = [
-        *scene.problem.bulk.bcs,
+        *scene.problem.equations.bulk.bcs,
         fm.dirichlet(V, data, ["upper/left"], np.array([0.0, -0.05])),
     ]
     u = fem.Function(V)
@@ -105,7 +105,7 @@ def test_node_with_prescribed_displacement_has_no_multiplier(algorithm):
     )
     scene.loads["push"].value[1] = -0.05
     problem.solve()
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     assert not contact.carries[0] and contact.carries[1:].all()
     assert np.abs(contact.z[0]).max() == 0.0
     forces = contact.operators.force(contact.z)
@@ -137,7 +137,7 @@ def test_body_that_moves_only_vertically_feels_the_oblique_normal(algorithm):
         algorithm=algorithm,
     )
     problem.solve()
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     assert contact.carries.all() and contact.oblique.all()
     tangential = np.einsum("jc,jc->j", contact.operators.tau, contact.z)
     assert np.abs(tangential).max() < 1e-12 * np.abs(contact.z).max()
@@ -158,8 +158,8 @@ def test_body_that_moves_only_vertically_feels_the_oblique_normal(algorithm):
 def test_options_of_one_problem_do_not_reach_the_next():
     first = pressed_blocks(problem={"petsc_options": {"ksp_type": "gmres"}}, **MESH)
     second = pressed_blocks(**MESH)
-    assert first.problem.system.ksp.getType() == "gmres"
-    assert second.problem.system.ksp.getType() == "preonly"
+    assert first.problem.equations.system.ksp.getType() == "gmres"
+    assert second.problem.equations.system.ksp.getType() == "preonly"
 
 
 def test_problem_without_pairs_is_that_of_the_bulk():
@@ -169,7 +169,7 @@ def test_problem_without_pairs_is_that_of_the_bulk():
         internal(u, linear_elastic(u, 100.0, 0.3)),
         u,
         [],
-        bcs=scene.problem.bulk.bcs,
+        bcs=scene.problem.equations.bulk.bcs,
         petsc_options_prefix="bulk_",
     )
     scene.loads["push"].value[1] = 0.1
@@ -218,7 +218,7 @@ def test_three_bodies_in_two_pairs_carry_the_same_force(algorithm):
         algorithm=algorithm,
     )
     problem.solve()
-    below, above = (contact.total_force for contact in problem.contacts)
+    below, above = (contact.total_force for contact in problem.equations.contacts)
     assert below[1] > 0.0 and above[1] > 0.0
     assert below[1] == pytest.approx(above[1], rel=1e-9)
 
@@ -255,8 +255,8 @@ def test_standard_multipliers_are_not_condensed(basis):
 def test_petsc_options_of_the_prefix_reach_the_solver():
     options = {"petsc_options": {"pc_type": "lu", "ksp_type": "gmres", "ksp_rtol": 1e-12}}
     scene = pressed_blocks(problem={**options, "petsc_options_prefix": "mine_"}, **MESH)
-    assert scene.problem.system.ksp.getType() == "gmres"
-    assert scene.problem.system.ksp.getOptionsPrefix() == "mine_"
+    assert scene.problem.equations.system.ksp.getType() == "gmres"
+    assert scene.problem.equations.system.ksp.getOptionsPrefix() == "mine_"
     scene.loads["push"].value[1] = -0.05
     assert scene.problem.solve().converged
 

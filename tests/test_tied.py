@@ -73,7 +73,7 @@ def four_blocks(roles=(True, True, True, True)):
 
 
 def off(problem, exact):
-    return comm.allreduce(np.abs(problem.bulk.u.x.array - exact.x.array).max(), MPI.MAX)
+    return comm.allreduce(np.abs(problem.equations.bulk.u.x.array - exact.x.array).max(), MPI.MAX)
 
 
 # Patch tests
@@ -103,7 +103,7 @@ def test_uniaxial_tension_passes_with_its_traction(degree, counts, basis):
         problem, exact = tied(data, [pair], ENDS, np.diag([0.0, 0.01]), degree=degree, law=linear)
         problem.solve()
         assert off(problem, exact) < EXACT
-        assert np.abs(problem.contacts[0].pressure + 1.0).max() < 1e-11
+        assert np.abs(problem.equations.contacts[0].pressure + 1.0).max() < 1e-11
 
     # What holds exactly
     assert problem.estimate().relative < 1e-9  # the exact solution is told as such
@@ -119,7 +119,7 @@ def test_turned_rings_are_free_of_stress_and_torques_cancel(degree, sides, algor
     problem, exact = tied(data, [pair], ["outer/bottom"], turn, degree=degree, algorithm=algorithm)
     exact.interpolate(lambda X: turn @ X[:2])  # nodes have moved
     problem.solve()
-    tie = problem.contacts[0]
+    tie = problem.equations.contacts[0]
     assert np.abs(tie.D @ tie.slave.X - tie.M @ tie.master.X).max() < 1e-14
     assert np.abs(np.hypot(*tie.slave.X.T) - 2.0).max() > (1e-3 if degree == 1 else 1e-5)
     assert off(problem, exact) < EXACT and np.abs(tie.z).max() < 1e-10 * 100.0
@@ -136,7 +136,7 @@ def test_a_kept_gap_does_not_turn_with_the_bodies():
     pair = fm.TiedPair(data, "inner/bottom", "outer/top", gap="kept")
     problem, exact = tied(data, [pair], ["outer/bottom"], turn)
     problem.solve()
-    assert np.abs(np.hypot(*problem.contacts[0].slave.X.T) - 2.0).max() < 1e-14
+    assert np.abs(np.hypot(*problem.equations.contacts[0].slave.X.T) - 2.0).max() < 1e-14
     assert off(problem, exact) > 1e-3
     assert problem.certificate().pairs[0].moment > 1e-4
 
@@ -168,7 +168,7 @@ def test_forces_balance_where_facets_have_no_partner_in_part(degree, roles):
     assert report.certificate.violations() == []
     assert certificate.force < 1e-14 and certificate.moment < 1e-14
     assert certificate.overlap < 1e-13
-    tie = problem.contacts[0]
+    tie = problem.equations.contacts[0]
     assert np.abs(tie.D.sum(axis=1) - tie.M.sum(axis=1)).max() < 1e-15
 
 
@@ -197,7 +197,7 @@ def test_two_rings_of_different_materials_have_lames_displacement():
     problem.solve()
     # 12 quadratic facets: about (pi / 12)^4 / 10 in the displacement, (pi / 12)^3 in the pressure
     assert off(problem, exact) < 1e-3 * 0.01
-    assert np.abs(problem.contacts[0].pressure / pressure - 1).max() < 0.02
+    assert np.abs(problem.equations.contacts[0].pressure / pressure - 1).max() < 0.02
 
 
 # The linear system
@@ -212,7 +212,7 @@ def test_matrix_of_a_linear_bulk_is_constant_and_the_condensed_one_symmetric():
     problem.solve()
     A = dense(problem.tangent)
     assert np.abs(A - before).max() < 1e-13 * np.abs(A).max()
-    tie, T = problem.contacts[0], np.eye(len(A))
+    tie, T = problem.equations.contacts[0], np.eye(len(A))
     slave, master = tie.slave.dofs, tie.master.dofs
     follow = tie.M.toarray() / tie.D.diagonal()[:, None]
     for c in range(2):
@@ -226,7 +226,7 @@ def test_matrix_of_a_linear_bulk_is_constant_and_the_condensed_one_symmetric():
 
 
 def prescribed(problem):
-    bulk = problem.bulk
+    bulk = problem.equations.bulk
     return np.concatenate(comm.allgather(bulk.held + bulk.first))
 
 
@@ -235,8 +235,8 @@ def test_saddle_matrix_is_symmetric():
     pair = fm.TiedPair(data, *ROLES[0])
     problem, _ = tied(data, [pair], ENDS, gradient, start=0.0, algorithm="saddle")
     problem.solve()
-    problem.bulk.assemble_tangent()
-    _, B_T, C, _ = (dense(part) for part in problem.system.blocks())
+    problem.equations.bulk.assemble_tangent()
+    _, B_T, C, _ = (dense(part) for part in problem.equations.system.blocks())
     assert np.abs(B_T - C.T).max() < 1e-14 * np.abs(C).max() and np.abs(C).max() > 1.0
 
 
@@ -256,8 +256,8 @@ def test_conjugate_gradients_with_multigrid_solve_the_reduced_system(degree):
             problem.solve()
             found.append(nodal(problem))
         assert np.abs(found[0] - found[1]).max() < 1e-8
-        cycle = problem.system.ksp.getPC().getPythonContext()._cycle
-        assert cycle.getType() == "cg" and problem.system.ksp.getIterationNumber() <= 3
+        cycle = problem.equations.system.ksp.getPC().getPythonContext()._cycle
+        assert cycle.getType() == "cg" and problem.equations.system.ksp.getIterationNumber() <= 3
         counts.append(cycle.getIterationNumber())
     assert counts[1] <= 1.5 * counts[0] and counts[0] < 60
 
@@ -273,7 +273,7 @@ def test_four_blocks_meet_in_a_point_whatever_their_roles(roles):
     problem.solve()
     assert off(problem, exact) < EXACT
     # nodes at the crosspoint and at the held ends carry no multiplier
-    assert [int((~tie.carries).sum()) for tie in problem.contacts] == [2, 2, 2, 2]
+    assert [int((~tie.carries).sum()) for tie in problem.equations.contacts] == [2, 2, 2, 2]
 
 
 def test_four_blocks_are_as_stiff_as_one():
@@ -293,8 +293,8 @@ def test_four_blocks_are_as_stiff_as_one():
 def force_on(problem, height):
     """Vertical force on the nodes at a height."""
     bulk, contact, _ = problem.forces()
-    dofs = problem.bulk.space.owned_dofs
-    X = problem.bulk.V.tabulate_dof_coordinates()[: len(dofs)]
+    dofs = problem.equations.bulk.space.owned_dofs
+    X = problem.equations.bulk.V.tabulate_dof_coordinates()[: len(dofs)]
     return comm.allreduce(float((bulk + contact)[dofs[np.abs(X[:, 1] - height) < 1e-9, 1]].sum()))
 
 
@@ -332,8 +332,8 @@ def tool_on_halves(comm=comm, slave="tool", joined=True, law=None):
 @pytest.mark.parametrize("slave, system", [("tool", "Condensed"), ("ground", "Saddle")])
 def test_a_tool_slides_over_the_joint_of_tied_halves_as_over_one_base(slave, system):
     problem, reports = tool_on_halves(slave=slave)
-    assert type(problem.system).__name__ == f"{system}System"
-    contact, tie = problem.contacts
+    assert type(problem.equations.system).__name__ == f"{system}System"
+    contact, tie = problem.equations.contacts
     for report in reports:
         assert report.certificate.violations() == [] and report.num_iterations <= 8
         assert report.certificate.pairs[0].shear < 1e-10
@@ -348,13 +348,13 @@ def test_a_tool_slides_over_the_joint_of_tied_halves_as_over_one_base(slave, sys
 def test_a_contact_surface_goes_on_across_the_joint(slave):
     """With friction, too: one curve, on which the two corners are one node."""
     problem, reports = tool_on_halves(slave=slave, law=fm.Coulomb(0.2))
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     ground = contact.master if slave == "tool" else contact.slave
     assert ground.num_nodes == 8 + 6 + 1
     assert np.count_nonzero(ground.following < 0) == np.count_nonzero(ground.previous < 0) == 1
     assert max(report.num_iterations for report in reports) <= 8
     assert reports[-1].certificate.violations() == []
-    force = np.abs(problem.contacts[0].total_force)
+    force = np.abs(problem.equations.contacts[0].total_force)
     assert force[0] == pytest.approx(0.2 * force[1], rel=0.02)  # the surface is about level
     assert min(problem.check_tangent(print_table=False).slopes.values()) > 1.95
 
@@ -362,11 +362,11 @@ def test_a_contact_surface_goes_on_across_the_joint(slave):
 def test_a_contact_surface_may_end_at_the_joint():
     """The corner has a multiplier in contact only, and bears what the tie's neighbour passes on."""
     problem, reports = tool_on_halves(slave="left/top")
-    contact, tie = problem.contacts
+    contact, tie = problem.equations.contacts
     corner = np.intersect1d(contact.slave.nodes, tie.slave.nodes)
     assert np.isin(corner, contact.multiplier_nodes).all() and corner.size == 1
     assert not np.isin(corner, tie.multiplier_nodes).any()
-    assert type(problem.system).__name__ == "SaddleSystem"
+    assert type(problem.equations.system).__name__ == "SaddleSystem"
     assert max(report.num_iterations for report in reports) <= 8
 
 
@@ -381,15 +381,15 @@ def test_a_body_that_only_a_tie_holds_does_not_float():
 
     pair = fm.TiedPair(data, *ROLES[0])
     problem, _ = tied(data, [pair], ["lower/bottom"], np.zeros((2, 2)), law=law)
-    assert problem.floating.bodies == []
+    assert problem.equations.floating.bodies == []
     report = problem.solve()
     assert report.certificate.balance < 1e-13
-    assert np.abs(problem.contacts[0].pressure + 1.0).max() < 1e-10
+    assert np.abs(problem.equations.contacts[0].pressure + 1.0).max() < 1e-10
 
 
 def test_result_is_that_of_one_rank():
     together, alone = (tool_on_halves(comm=group)[0] for group in (comm, MPI.COMM_SELF))
-    for one, other in zip(together.contacts, alone.contacts, strict=True):
+    for one, other in zip(together.equations.contacts, alone.equations.contacts, strict=True):
         assert np.array_equal(one.active, other.active)
         assert np.abs(one.z - other.z).max() < 1e-10 * np.abs(other.z).max()
 
@@ -398,7 +398,7 @@ def test_saved_states_and_tables_know_ties(shared_path):
     problem, _ = tool_on_halves()
     fm.save_state(problem, str(shared_path / "state.npz"))
     other, _ = tool_on_halves()
-    other.bulk.u.x.array[:] = 0.0
+    other.equations.bulk.u.x.array[:] = 0.0
     fm.load_state(other, str(shared_path / "state.npz"))
     assert np.abs(nodal(other) - nodal(problem)).max() < 1e-13
     assert "left/right - right/left" in fm.contact_table(other)

@@ -117,18 +117,20 @@ def test_refined_case_has_the_same_outline():
 def test_judge_sees_what_is_wrong():
     case = random_case(2)
     _, scene = run(case)
-    contact, u = scene.problem.contacts[0], scene.problem.bulk.u.x.array
+    contact, u = scene.problem.equations.contacts[0], scene.problem.equations.bulk.u.x.array
     assert list(wrongs(scene, measure(scene))) == []
     good, z = u.copy(), contact.z.copy()
     contact.change(z=1.01 * z)
     assert any("contact force and stresses differ" in wrong for wrong in judged(scene))
     contact.change(z=z)
     push = case.held[1].motion[1]
-    upper = np.isin(input_nodes(scene.problem.bulk.V)[:, 0], np.arange(*case.first_nodes[1:]))
+    upper = np.isin(
+        input_nodes(scene.problem.equations.bulk.V)[:, 0], np.arange(*case.first_nodes[1:])
+    )
     for factor, message in ((-30.0, "facets apart"), (20.0, "penetration of")):
         u[:] = good
         u.reshape(-1, 2)[upper] += factor * push
-        contact.evaluate(u, scene.problem.linearization)
+        contact.evaluate(u, scene.problem.equations.linearization)
         found = judged(scene)
         assert [message in wrong for wrong in found].count(True) == 1
     assert not any("a force acts over a distance" in wrong for wrong in found), "they cross"
@@ -136,7 +138,7 @@ def test_judge_sees_what_is_wrong():
 
 def judged(scene):
     """What is wrong, with the residual of the present state."""
-    scene.problem.bulk.assemble_residual()
+    scene.problem.equations.bulk.assemble_residual()
     return list(wrongs(scene, measure(scene)))
 
 

@@ -81,13 +81,13 @@ class Rolled:
     @property
     def half_widths(self) -> tuple[float, float]:
         """Of contact and stick, by the theory and the measured forces."""
-        a = half_width(self.posed.problem.contacts[0])
+        a = half_width(self.posed.problem.equations.contacts[0])
         return a, a * np.sqrt(1 - self.pulls[-1])
 
     @property
     def shear(self) -> np.ndarray:
         """At the nodes of the slave."""
-        return np.abs(self.posed.problem.contacts[0].nodal.z_tau)
+        return np.abs(self.posed.problem.equations.contacts[0].nodal.z_tau)
 
     @property
     def error(self) -> float:
@@ -97,7 +97,7 @@ class Rolled:
     @property
     def stuck(self) -> float:
         """Half-width that sticks, by that of the theory."""
-        (contact,) = self.posed.problem.contacts
+        (contact,) = self.posed.problem.equations.contacts
         return contact.nodal_lengths[contact.sticking].sum() / 2 / self.half_widths[1]
 
     @property
@@ -163,7 +163,7 @@ def pose(n: int, size: float) -> tuple[fm.MeshData, Any, fm.ContactProblem, fm.C
 def roll(n: int, step: float = 1.0, size: float = SIZE, way: float = WAY) -> Rolled:
     """Press, pull and roll the wheel; n facets to a half-width, steps by the facet."""
     data, w, problem, wheel = pose(n, size)
-    (contact,) = problem.contacts
+    (contact,) = problem.equations.contacts
     wheel.push(y=-FORCE)
     problem.solve()
     wheel.push(x=-PART * FRICTION * FORCE)
@@ -216,7 +216,7 @@ def draw(found: Rolled) -> Figure:
     left, right = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 2)})
     a, c = found.half_widths
     x, peak = np.linspace(-1.3, 1.3, 2001), FRICTION * a / (2 * R)
-    nodes = found.posed.problem.contacts[0].slave.X[:, 0] - found.places[-1]
+    nodes = found.posed.problem.equations.contacts[0].slave.X[:, 0] - found.places[-1]
     left.plot(x, np.sqrt(np.maximum(1 - x**2, 0)), "k--", lw=1, label="mu times Hertz' pressure")
     left.plot(x, shear_by_theory(a * x, a, c) / peak, "k-", lw=1, label="Carter")
     left.plot(nodes / a, found.shear / peak, "o", ms=3, color="#c8102e", label="computed shear")

@@ -111,7 +111,7 @@ def two_cylinders(
     pair = fm.ContactPair(data, "upper/arc", "lower/arc", law=fm.Coulomb(FRICTION), slip=slip)
     residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="cattaneo_")
-    (contact,) = problem.contacts
+    (contact,) = problem.equations.contacts
     stiffness = np.pi * E / (4 * (1 - NU**2) * np.log(4 * RADIUS / a))  # about
     if not rubs:
         pair.law = fm.Frictionless()

@@ -103,7 +103,7 @@ def pose(h: float, degree: int) -> fm.ContactProblem:
 
 def compare(problem: fm.ContactProblem) -> dict[str, float]:
     """Force, half-width (by the second moment of the pressure) and peak by those of the theory."""
-    (contact,) = problem.contacts
+    (contact,) = problem.equations.contacts
     x, force = contact.slave.X[:, 0], contact.pressure * contact.operators.weight
     return {
         "force": contact.total_force[1] / FORCE,
@@ -119,7 +119,7 @@ def main() -> None:
             problem = pose(h, degree)
             problem.solve()
             cells = " | ".join(f"{value:.4f}" for value in compare(problem).values())
-            size = problem.bulk.u.x.array.size
+            size = problem.equations.bulk.u.x.array.size
             print(f"| P{degree} | {h / HALF_WIDTH:.3f} | {size} | {cells} |", flush=True)
 
 

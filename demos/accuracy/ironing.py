@@ -103,8 +103,8 @@ def forces(
     found = []
     for start, stop in pairwise((0.0, *times)):
         fm.follow_path(problem, move, fm.SteppingOptions(step), start=start, stop=stop)
-        found.append(-problem.contacts[0].total_force)
-    return np.array(found), problem.bulk.u.x.array.size
+        found.append(-problem.equations.contacts[0].total_force)
+    return np.array(found), problem.equations.bulk.u.x.array.size
 
 
 def rate(coarse: float, middle: float) -> float:

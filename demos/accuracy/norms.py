@@ -25,7 +25,7 @@ LOOKED_AT = np.linspace(-1.0, 1.0, 25)
 
 def errors(posed: Posed) -> dict[str, float]:
     """All errors, by name, and the certificate's moment of the contact forces."""
-    (contact,) = posed.problem.contacts
+    (contact,) = posed.problem.equations.contacts
     found = bulk_errors(posed) | contact_errors(posed, contact.pressure)
     found["torque"] = posed.problem.certificate().pairs[0].moment
     if posed.shear is not None:
@@ -81,7 +81,7 @@ def contact_errors(posed: Posed, pressure: np.ndarray) -> dict[str, float]:
     x, measure, found, exact = drawn(posed, pressure, posed.pressure, points)
     measure = weights * measure
     _, _, found_there, exact_there = drawn(posed, pressure, posed.pressure, LOOKED_AT)
-    (contact,) = posed.problem.contacts
+    (contact,) = posed.problem.equations.contacts
     result = {
         "pressure": traction_error(posed, pressure, posed.pressure),
         "pressure max": np.abs(found_there - exact_there).max()
@@ -108,7 +108,7 @@ def drawn(posed: Posed, nodal: np.ndarray, exact: Traction, s: np.ndarray) -> tu
     Returns:
         Reference places, shape (2, m, q), length by s, found and exact value, shape (m, q).
     """
-    (contact,) = posed.problem.contacts
+    (contact,) = posed.problem.equations.contacts
     nodes = contact.slave.facets
     nodes = nodes[contact.carries[nodes[:, [0, -1]]].all(axis=1)]
     shape, slope = facet_shapes(nodes.shape[1], s)

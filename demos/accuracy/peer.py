@@ -67,7 +67,7 @@ class Answer:
 
 def given(posed: Posed) -> Given:
     """Take the arrays out of our own problem, unsolved."""
-    bulk, (contact,) = posed.problem.bulk, posed.problem.contacts
+    bulk, (contact,) = posed.problem.equations.bulk, posed.problem.equations.contacts
     cells = compat.dofmap(bulk.V)
     cells = cells[:, AROUND[cells.shape[1]]]
     x = bulk.V.tabulate_dof_coordinates()[:, :2].copy()
@@ -96,7 +96,7 @@ def given(posed: Posed) -> Given:
 def prescribed(posed: Posed) -> np.ndarray:
     """Prescribed values of all dofs, 0 where there are none."""
     values = np.zeros_like(posed.u.x.array)
-    compat.set_prescribed(values, posed.problem.bulk.bcs)
+    compat.set_prescribed(values, posed.problem.equations.bulk.bcs)
     return values
 
 

@@ -151,13 +151,16 @@ def follow(scene: Scene, posed: Posed, row: Row) -> bool:
 
 def true_errors(posed: Posed, full: Posed) -> Errors:
     """Differences from the full model at the nodes of the cheap one."""
-    both = [p.problem.bulk for p in (posed, full)]
+    both = [p.problem.equations.bulk for p in (posed, full)]
     mine, theirs = (bulk.V.tabulate_dof_coordinates() for bulk in both)
     problem, reference = posed.problem, Snapshot.of(full.problem)
     # the two sides of an interface may share places: of equal meshes nodes go by their number
     place = np.arange(len(mine))
     if len(mine) != len(theirs):
-        soft = full.problem.floating.labels == full.problem.floating.labels[soft_node(full)]
+        soft = (
+            full.problem.equations.floating.labels
+            == full.problem.equations.floating.labels[soft_node(full)]
+        )
         place = np.flatnonzero(soft)[cKDTree(theirs[soft]).query(mine)[1]]
     reference.u = reference.u.reshape(-1, 2)[place].ravel()
     return differences(problem, Snapshot.of(problem), reference)
@@ -165,7 +168,7 @@ def true_errors(posed: Posed, full: Posed) -> Errors:
 
 def soft_node(posed: Posed) -> int:
     """A node of the soft body."""
-    return int(posed.problem.contacts[0].slave.nodes[0])
+    return int(posed.problem.equations.contacts[0].slave.nodes[0])
 
 
 def mesh_errors(scene: Scene, load: float, full: Posed) -> Errors:
@@ -191,7 +194,7 @@ def estimated_errors(scene: Scene, load: float, rung: Rung, posed: Posed) -> Err
 
 def by_meshed_tool(scene: Scene, load: float, posed: Posed) -> Errors:
     """What it is worth that a circle neither gives way nor has the facets of a mesh."""
-    (circle,) = posed.problem.tools.obstacles
+    (circle,) = posed.problem.equations.tools.obstacles
     tool = elastic_tool(scene, circle, read(scene, load, "tool"))
     touching = touching_tool(posed.problem, tool)
     parts = zip(tool.give(touching), tool.flatness(touching), strict=True)
@@ -201,7 +204,7 @@ def by_meshed_tool(scene: Scene, load: float, posed: Posed) -> Errors:
 def solved(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0) -> Solved:
     """A scene by a rung, and its row, without errors."""
     posed, setup = clocked(pose, scene, load, rung, data, friction)
-    row = Row(scene.name, load, rung.name, posed.problem.bulk.r.getSize(), setup)
+    row = Row(scene.name, load, rung.name, posed.problem.equations.bulk.r.getSize(), setup)
     follow(scene, posed, row)
     return posed, row
 

@@ -257,16 +257,16 @@ def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0
         [fm.ContactPair(data, scene.slave, master, law=law, sliding=rung.sliding)],
         bcs=bcs,
         petsc_options_prefix="ladder_",
-        linearization=rung.linearization,
+        linearization=rung.equations.linearization,
         newton=fm.NewtonOptions(max_iterations=100),
         adequacy=check,
     )
-    overlap = np.nan_to_num(problem.contacts[0].gap)
+    overlap = np.nan_to_num(problem.equations.contacts[0].gap)
 
     def set_time(t: float) -> None:
         x, y, angle = scene.motion(load, t)
         if scene.interference:
-            problem.contacts[0].offset = (1 - t) * overlap
+            problem.equations.contacts[0].offset = (1 - t) * overlap
         circle.move(x=x, y=y, angle=angle)
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         middle = np.array(centre)[:, None]

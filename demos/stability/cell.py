@@ -165,7 +165,7 @@ def _fixed(posed: Posed, look: Callable[[float, Any], None], record: Record) -> 
 
 def _numbers(posed: Posed) -> list[float]:
     """Forces of all pairs and the norm of all displacements."""
-    bulk = posed.problem.bulk
+    bulk = posed.problem.equations.bulk
     mine = bulk.u.x.array[: bulk.num_owned]
     norm = np.sqrt(bulk.comm.allreduce(float(mine @ mine)))
     return [*map(float, posed.forces.ravel()), float(norm)]

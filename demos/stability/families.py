@@ -541,7 +541,7 @@ def press_fit(facets: str) -> Scene:
     right = interference / (inner + outer)
 
     def check(posed: Posed) -> str:
-        contact = posed.problem.contacts[0]
+        contact = posed.problem.equations.contacts[0]
         weights = contact.operators.diagonal
         mean = float(weights @ contact.pressure / weights.sum())
         return expect("mean pressure", mean, right, 0.02 + (4 / int(facets.split(":")[0])) ** 2)

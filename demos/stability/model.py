@@ -155,7 +155,7 @@ class Posed:
     @property
     def forces(self) -> np.ndarray:
         """Total force on the slave body of each pair, shape (pairs, 2)."""
-        return np.array([contact.total_force for contact in self.problem.contacts])
+        return np.array([contact.total_force for contact in self.problem.equations.contacts])
 
 
 def read(scene: Scene, comm: MPI.Comm) -> fm.MeshData:

@@ -100,18 +100,20 @@ def counts(path: Any) -> Record:
 def measure(scene: Scene) -> Record:
     """Numbers of a solved state, equal on all ranks (collective)."""
     case, problem = scene.case, scene.problem
-    x = case.x + problem.bulk.by_input_node()[1]
+    x = case.x + problem.equations.bulk.by_input_node()[1]
     jacobians = corner_areas(x[case.cells]) / corner_areas(case.x[case.cells])
     size = max(float(np.ptp(body.x)) for body in case.bodies)
     scale = 1.0 if case.pressed else min(body.E for body in case.bodies)
     return {
         "min_J": float(jacobians.min()),
         "stretch": float(stretches(case, x).max()),
-        "force": [contact.total_force.tolist() for contact in problem.contacts],
+        "force": [contact.total_force.tolist() for contact in problem.equations.contacts],
         "response": response(scene, x).tolist(),
         "no_response": NOTHING * scale * size,
         "overlap": max(overlap(case, x, *pair) for pair in case.pairs),
-        "separation": max(map(partial(separation, case, x), case.pairs, problem.contacts)),
+        "separation": max(
+            map(partial(separation, case, x), case.pairs, problem.equations.contacts)
+        ),
         "moved": float(np.linalg.norm(x - case.x, axis=1).max()),
         "unbalance": unbalance(scene),
         "remarks": problem.certificate().remarks(),
@@ -123,7 +125,7 @@ def response(scene: Scene, x: np.ndarray) -> np.ndarray:
     case = scene.case
     if case.pressed:
         return (x - case.x)[case.nodes_of(case.pressed)].mean(axis=0)
-    return np.array([contact.total_force for contact in scene.problem.contacts])
+    return np.array([contact.total_force for contact in scene.problem.equations.contacts])
 
 
 def wrongs(scene: Scene, measured: Record) -> Iterator[str]:
@@ -187,12 +189,12 @@ def unbalance(scene: Scene) -> float:
     if isinstance(scene.case, HeldCase):
         return unbalance_of_nodes(scene)
     problem, worst = scene.problem, 0.0
-    r = compat.create_vector(problem.bulk.V)
+    r = compat.create_vector(problem.equations.bulk.V)
     compat.assemble_vector(r, compat.form(scene.residual))
-    forces = np.zeros(problem.bulk.u.x.array.size)
-    forces[: problem.bulk.num_owned] = r.array_r
+    forces = np.zeros(problem.equations.bulk.u.x.array.size)
+    forces[: problem.equations.bulk.num_owned] = r.array_r
     r.destroy()
-    for contact in problem.contacts:
+    for contact in problem.equations.contacts:
         free = contact.free.all(axis=0)
         own = contact.slave.gather(forces).sum(axis=0)
         size = np.abs(contact.operators.force(contact.z)[0]).sum()
@@ -205,12 +207,12 @@ def unbalance(scene: Scene) -> float:
 def unbalance_of_nodes(scene: Scene) -> float:
     """The same at each free node, which may be in several pairs (collective)."""
     problem = scene.problem
-    bulk = problem.bulk
+    bulk = problem.equations.bulk
     r = compat.create_vector(bulk.V)
     compat.assemble_vector(r, compat.form(scene.residual))
     total, sizes = r.array_r.copy(), 0.0
     r.destroy()
-    for contact in problem.contacts:
+    for contact in problem.equations.contacts:
         on_slave, on_master = contact.operators.force(contact.z)
         contact.slave.scatter_add(on_slave, total)
         contact.master.scatter_add(on_master, total)

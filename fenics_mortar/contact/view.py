@@ -95,7 +95,7 @@ class PairView:
 
     @property
     def status(self) -> npt.NDArray[np.str_]:
-        """ "open", "stick" or "slip" (also without friction), shape (slave nodes,)."""
+        """Each node is "open", or by friction "stick" or "slip"; without it "slip"."""
         closed = np.where(self.sticking, "stick", "slip")
         return np.where(self.active, closed, "open")
 

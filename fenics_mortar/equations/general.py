@@ -11,9 +11,10 @@ evaluated, moved by one linear solve, kept and taken up again: what ``newton``, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
@@ -23,24 +24,22 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_noted
 from fenics_mortar.contact.laws import STICK, Pieces
 from fenics_mortar.contact.redundancy import Redundancy
-from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.contact.words import describe_overlap
+from fenics_mortar.equations.diagnosis import WAVERING, check_diagonal, diagnose
+from fenics_mortar.equations.state import State
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arguments import check_kind
-from fenics_mortar.utils.arrays import Array, freeze
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import MortarError, place, together
-from fenics_mortar.verify.crossing import Crossings, Standing
+from fenics_mortar.utils.errors import MortarError, together
+from fenics_mortar.verify.crossing import Crossings
 
 # Largest c_n after a cycle of the active set.
 LESS_WEIGHT = 1e-3
-# A node wavers if it was both open and closed in so many iterations.
-WAVERING = 4
 # Forces along free motions are slight below this part of all forces: a small part of what averaged
 # normals of facets err, and little beside what a certificate allows springs to hold.
 SLIGHT = 1e-5
@@ -50,62 +49,20 @@ EPSILON = float(np.finfo(float).eps)
 ALIKE = 1e-6
 
 
-@dataclass(frozen=True)
-class State:
-    """All that a solve begins from: a value, ``dataclasses.replace`` makes another one.
+class Increment(NamedTuple):
+    """Solution of the linearized equations.
 
     Attributes:
-        u: Displacement and other unknowns of the bulk, the part of this rank.
-        interfaces: State of each pair.
-        places: Places of the obstacles, shape (obstacles, 3).
-        standing: Places of outlines and obstacles at the last accepted state.
-        converged: Whether the last solve ended in this state.
+        u: Increment of the displacement and other unknowns of the bulk [length].
+        z: The new multipliers of each pair, shape (slave nodes, 2) [stress].
+        motion: Increments of the motions of obstacles, shape (obstacles, 3) [length].
+        remark: Remarks on the solution, in words.
     """
 
-    u: Array
-    interfaces: tuple[InterfaceState, ...]
-    places: Array
-    standing: Standing
-    converged: bool
-
-    def __post_init__(self) -> None:
-        """Take copies of arrays that can be written to."""
-        freeze(self)
-
-    def with_settings_of(self, other: State) -> State:
-        """This state with the offsets, weights of gaps and undeformed operators of another one.
-
-        These are set by users and kept by a problem, where this state may be a guess from earlier
-        ones, or that of another model.
-        """
-        pairs = zip(self.interfaces, other.interfaces, strict=True)
-        return replace(
-            self,
-            interfaces=tuple(
-                replace(a, offset=b.offset, c_n=b.c_n, reference=b.reference) for a, b in pairs
-            ),
-        )
-
-    def counting_slip_from(self, other: State) -> State:
-        """This state with the partners and ways of another one."""
-        pairs = zip(self.interfaces, other.interfaces, strict=True)
-        return replace(
-            self,
-            interfaces=tuple(
-                replace(a, partners=b.partners, accepted=b.accepted) for a, b in pairs
-            ),
-            standing=other.standing,
-        )
-
-    def towards(self, other: State, part: float) -> State:
-        """Part of the way to another state, with the sets of this one."""
-        pairs = zip(self.interfaces, other.interfaces, strict=True)
-        return replace(
-            self,
-            u=self.u + part * (other.u - self.u),
-            interfaces=tuple(replace(a, z=a.z + part * (b.z - a.z)) for a, b in pairs),
-            places=self.places + part * (other.places - self.places),
-        )
+    u: PETSc.Vec
+    z: list[Array]
+    motion: Array
+    remark: str
 
 
 class ContactEquations:
@@ -118,9 +75,12 @@ class ContactEquations:
         newton: When to stop.
 
     Attributes:
+        contacts: The pairs, as they are computed with.
         tools: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions do not hold.
         crossings: What looks for surfaces that crossed.
+        interrupted: Whether an interruption may have left matrices half made.
+        last_converged: Whether the last solve ended in the present state.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
 
@@ -146,44 +106,19 @@ class ContactEquations:
         self._set_stiffness()
         self.floating.find()
         self.crossings = Crossings(bulk, contacts, self.floating)
-        self._last_converged = False
+        self.last_converged = self.interrupted = False
         self._residuals: list[float] = []
         self._recent_sets: list[list[tuple[npt.NDArray[np.bool_], Pieces]]] = []
 
     def _set_stiffness(self) -> None:
         """Give each contact the mean diagonal of K at its slave nodes."""
         diagonal = self.bulk.K.getDiagonal().array_r
-        self._check_diagonal(diagonal)
+        check_diagonal(diagonal, self.bulk, self.floating)
         largest = float(np.abs(diagonal[self.bulk.space.owned_dofs]).max(initial=0.0))
         self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
         self.bulk.set_units(self.stiffest)
         for contact in self.contacts:
             contact.set_stiffness(np.abs(contact.slave.gather(diagonal)).mean(axis=1))
-
-    def _check_diagonal(self, diagonal: Array) -> None:
-        """Refuse a bulk tangent with this diagonal (owned dofs,) if a node has no stiffness."""
-        if self.comm.allreduce(not np.isfinite(diagonal).all(), MPI.LOR):
-            reason = self._describe_inverted() or "check the residual form"
-            raise MortarError(
-                f"the bulk tangent is not finite at the initial displacement: {reason}"
-            )
-        dofs = self.bulk.space.owned_dofs
-        if self.comm.allreduce(float(diagonal[dofs].max(initial=-np.inf)), MPI.MAX) < 0.0:
-            raise MortarError(
-                "all stiffnesses are negative: check the signs of the residual, which is internal "
-                "less applied forces, of the jacobian, and of Young's modulus"
-            )
-        loose = np.zeros(diagonal.size, bool)
-        loose[dofs] = (diagonal[dofs] == 0.0) & ~self.bulk.prescribed[dofs]
-        count, where = self.bulk.count_nodes(loose)
-        if count:
-            mine = set(self.floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
-            bodies = sorted(set().union(*self.comm.allgather(mine)))
-            names = ", ".join(self.floating.name_of(label) for label in bodies)
-            raise MortarError(
-                f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
-                "the residual form has to hold the stress of every body"
-            )
 
     # Where they stand
 
@@ -197,7 +132,7 @@ class ContactEquations:
         """Evaluate operators and active sets; the residual of the bulk is there."""
         if start:
             self._begin()
-        changed = self._evaluate_contacts(start=start)
+        changed = self.evaluate_contacts(start=start)
         residual, force = self._residual_and_force()
         self._force = force
         self._residuals.append(residual)
@@ -218,12 +153,12 @@ class ContactEquations:
         for contact in self.contacts:
             contact.begin()
 
-    def _evaluate_operators(self) -> None:
+    def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
         for contact in self.contacts:
             contact.evaluate(self.bulk.u.x.array, self.linearization)
 
-    def _evaluate_contacts(self, *, start: bool) -> int:
+    def evaluate_contacts(self, *, start: bool) -> int:
         """Evaluate operators and active sets; return how many nodes changed."""
         changed = 0
         for contact in self.contacts:
@@ -231,14 +166,14 @@ class ContactEquations:
             handed = contact.update_carriers()
             if handed:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
-            changed += handed + contact.update_active(start=start and not self._last_converged)
+            changed += handed + contact.update_active(start=start and not self.last_converged)
         self._redundancy.mark()
         raise_noted(self.comm, self.contacts)
         return changed
 
-    def _evaluate_forces(self) -> tuple[Array, Array]:
+    def evaluate_forces(self) -> tuple[Array, Array]:
         """Evaluate everything; return the forces of the bulk and of contact, owned parts."""
-        self._evaluate_contacts(start=True)
+        self.evaluate_contacts(start=True)
         bulk, contact, _ = self.forces()
         return bulk, contact
 
@@ -303,66 +238,48 @@ class ContactEquations:
 
     def diagnose(self) -> str:
         """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
-        deep = [describe_overlap(contact) for contact in self.contacts]
-        return "; ".join(filter(None, (self._describe_loose(), *deep)))
-
-    def _describe_loose(self) -> str:
-        """The first of inverted cells, bodies that nothing holds and edges that peel, in words."""
-        inverted = self._describe_inverted()
-        if inverted:
-            return inverted
-        free = self.floating.describe(self.floating.loose()), self.tools.describe(self._force)
-        return ", ".join(filter(None, free)) or self._describe_peeling()
-
-    def _describe_peeling(self) -> str:
-        """Where nodes with shear, but no pressure, opened and closed, in words; "" if nowhere."""
         recent = self._recent_sets[-WAVERING:]
-        for i, contact in enumerate(self.contacts):
-            if not isinstance(contact, Contact):
-                continue
-            active = np.array([sets[i][0] for sets in recent])
-            wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-            bound = contact.asker.bound(contact.pair.law, np.zeros(1), contact.slave.X)
-            if wavers.size and 0.0 < bound[0] < np.inf:
-                return (
-                    f"{wavers.size} nodes of '{contact.slave.name}' go on closing and opening, one "
-                    f"at {place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} lets them "
-                    "bear a shear without pressure, which may peel them off each time they close; "
-                    "take smaller steps, or Coulomb(mu, most=...), whose bound vanishes with the "
-                    "pressure"
-                )
-        return ""
-
-    def _describe_inverted(self) -> str:
-        """Number and place of inverted cells, in words; "" if there are none (collective)."""
-        count, where = self.bulk.inverted_cells()
-        return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
+        return diagnose(self.bulk, self.contacts, self.floating, self.tools, self._force, recent)
 
     # Where they lead
 
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way where that would be too far."""
+        self.linearize()
+        increment = self.solve_linear()
+        return self.apply(increment)
+
+    def linearize(self) -> None:
+        """Assemble the tangent of all equations at the last evaluated state."""
         self.bulk.assemble_tangent()
-        loose = self.floating.loose()
-        self.floating.add_springs(loose, self._total, self._force)
+        self._loose = self.floating.loose()
+        self.floating.add_springs(self._loose, self._total, self._force)
         with clock("assembly"):
             self.system.assemble()
         raise_noted(self.comm, self.contacts)
+
+    def solve_linear(self) -> Increment:
+        """Solve the linearized equations; no state changes."""
         goal = self.newton.residual_tolerance * self._force
         self.system.solver.forcing = forcing(self._residuals, goal)
         with clock("solve"):
-            step, multipliers, motion = self.tools.solve(self.system, self.stiffest, self._force)
-        self.floating.drop_undriven(loose, step, self._total, self._force)
-        remarks = [self.system.solver.remark, self.floating.remark(loose)]
+            step, z, motion = self.tools.solve(self.system, self.stiffest, self._force)
+        self.floating.drop_undriven(self._loose, step, self._total, self._force)
+        remarks = [self.system.solver.remark, self.floating.remark(self._loose)]
         self.system.solver.remark = ""
+        return Increment(step, z, motion, "; ".join(filter(None, remarks)))
+
+    def apply(self, increment: Increment) -> Step:
+        """Move by an increment, less than all the way where that would be too far."""
+        step = increment.u
         part = self.bulk.move(step)
-        for contact, z in zip(self.contacts, multipliers, strict=True):
+        for contact, z in zip(self.contacts, increment.z, strict=True):
             contact.move(z, part, step.array_r)
-        self.tools.move(part * motion)
-        increment = max(self.bulk.largest(step.array_r), np.abs(motion).max(initial=0.0))
+        self.tools.move(part * increment.motion)
+        size = max(self.bulk.largest(step.array_r), np.abs(increment.motion).max(initial=0.0))
         step.destroy()
         self.bulk.free_garbage()
-        return self.step(increment, part, "; ".join(filter(None, remarks)))
+        return self.step(size, part, increment.remark)
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step taken, by its largest increment [length]."""
@@ -442,7 +359,7 @@ class ContactEquations:
             tuple(contact.state for contact in self.contacts),
             self.tools.places,
             self.crossings.accepted,
-            self._last_converged,
+            self.last_converged,
         )
 
     def restore(self, state: State) -> None:
@@ -454,7 +371,7 @@ class ContactEquations:
         with together(self.comm, "restore"):
             self._check_state(state)
         self.put(state)
-        self._evaluate_operators()
+        self.evaluate_operators()
 
     def put(self, state: State) -> None:
         """Go back to a state, whose operators are not evaluated (local)."""
@@ -463,7 +380,7 @@ class ContactEquations:
         self.crossings.restore(state.standing, state.u)
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):
             contact.put(interface)
-        self._last_converged = state.converged
+        self.last_converged = state.converged
 
     def _check_state(self, state: State) -> None:
         """Refuse what is no state of these equations (local)."""
@@ -503,7 +420,7 @@ class ContactEquations:
 
     def remaining(self) -> tuple[float, str]:
         """Part of the forces that springs hold, and that in words."""
-        parts = self._parts_held()
+        parts = self.parts_held()
         energy = self.floating.spring_energy() + self.tools.spring_energy()
         each = [f"{name} with {part:.1e} of its contact force" for name, part in parts]
         return max(part for _, part in parts), (
@@ -511,6 +428,6 @@ class ContactEquations:
             "resist its motion more than the facets' corners drive it; prescribe it, or refine"
         )
 
-    def _parts_held(self) -> list[tuple[str, float]]:
+    def parts_held(self) -> list[tuple[str, float]]:
         """What springs of ``hold`` hold, and which part of the contact force on it."""
         return self.floating.parts_held() + self.tools.parts_held()

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.la.options import drop_added_options
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
@@ -22,34 +23,34 @@ class Before:
     """A problem as it is now, to go back to (local).
 
     Args:
-        problem: A ``ContactProblem``.
+        equations: Its equations.
+        adequacy: Its ``AdequacyCheck``, or ``None``.
     """
 
-    def __init__(self, problem: Any) -> None:
-        self._problem, self._state, self._depth = problem, problem.state(), clock.depth
-        self._operators = [contact.operators for contact in problem.contacts]
-        self._springs = problem.floating.springs, problem.tools.springs
-        adequacy = problem.adequacy
+    def __init__(self, equations: ContactEquations, adequacy: Any) -> None:
+        self._equations, self._state, self._depth = equations, equations.state(), clock.depth
+        self._operators = [contact.operators for contact in equations.contacts]
+        self._springs = equations.floating.springs, equations.tools.springs
         self._take_back_adequacy = adequacy.remember() if adequacy is not None else None
 
     def take_back(self, *, renew: bool) -> None:
         """Go back; ``renew``: make matrices and solvers anew in the next solve."""
-        problem = self._problem
+        equations = self._equations
         clock.leave(self._depth)
         drop_added_options()
-        problem.put(self._state)
-        for contact, operators in zip(problem.contacts, self._operators, strict=True):
+        equations.put(self._state)
+        for contact, operators in zip(equations.contacts, self._operators, strict=True):
             contact.show(operators)
-        problem.floating.springs, problem.tools.springs = self._springs
+        equations.floating.springs, equations.tools.springs = self._springs
         if self._take_back_adequacy is not None:
             self._take_back_adequacy()
-        problem.interrupted |= renew
+        equations.interrupted |= renew
 
 
 @contextmanager
-def undone_if_interrupted(problem: Any) -> Iterator[None]:
+def undone_if_interrupted(equations: ContactEquations, adequacy: Any) -> Iterator[None]:
     """A block after which a ``ContactProblem`` is as before if anything but the package raises."""
-    before = Before(problem)
+    before = Before(equations, adequacy)
     try:
         yield
     except MortarError as error:

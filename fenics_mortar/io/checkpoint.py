@@ -71,11 +71,11 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     wrong = next(_misfits(data, _arrays_of(problem)), "")
     if wrong:
         raise MortarError(f"'{file}' {wrong}")
-    problem.bulk.set_by_input_node(data["nodes"], data["u"])
+    problem.equations.bulk.set_by_input_node(data["nodes"], data["u"])
     kept: dict[str, list[Any]] = {
-        name: [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
+        name: [data[f"{name}{i}"] for i in range(len(problem.equations.contacts))] for name in KEPT
     }
-    for i, contact in enumerate(problem.contacts):
+    for i, contact in enumerate(problem.equations.contacts):
         contact.change(c_n=float(kept["c_n"][i]), offset=kept["offset"][i])
         if isinstance(contact, Contact):
             contact.refer_to(kept["reference_place"][i], kept["carries"][i])
@@ -90,19 +90,19 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
 
 def _arrays_of(problem: ContactProblem) -> Arrays:
     """All that is written of a problem, the same on all ranks (collective)."""
-    nodes, values = problem.bulk.by_input_node()
-    cells, x = compat.mesh_by_input_node(problem.bulk.V.mesh)
-    names = [f"'{c.slave.name}' - '{c.master.name}'" for c in problem.contacts]
+    nodes, values = problem.equations.bulk.by_input_node()
+    cells, x = compat.mesh_by_input_node(problem.equations.bulk.V.mesh)
+    names = [f"'{c.slave.name}' - '{c.master.name}'" for c in problem.equations.contacts]
     data: Arrays = {
         "pairs": np.array(names, str),
         "nodes": nodes,
         "x": x,
         "cells": np.frombuffer(hashlib.sha256(cells.tobytes()).digest(), np.uint8),
         "u": values,
-        "places": problem.tools.places,
+        "places": problem.equations.tools.places,
         "converged": np.array(problem.state().converged),
     }
-    for i, contact in enumerate(problem.contacts):
+    for i, contact in enumerate(problem.equations.contacts):
         kept = {name: getattr(contact, name, NO_PLACE) for name in KEPT}  # ties have none
         data |= {f"{name}{i}": np.asarray(value) for name, value in kept.items()}
     return data

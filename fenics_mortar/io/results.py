@@ -87,7 +87,7 @@ class ResultsWriter:
         path = _prepare(comm, path, ".pvd")
         cells = _owned_cells(problem)
         self._nodes, numbers = np.unique(cells, return_inverse=True)
-        self._X = problem.bulk.V.tabulate_dof_coordinates()[self._nodes]
+        self._X = problem.equations.bulk.V.tabulate_dof_coordinates()[self._nodes]
         self._cells = numbers.reshape(cells.shape)
         self._bulk = _Series(comm, path, len(cells) > 0)
 
@@ -98,24 +98,28 @@ class ResultsWriter:
             paths = [path.with_name(f"{path.name}_{what}_{name}") for name in names]
             return [_Series(comm, path, comm.rank == 0) for path in paths]
 
-        self._surfaces = series("contact", [contact.slave.name for contact in problem.contacts])
-        self._obstacles = series("obstacle", [o.name for o in problem.tools.obstacles])
+        self._surfaces = series(
+            "contact", [contact.slave.name for contact in problem.equations.contacts]
+        )
+        self._obstacles = series("obstacle", [o.name for o in problem.equations.tools.obstacles])
 
     def write(self, time: float) -> None:
         """Write the present state as that of ``time`` (collective)."""
         problem = self._problem
         with together(problem.comm, "write"):
             check_number("time", time, "a finite number", np.isfinite)
-        u, dofs = problem.bulk.u.x.array, problem.bulk.space.dofs
+        u, dofs = problem.equations.bulk.u.x.array, problem.equations.bulk.space.dofs
         cell_data = {name: _pad(field.evaluate()) for name, field in self._fields.items()}
         data = {"displacement": _pad(u[dofs[self._nodes]])}
         self._bulk.write(time, partial(_piece, self._X, self._cells, CELLS, data, cell_data))
-        for series, contact in zip(self._surfaces, problem.contacts, strict=True):
-            contact.evaluate(u, problem.linearization)
+        for series, contact in zip(self._surfaces, problem.equations.contacts, strict=True):
+            contact.evaluate(u, problem.equations.linearization)
             X, data = _pad(contact.slave.X), _surface_data(contact, u)
             series.write(time, partial(_piece, X, contact.slave.facets, FACETS, data))
-        box = _box(problem.bulk)
-        for series, obstacle in zip(self._obstacles, problem.tools.obstacles, strict=True):
+        box = _box(problem.equations.bulk)
+        for series, obstacle in zip(
+            self._obstacles, problem.equations.tools.obstacles, strict=True
+        ):
             series.write(time, partial(_outline, obstacle, *box))
 
     def __enter__(self) -> ResultsWriter:
@@ -250,7 +254,7 @@ class _CellField:
     """A UFL expression at the midpoints of the owned cells; compiled once."""
 
     def __init__(self, problem: ContactProblem, expression: Any, name: str, rank: int = 2) -> None:
-        V = problem.bulk.V
+        V = problem.equations.bulk.V
         self._mesh = V.mesh
         self._shape: tuple[int, ...] = ()
         self._compiled: Any = None
@@ -280,8 +284,8 @@ class _CellField:
 
 def _owned_cells(problem: ContactProblem) -> Indices:
     """Nodes of the cells of this rank, shape (owned cells, nodes), in the order of dolfinx."""
-    num_cells = problem.bulk.V.mesh.topology.index_map(2).size_local
-    return compat.dofmap(problem.bulk.V)[:num_cells].astype(np.int64)
+    num_cells = problem.equations.bulk.V.mesh.topology.index_map(2).size_local
+    return compat.dofmap(problem.equations.bulk.V)[:num_cells].astype(np.int64)
 
 
 def _pad(values: Array) -> Array:
@@ -311,8 +315,8 @@ def contact_table(problem: ContactProblem) -> str:
     _check_problem(problem)
     head = "pair|force on slave|force on master|sum|active|max pressure|min gap/length".split("|")
     rows = [f"| {' | '.join(head)} |", "|---|---:|---:|---:|---:|---:|---:|"]
-    for contact in problem.contacts:
-        contact.evaluate(problem.bulk.u.x.array, problem.linearization)
+    for contact in problem.equations.contacts:
+        contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
         o, z = contact.operators, contact.z
         forces = [-force.sum(axis=0) for force in (o.force(z)[0], o.reaction(z)[1])]
         gap = (contact.gap / contact.nodal_lengths)[contact.covered]
@@ -359,15 +363,15 @@ def plot(
     field = None if stress is None else _CellField(problem, stress, label, rank=0)
     path = _prepare(comm, path, ".png")
     cells = _owned_cells(problem)
-    x = problem.bulk.V.tabulate_dof_coordinates()[:, :2]
-    x = x + scale * problem.bulk.u.x.array[problem.bulk.space.dofs]
-    nodes = problem.bulk.V.dofmap.index_map.local_to_global(cells.ravel().astype(np.int32)).reshape(
-        cells.shape
-    )
+    x = problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
+    x = x + scale * problem.equations.bulk.u.x.array[problem.equations.bulk.space.dofs]
+    nodes = problem.equations.bulk.V.dofmap.index_map.local_to_global(
+        cells.ravel().astype(np.int32)
+    ).reshape(cells.shape)
     values = np.zeros(len(cells)) if field is None else field.evaluate()
     pieces: Any = comm.gather((nodes, x[cells], values))
-    for contact in problem.contacts:
-        contact.evaluate(problem.bulk.u.x.array, problem.linearization)
+    for contact in problem.equations.contacts:
+        contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
 
     def draw() -> None:
         from matplotlib.figure import Figure
@@ -382,8 +386,8 @@ def plot(
             bar = figure.colorbar(bodies, cax=axes.inset_axes((1.03, 0.0, 0.025, 1.0)), label=label)
             bar.outline.set_visible(False)
         margin = AROUND_BODIES * float((high - low).max())
-        _draw_obstacles(axes, problem.tools.obstacles, low - margin, high + margin)
-        open_pairs = [c for c in problem.contacts if not isinstance(c, Tie)]
+        _draw_obstacles(axes, problem.equations.tools.obstacles, low - margin, high + margin)
+        open_pairs = [c for c in problem.equations.contacts if not isinstance(c, Tie)]
         _draw_pressure(axes, open_pairs, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
         if scale != 1.0:
             axes.plot([], [], " ", color=INK, label=f"displacement x {scale:g}")

@@ -1,13 +1,66 @@
 # SPDX-License-Identifier: MIT
-"""The forms of the linear system by the name of their algorithm."""
+"""Which linear system a problem has, and whether it is solved directly or iteratively."""
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
 
-from fenics_mortar.la.condensed import CondensedSystem
+from petsc4py import PETSc
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
+from fenics_mortar.la.options import DIRECT, ITERATIVE, MANY, Solver
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.la.system import LinearSystem
 
 Algorithm = Literal["condensed", "saddle"]
 SYSTEMS: dict[str, type[LinearSystem]] = {"condensed": CondensedSystem, "saddle": SaddleSystem}
+
+
+def system_of(
+    bulk: Bulk,
+    contacts: Sequence[Interface],
+    prefix: str,
+    options: dict[str, Any] | None,
+    algorithm: Algorithm | None,
+    solver: Solver,
+    linear_bulk: bool | None,
+) -> Callable[[], LinearSystem]:
+    """A function that makes the linear system of a problem; see ``ContactProblem`` for the choices.
+
+    Args:
+        bulk: The bodies.
+        contacts: All pairs.
+        prefix: Prefix of PETSc's options.
+        options: Options of the linear solver that the user gave.
+        algorithm: Condensed or saddle-point system; ``None``: condensed where that is possible.
+        solver: Direct or iterative; "auto" chooses by the size of the problem.
+        linear_bulk: Whether the bulk is factored once.
+    """
+    if algorithm is None:
+        algorithm = "saddle" if obstacle_to_condensation(contacts) else "condensed"
+    form: Callable[..., LinearSystem] = SYSTEMS[algorithm]
+    automatic = solver == "auto"
+    if automatic and not _is_for_multigrid(bulk, prefix, options, linear_bulk):
+        solver = "direct"
+    defaults: dict[str, Any] = DIRECT if solver == "direct" else ITERATIVE
+
+    def create() -> LinearSystem:
+        system = form(bulk, contacts, prefix, defaults | (options or {}))
+        system.solver.given = set(options or {})
+        system.solver.may_factor = automatic and solver == "auto"
+        return system
+
+    return create
+
+
+def _is_for_multigrid(
+    bulk: Bulk, prefix: str, options: dict[str, Any] | None, linear_bulk: bool | None
+) -> bool:
+    """Whether "auto" iterates: large problems, where neither options nor factors are given."""
+    given = PETSc.Options(prefix).getAll() or options
+    factored_once = bulk.is_linear and linear_bulk is not False
+    simple = not (bulk.space.is_mixed or given or factored_once)
+    return simple and bulk.r.getSize() >= MANY

@@ -224,14 +224,16 @@ class AdequacyCheck:
     def kept(self, problem: ContactProblem) -> dict[str, Array]:
         """What later solves depend on, as arrays for a file: the climb, and all slip so far."""
         none = np.empty(0)
-        slips = [self._slips.get(c, none) for c in problem.contacts if isinstance(c, Contact)]
+        slips = [
+            self._slips.get(c, none) for c in problem.equations.contacts if isinstance(c, Contact)
+        ]
         return {f"slips{i}": slip for i, slip in enumerate(slips)} | (
             self._climb.kept() if self._climb else {}
         )
 
     def take(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
         """Go on from what ``kept`` gave, if it is in a file (collective)."""
-        contacts = [c for c in problem.contacts if isinstance(c, Contact)]
+        contacts = [c for c in problem.equations.contacts if isinstance(c, Contact)]
         for i, contact in enumerate(contacts):
             if data.get(f"slips{i}", np.empty(0)).shape == (contact.slave.num_nodes,):
                 self._slips[contact] = data[f"slips{i}"]
@@ -245,7 +247,7 @@ class AdequacyCheck:
         found = [*climbed, *self._assumptions(problem)]
         if summit is not None:  # forces and gaps are those of its operators
             for contact, theirs in zip(
-                problem.contacts, summit.model.problem.contacts, strict=True
+                problem.equations.contacts, summit.model.problem.equations.contacts, strict=True
             ):
                 contact.show(theirs.operators)
         mesh_error = self._climb.mesh_error if self._climb else self._discretisation
@@ -278,7 +280,7 @@ class AdequacyCheck:
     def _rigid(self, problem: ContactProblem) -> Iterator[Assumption]:
         """What obstacles stand for gives way as its mesh says, or by the rule of stiffness."""
         ratio = self._stiffness_ratio
-        for obstacle in problem.tools.obstacles:
+        for obstacle in problem.equations.tools.obstacles:
             if obstacle in self._tools:
                 yield from_tool(problem, self._tools[obstacle])
             else:
@@ -291,7 +293,7 @@ class AdequacyCheck:
     def _without_friction(self, problem: ContactProblem) -> Iterator[Assumption]:
         """What friction could do: all sticks first, and slides where that asks for too much."""
         number = self._friction
-        if number is not None and any(map(_is_frictionless, problem.contacts)):
+        if number is not None and any(map(_is_frictionless, problem.equations.contacts)):
             stick = self._variant(problem, "stick", {"law": partial(_instead, Stick())})
             rough = self._variant(problem, "friction", {"law": partial(_instead, Coulomb(number))})
             kept = problem.state()
@@ -304,7 +306,7 @@ class AdequacyCheck:
 
     def _count_all_slip(self, problem: ContactProblem) -> None:
         """Let slip count from where nodes came to touch, of all steps that the check has seen."""
-        for contact in problem.contacts:
+        for contact in problem.equations.contacts:
             if not isinstance(contact, Contact) or not _is_frictionless(contact):
                 continue
             before = self._slips.get(contact, np.zeros(contact.slave.num_nodes))
@@ -332,7 +334,7 @@ def from_tool(problem: ContactProblem, tool: ElasticTool) -> Assumption:
 
 def touching_tool(problem: ContactProblem, tool: ElasticTool) -> list[Contact]:
     """The contacts with the obstacle that a mesh is there of."""
-    contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
+    contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
     return [contact for contact in contacts if contact.obstacle is tool.obstacle]
 
 

@@ -23,7 +23,7 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.equations.general import State
+from fenics_mortar.equations.state import State
 from fenics_mortar.models.model_error import (
     ENERGY,
     QUANTITIES,
@@ -144,8 +144,8 @@ class Climb:
         checked = np.full(MOST_INDICATORS + len(QUANTITIES), np.nan)
         checked[: before.size] = before
         checked[MOST_INDICATORS:] = [errors.get(name, np.nan) for name in QUANTITIES]
-        places = np.full((len(self._problem.contacts), 3), np.nan)
-        contacts = [] if self._model is None else list(self._model.problem.contacts)
+        places = np.full((len(self._problem.equations.contacts), 3), np.nan)
+        contacts = [] if self._model is None else list(self._model.problem.equations.contacts)
         for i, contact in enumerate(contacts):
             if isinstance(contact, Contact):
                 places[i] = contact.reference_place
@@ -174,7 +174,10 @@ class Climb:
             self._checked = before[:count], dict(zip(QUANTITIES, errors.tolist(), strict=True))
         model = self._model.problem
         for contact, mine, reference in zip(
-            model.contacts, self._problem.contacts, data["climb_places"], strict=True
+            model.equations.contacts,
+            self._problem.equations.contacts,
+            data["climb_places"],
+            strict=True,
         ):
             if isinstance(contact, Contact):
                 contact.refer_to(reference, mine.carries)
@@ -236,9 +239,9 @@ class Climb:
 def cheaper_models(problem: ContactProblem) -> Iterator[Model]:
     """Variants of a problem below its own model by what they assume, the cheapest first."""
     linear: dict[str, Any] = {}
-    if not problem.bulk.is_linear:
-        linear["residual"] = linearized(problem.bulk.residual, problem.bulk.u)
-    contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
+    if not problem.equations.bulk.is_linear:
+        linear["residual"] = linearized(problem.equations.bulk.residual, problem.equations.bulk.u)
+    contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
     if len(sliding_little(problem)) < len(contacts):
         yield Model(problem.variant(**linear, sliding="small"), bool(linear), True)
     if linear:
@@ -269,7 +272,7 @@ def what_bulk_is_worth(other: ContactProblem, problem: ContactProblem) -> Errors
     By a step with its residual; the problem is left there.
     """
     here = Snapshot.of(problem)
-    other.bulk.assemble_residual()
-    problem.bulk.r.array[:] = other.bulk.r.array_r
-    problem.advance()
+    other.equations.bulk.assemble_residual()
+    problem.equations.bulk.r.array[:] = other.equations.bulk.r.array_r
+    problem.equations.advance()
     return differences(other, Snapshot.of(problem), here)

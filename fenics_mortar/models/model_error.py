@@ -58,9 +58,9 @@ class Snapshot:
     def of(cls, problem: ContactProblem) -> Snapshot:
         """The present state of a problem."""
         return cls(
-            problem.bulk.u.x.array[: problem.bulk.num_owned].copy(),
-            np.array([contact.total_force for contact in problem.contacts]),
-            np.array([contact.pressure.max() for contact in problem.contacts]),
+            problem.equations.bulk.u.x.array[: problem.equations.bulk.num_owned].copy(),
+            np.array([contact.total_force for contact in problem.equations.contacts]),
+            np.array([contact.pressure.max() for contact in problem.equations.contacts]),
         )
 
 
@@ -71,7 +71,7 @@ def estimate(problem: ContactProblem, *richer: ContactProblem) -> Errors:
         return correct(problem, *richer)
     finally:
         for model in richer:
-            model.system.ksp.reset()
+            model.equations.system.ksp.reset()
         problem.restore(state)
 
 
@@ -102,10 +102,10 @@ def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> Er
     A step changes the solution by about the part of the residual that the last one left, times what
     the steps before have changed.
     """
-    start = model.evaluate(start=True).residual or np.inf
+    start = model.equations.evaluate(start=True).residual or np.inf
     for _ in range(MOST_STEPS):
-        part = model.advance().part
-        left = model.evaluate(start=False).residual / start
+        part = model.equations.advance().part
+        left = model.equations.evaluate(start=False).residual / start
         errors = differences(problem, cheap, Snapshot.of(model))
         settled = left * errors[ENERGY] <= max(SETTLED, 0.5 * min(errors.values()))
         if part == 1.0 and left <= LINEAR and settled:
@@ -129,7 +129,7 @@ def estimate_wider(
 
 def differences(problem: ContactProblem, one: Snapshot, other: Snapshot) -> Errors:
     """Relative differences of two solutions by quantity; energies by the tangent of ``problem``."""
-    bulk = problem.bulk
+    bulk = problem.equations.bulk
     bulk.assemble_tangent()
     x, y = bulk.K.createVecs()
 
@@ -156,9 +156,9 @@ def strained(problem: ContactProblem, u: Array) -> Array:
         problem: Knows the bodies.
         u: Owned dofs.
     """
-    space, rest = problem.bulk.space, u.copy()
+    space, rest = problem.equations.bulk.space, u.copy()
     X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
-    labels = problem.floating.labels[: space.num_nodes]
+    labels = problem.equations.floating.labels[: space.num_nodes]
     x = X + u[space.owned_dofs]
     for label in range(problem.comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1):
         mine = labels == label
@@ -181,7 +181,7 @@ def part_of(difference: Any, size: Any) -> float:
 
 def largest_strain(problem: ContactProblem) -> tuple[float, float]:
     """Largest rotation [radian] and principal strain of F = R U of all cells' means."""
-    (a, b), (c, d) = np.moveaxis(problem.bulk.deformation_gradients(), 0, 2)
+    (a, b), (c, d) = np.moveaxis(problem.equations.bulk.deformation_gradients(), 0, 2)
     rotation = np.arctan2(c - b, a + d)
     mean, spread = 0.5 * np.hypot(a + d, c - b), 0.5 * np.hypot(a - d, b + c)
     strains = np.abs(mean - 1.0) + spread  # the larger of the two of mean +- spread
@@ -194,7 +194,7 @@ def shear_demand(problem: ContactProblem) -> float:
     """Largest mean |z_tau| / z_n of all pairs whose law is to stick."""
     demands = [
         part_of(np.abs(c.shear_force).sum(), float(np.abs(c.operators.weight * c.pressure).sum()))
-        for c in problem.contacts
+        for c in problem.equations.contacts
         if isinstance(c.pair, ContactPair) and isinstance(c.pair.law, Stick)
     ]
     return max(demands, default=0.0)
@@ -202,7 +202,7 @@ def shear_demand(problem: ContactProblem) -> float:
 
 def sliding_little(problem: ContactProblem) -> list[Contact]:
     """The contacts that keep the operators of the undeformed mesh."""
-    contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
+    contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
     return [contact for contact in contacts if contact.pair.sliding == "small"]
 
 

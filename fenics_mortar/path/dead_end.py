@@ -18,7 +18,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
-from fenics_mortar.equations.general import State
+from fenics_mortar.equations.state import State
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array, Indices
@@ -54,7 +54,7 @@ def why_path_ends(problem: ContactProblem) -> str:
 
 def _slipping_off(problem: ContactProblem) -> Iterator[str]:
     """Pairs whose last overlap vanishes while it bears a force."""
-    for contact in problem.contacts:
+    for contact in problem.equations.contacts:
         if not (isinstance(contact, Contact) and contact.active.any() and not contact.obstacle):
             continue
         o = contact.operators
@@ -76,7 +76,7 @@ def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
     Points that pressed on each other at the start of a step are behind each other, and nothing of
     that contact is left: no way leads there on which each state is in equilibrium.
     """
-    for contact, then in zip(problem.contacts, before.interfaces, strict=True):
+    for contact, then in zip(problem.equations.contacts, before.interfaces, strict=True):
         active = then.active
         if not (isinstance(contact, Contact) and active.any()) or contact.active.any():
             continue
@@ -98,11 +98,11 @@ def _shortest(facets: Indices, x: Array) -> float:
 
 def _deadlock(problem: ContactProblem, start: State) -> str:
     """Whether all ways in which the sliding nodes may go on break the law of friction."""
-    if problem.linearization != LINEARIZATIONS["full"]:
+    if problem.equations.linearization != LINEARIZATIONS["full"]:
         return ""
     sliding = [
         (contact, j)
-        for contact in problem.contacts
+        for contact in problem.equations.contacts
         if isinstance(contact, Contact)
         for j in np.flatnonzero(contact.sliding).tolist()
     ]
@@ -125,19 +125,19 @@ def _deadlock(problem: ContactProblem, start: State) -> str:
 def _broken_by(problem: ContactProblem, start: State, sticking: list[Place]) -> list[Place]:
     """Nodes that break the law after a small step in which all but some sliding ones stay."""
     problem.restore(start)
-    for contact in problem.contacts:
+    for contact in problem.equations.contacts:
         contact.start_step()
-    problem.evaluate(start=False)
-    contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
-    for contact, before in zip(problem.contacts, start.interfaces, strict=True):
+    problem.equations.evaluate(start=False)
+    contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
+    for contact, before in zip(problem.equations.contacts, start.interfaces, strict=True):
         piece = before.piece.copy()
         piece[[j for other, j in sticking if other is contact]] = STICK
         contact.change(z=before.z, active=before.active, piece=piece)
     assumed = [(contact.active, contact.piece) for contact in contacts]
-    problem.advance()
+    problem.equations.advance()
     broken = []
     for contact, (active, piece) in zip(contacts, assumed, strict=True):
-        contact.evaluate(problem.bulk.u.x.array, problem.linearization)
+        contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
         contact.update_active()
         changed = (contact.active != active) | (active & (contact.piece != piece))
         broken += [(contact, j) for j in np.flatnonzero(changed).tolist()]

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.equations.general import State
+from fenics_mortar.equations.state import State
 from fenics_mortar.newton.loop import NewtonReport, after
 from fenics_mortar.path.travel import Travel
 from fenics_mortar.problem import ContactProblem
@@ -113,7 +113,11 @@ class Predictor:
         bodies and obstacles rigidly before it begins where they are loose.
         """
         problem = self._problem
-        if not self._guesses or self._before is None or not problem.floating.held_by_contact:
+        if (
+            not self._guesses
+            or self._before is None
+            or not problem.equations.floating.held_by_contact
+        ):
             return None
         guesses = self._find_guesses(
             (time - self._here.time) / (self._here.time - self._before.time)
@@ -123,7 +127,7 @@ class Predictor:
         best, kind = here, None
         residual, presses = self._look()
         for its_kind, guess in guesses:
-            places = np.where(problem.tools.driven, guess.places, here.places)
+            places = np.where(problem.equations.tools.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
             problem.restore(guess)
             guessed, still_presses = self._look()
@@ -147,14 +151,16 @@ class Predictor:
     def _look(self) -> tuple[float, npt.NDArray[np.bool_]]:
         """Residual of the present state, inf if a cell is inverted; which contacts press."""
         problem = self._problem
-        for contact in problem.contacts:
+        for contact in problem.equations.contacts:
             contact.start_step()
-        residual = np.inf if problem.bulk.inverted_cells()[0] else self._residual()
-        contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
+        residual = np.inf if problem.equations.bulk.inverted_cells()[0] else self._residual()
+        contacts = [
+            contact for contact in problem.equations.contacts if isinstance(contact, Contact)
+        ]
         return residual, np.array([(c.pressure > 0.0).any() for c in contacts], bool)
 
     def _residual(self) -> float:
-        residual = self._problem.evaluate(start=True).residual
+        residual = self._problem.equations.evaluate(start=True).residual
         return residual if np.isfinite(residual) else np.inf
 
     def _solve_from_guess(

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.equations.general import State
+from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import Before
 from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, after
 from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends
@@ -229,7 +229,7 @@ def follow_path(
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
     predictor = Predictor(problem, start, guesses=options.predict)
-    forces, kept = _forces(problem), Before(problem)
+    forces, kept = _forces(problem), Before(problem.equations, problem.adequacy)
     ways = _Ways(problem)
 
     def load(time: float) -> None:
@@ -260,7 +260,10 @@ def follow_path(
                 continue
             before_forces, forces = forces, _forces(problem)
             work = _work(problem, accepted, predictor.last, before_forces, forces)
-        time, kept = (stop if step == stop - time else time + step), Before(problem)
+        time, kept = (
+            (stop if step == stop - time else time + step),
+            Before(problem.equations, problem.adequacy),
+        )
         path.steps.append(PathStep(time, step, report, path.failures, work))
         path.failures = []
         _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
@@ -320,7 +323,7 @@ class _Ways:
 
     def __init__(self, problem: ContactProblem) -> None:
         self._problem, self._damps_first = problem, False
-        self._has_choice = any(map(_has_own_law, problem.contacts))
+        self._has_choice = any(map(_has_own_law, problem.equations.contacts))
 
     def solve(self) -> NewtonReport:
         """Solve; if that fails, once more in the other way (collective)."""
@@ -362,20 +365,20 @@ def _solve_soundly(problem: ContactProblem, ways: _Ways, before: State) -> Newto
 
 def _forces(problem: ContactProblem) -> Forces:
     """Of bulk and contact, on obstacles, and what of the last two is shear (collective)."""
-    return *problem.forces(), *problem.shear_forces()
+    return *problem.forces(), *problem.equations.shear_forces()
 
 
 def _work(problem: ContactProblem, start: State, end: State, before: Forces, after: Forces) -> Work:
     """Work of the mean forces in a step (collective). What holds obstacles counts as a support."""
     means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
     r, contact, on_tools, shear, shear_on_tools = means
-    du, prescribed = (end.u - start.u)[: r.size], problem.bulk.held
+    du, prescribed = (end.u - start.u)[: r.size], problem.equations.bulk.held
     supports = (r + contact)[prescribed] @ du[prescribed]
     work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
-    moved = problem.tools.motions_of(end.places - start.places)
+    moved = problem.equations.tools.motions_of(end.places - start.places)
     work[1:3] += (on_tools * moved).sum()
     work[3] += (shear_on_tools * moved).sum()
-    dofs = problem.bulk.space.owned_dofs
+    dofs = problem.equations.bulk.space.owned_dofs
     sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)
     largest = problem.comm.allreduce(float(sizes)) + np.abs(on_tools * moved).sum()
     of_bulk, of_supports, of_contact, of_friction = map(float, work)

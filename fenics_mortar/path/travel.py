@@ -27,7 +27,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.equations.general import State
+from fenics_mortar.equations.state import State
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.locate import locate
 from fenics_mortar.problem import ContactProblem
@@ -57,9 +57,9 @@ class Travel:
 
     def __init__(self, problem: ContactProblem) -> None:
         self._problem, self._sides = problem, list[_Side]()
-        for number, contact in enumerate(problem.contacts):
+        for number, contact in enumerate(problem.equations.contacts):
             for surface in (contact.slave, contact.master):
-                bodies = np.unique(problem.floating.labels_of(surface))
+                bodies = np.unique(problem.equations.floating.labels_of(surface))
                 if isinstance(contact, Contact) and bodies.size == 1:
                     is_slave = surface is contact.slave
                     self._sides.append(_Side(number, is_slave, surface, int(bodies[0])))
@@ -69,7 +69,7 @@ class Travel:
         """Where contacts are on undeformed bodies, nan where none is, (sides, 2) (collective)."""
         found = []
         for side in self._sides:
-            contact = self._problem.contacts[side.contact]
+            contact = self._problem.equations.contacts[side.contact]
             forces = contact.operators.force(contact.z)[0 if side.is_slave else 1]
             weight = np.hypot(*forces.T)
             with np.errstate(invalid="ignore"):
@@ -122,9 +122,9 @@ class Travel:
     ) -> None:
         """Put into ``u`` the displacements of a body that go along with s (collective)."""
         problem = self._problem
-        dofs, owned = problem.bulk.space.dofs, problem.bulk.space.num_nodes
-        mine = np.flatnonzero(problem.floating.labels == body)
-        X = problem.bulk.V.tabulate_dof_coordinates()[mine, :2]
+        dofs, owned = problem.equations.bulk.space.dofs, problem.equations.bulk.space.num_nodes
+        mine = np.flatnonzero(problem.equations.floating.labels == body)
+        X = problem.equations.bulk.V.tabulate_dof_coordinates()[mine, :2]
         own = mine < owned
         if body not in self._meshes:
             self._meshes[body] = Delaunay(self._gathered(X[own]))

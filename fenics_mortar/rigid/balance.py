@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.rigid.motions import ObstacleMotions
@@ -30,7 +31,7 @@ def linearize_balance(motions: ObstacleMotions, system: LinearSystem) -> Border:
     columns = np.zeros((count, size + 2 * system.num_multipliers))
     rows, corner = np.zeros_like(columns), np.zeros((count, count))
     for contact, place in system.numbered():
-        if contact.obstacle is None:
+        if not isinstance(contact, Contact) or contact.obstacle is None:
             continue
         own = slice(3 * (first := motions.obstacles.index(contact.obstacle)), 3 * first + 3)
         E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)

@@ -77,17 +77,17 @@ def check_tangent(
         Remainders and slopes.
     """
     steps = 1e-3 * 0.5 ** np.arange(6) if steps is None else np.asarray(steps)
-    u = problem.bulk.u
-    before = u.x.array.copy(), [contact.state for contact in problem.contacts]
-    places = problem.tools.places
+    u = problem.equations.bulk.u
+    before = u.x.array.copy(), [contact.state for contact in problem.equations.contacts]
+    places = problem.equations.tools.places
     try:
         check = _check(_Probe(problem, seed), steps)
     finally:
-        u.x.array[:], problem.tools.places = before[0], places
-        for contact, state in zip(problem.contacts, before[1], strict=True):
+        u.x.array[:], problem.equations.tools.places = before[0], places
+        for contact, state in zip(problem.equations.contacts, before[1], strict=True):
             contact.put(state)
-            contact.evaluate(u.x.array, problem.linearization)
-        problem.bulk.assemble_residual()
+            contact.evaluate(u.x.array, problem.equations.linearization)
+        problem.equations.bulk.assemble_residual()
     if print_table and problem.comm.rank == 0:
         print(check.table())
     return check
@@ -110,7 +110,11 @@ class _Probe:
     """The functions of a problem along one random direction, and their derivatives."""
 
     def __init__(self, problem: Any, seed: int) -> None:
-        self.problem, self.bulk, self.contacts = problem, problem.bulk, problem.contacts
+        self.problem, self.bulk, self.contacts = (
+            problem,
+            problem.equations.bulk,
+            problem.equations.contacts,
+        )
         self.comm = problem.comm
         rng = np.random.default_rng(seed)
         length = min(float(c.slave.lengths.min()) for c in self.contacts)
@@ -118,7 +122,7 @@ class _Probe:
         everywhere = rng.uniform(-length, length, self.bulk.r.getSize())
         self.du: Array = self.bulk.units * everywhere[self.bulk.first : self.bulk.first + size]
         self.u0 = self.bulk.u.x.array[:size].copy()
-        self.tools, self.places = problem.tools, problem.tools.places
+        self.tools, self.places = problem.equations.tools, problem.equations.tools.places
         self.dq: Array = rng.uniform(-length, length, self.places.shape)
         self.active = [contact.active for contact in self.contacts]
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
@@ -142,7 +146,7 @@ class _Probe:
             self.contacts, self.active, self.z0, self.dz, strict=True
         ):
             contact.change(z=z + step * dz, active=active)
-            contact.evaluate(u.x.array, self.problem.linearization)
+            contact.evaluate(u.x.array, self.problem.equations.linearization)
 
     def values(self, step: float) -> dict[str, Array]:
         """All functions at the step; distributed arrays are parts of this rank."""

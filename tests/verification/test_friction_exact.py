@@ -70,13 +70,13 @@ def test_block_that_slides_under_constant_shear(algorithm):
         2, linear_elastic, fm.Tresca(g), degree=2, held=("left", "right", "top"), push=push
     )
     problem.solve()
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     on = contact.covered
     assert on.sum() == contact.z.shape[0] - 2 and not contact.sticking.any()
     node = contact.nodal
     assert node.z_tau[on] == pytest.approx(g, rel=1e-9)
     assert node.z_n[on] == pytest.approx(p, rel=1e-9)
-    assert np.abs(problem.bulk.u.x.array - u.x.array).max() < 1e-10
+    assert np.abs(problem.equations.bulk.u.x.array - u.x.array).max() < 1e-10
 
 
 def bar(columns, length, height):
@@ -112,7 +112,7 @@ def test_bar_slides_as_far_as_its_load_reaches_and_back():
     """Where the fronts are at nodes, the nodal values are exact, and so is the shear."""
     g, length, height, h = G, 2.0, 0.1, 0.125
     problem, load = bar(16, length, height)
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     X = contact.slave.X[:, 0]
 
     def slid(shear, front):
@@ -122,7 +122,7 @@ def test_bar_slides_as_far_as_its_load_reaches_and_back():
         return shear * (np.where(X < front - 1e-9, 1.0, 0.0) + 0.5 * np.isclose(X, front))
 
     def compare(displacement, shear):
-        found = contact.slave.gather(problem.bulk.u.x.array)[:, 0]
+        found = contact.slave.gather(problem.equations.bulk.u.x.array)[:, 0]
         assert np.abs(found - displacement).max() < 1e-5 * displacement.max()
         assert np.abs(contact.nodal.z_tau - shear).max() < 1e-5 * g
 
@@ -163,8 +163,8 @@ def draw(scene, steps):
         problem, push = blocks.problem, blocks.loads["push"]
     push.value[:] = (0.0, -0.05)
     problem.solve()
-    energy = stored_energy(problem.bulk.u)
-    start, contact = energy(), problem.contacts[0]
+    energy = stored_energy(problem.equations.bulk.u)
+    start, contact = energy(), problem.equations.contacts[0]
     shears, slips = [contact.shear_force], []
 
     def move(time):
@@ -236,7 +236,7 @@ def test_block_pushed_into_a_narrower_channel():
         push.value = way * time
 
     def keep(time, report):
-        forces.append([contact.total_force for contact in problem.contacts])
+        forces.append([contact.total_force for contact in problem.equations.contacts])
 
     path = fm.follow_path(problem, move, fm.SteppingOptions(1.0 / steps), on_step=keep)
     assert path.num_cuts == 0
@@ -275,7 +275,7 @@ def test_wheel_that_friction_drives_rolls(mu, nu, sliding):
         bcs=[fm.dirichlet(V, data, "ground/bottom", (0.0, 0.0))],
         petsc_options_prefix="wheel_",
     )
-    contact = problem.contacts[0]
+    contact = problem.equations.contacts[0]
     wheel.push(y=-P)
     problem.solve()
     touched = contact.active.copy()

@@ -27,7 +27,7 @@ def solve(scene, path=PATH):
 
 def nodal(scene):
     """Positions and displacements of all nodes, on every rank."""
-    owned = scene.problem.bulk.num_owned // 2
+    owned = scene.problem.equations.bulk.num_owned // 2
     X = scene.u.function_space.tabulate_dof_coordinates()[:owned, :2]
     u = scene.u.x.array[: 2 * owned].reshape(-1, 2)
     across = scene.u.function_space.mesh.comm
@@ -111,7 +111,7 @@ def test_rigid_motion_of_everything_leaves_the_pressures(angle, degree):
         newton=fm.NewtonOptions(residual_tolerance=1e-12),
     )
     problem.solve()
-    assert np.abs(problem.contacts[0].pressure - pressure).max() < 1e-10 * pressure.max()
+    assert np.abs(problem.equations.contacts[0].pressure - pressure).max() < 1e-10 * pressure.max()
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -128,10 +128,10 @@ def test_contact_force_is_the_reaction_of_the_held_boundary():
     scene = pressed_blocks(**MESH)
     solve(scene)
     problem, contact = scene.problem, scene.contact
-    total = problem.bulk.r.array_r[: problem.bulk.num_owned].copy()
+    total = problem.equations.bulk.r.array_r[: problem.equations.bulk.num_owned].copy()
     top = scene.data.boundary_facets("upper/top")
     dofs = fem.locate_dofs_topological(scene.u.function_space, 1, top)
-    dofs = dofs[dofs < problem.bulk.num_owned // 2]
+    dofs = dofs[dofs < problem.equations.bulk.num_owned // 2]
     reaction = comm.allreduce(total.reshape(-1, 2)[dofs].sum(axis=0))
     assert np.abs(contact.total_force + reaction).max() < 1e-10 * np.abs(reaction).max()
 
@@ -178,7 +178,7 @@ def test_tangent_check_sees_a_missing_term(switch, blind):
 def test_tangent_is_right_where_nodes_lie_upon_nodes():
     """The kinks of M cancel there, but only if slivers of no length keep their derivative."""
     inner = pressed_blocks(n_upper=10, n_lower=20, width_upper=1.0, width_lower=2.0)
-    inner.problem.evaluate(start=True)
+    inner.problem.equations.evaluate(start=True)
     slopes = inner.problem.check_tangent(print_table=False).slopes
     assert min(slopes.values()) > 1.95
 
@@ -249,5 +249,5 @@ def test_mesh_by_arrays_gives_the_same_as_gmsh():
     problem.solve()
     scene = pressed_blocks()
     solve(scene, [(0.01, -0.06)])
-    z, exact = problem.contacts[0].z, scene.contact.z
+    z, exact = problem.equations.contacts[0].z, scene.contact.z
     assert np.abs(z - exact).max() < 1e-9 * np.abs(exact).max()

@@ -148,5 +148,5 @@ def test_pressure_under_a_plane_is_uniform(angle, integration, degree):
         petsc_options_prefix="patch_",
     )
     problem.solve()
-    z = problem.contacts[0].pressure
+    z = problem.equations.contacts[0].pressure
     assert np.abs(z / pressure - 1).max() < EXACT

@@ -182,7 +182,7 @@ def test_press_fit_of_curved_cells_converges_to_the_exact_pressure(slave, cell):
     for n in (12, 24):
         problem = press_fit(n, slave, cell)
         problem.solve()
-        (contact,) = problem.contacts
+        (contact,) = problem.equations.contacts
         assert contact.active.all()
         errors.append(np.abs(contact.pressure / exact - 1).max())
     assert errors[1] < errors[0] / 4

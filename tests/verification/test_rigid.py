@@ -61,7 +61,7 @@ def test_half_cylinder_on_a_plane_and_cylinder_on_a_block(degree):
     assert abs(cylinder.reaction[2]) < 1e-13 * R * abs(plane.reaction[1])
     P = -plane.reaction[1]
     a = np.sqrt(4 * P * R * (1 - NU**2) / (np.pi * E))
-    for contact in problem.contacts:
+    for contact in problem.equations.contacts:
         x, p, weights = contact.operators.x[:, 0], contact.pressure, contact.operators.weight
         a_mesh = 2 * np.sqrt((weights * p * x**2).sum() / (weights * p).sum())
         near = np.abs(x) < 0.7 * a  # the peak from a fit: p^2 is linear in x^2

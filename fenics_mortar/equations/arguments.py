@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: MIT
+"""Arguments of a problem: refused if they are of a wrong kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, get_args
+
+import ufl
+
+from fenics_mortar.bulk.checks import check_jacobian, check_residual
+from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.interface.mortar import LINEARIZATIONS
+from fenics_mortar.la.choice import Algorithm
+from fenics_mortar.la.options import Solver
+from fenics_mortar.newton.loop import NewtonOptions
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
+
+
+def check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any) -> None:
+    """Refuse forms, pairs or conditions of a wrong kind (local)."""
+    check_kind("residual", residual, ufl.Form, "a UFL form")
+    if not isinstance(pairs, Sequence) or not all(
+        isinstance(p, (ContactPair, TiedPair)) for p in pairs
+    ):
+        raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
+    if not isinstance(bcs, Sequence):
+        raise ValueError(f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions")
+    if not all(hasattr(bc, "function_space") for bc in bcs):
+        raise ValueError(f"bcs={bcs!r}: right is a list of Dirichlet conditions")
+    for pair in pairs:
+        pair.check()
+    check_residual("residual", residual, u)
+    if jacobian is not None:
+        check_kind("jacobian", jacobian, ufl.Form, "a UFL form, or None")
+        check_jacobian(jacobian, u)
+
+
+def check_options(
+    petsc_options_prefix: Any,
+    petsc_options: Any,
+    algorithm: Any,
+    solver: Any,
+    linearization: Any,
+    newton: Any,
+    displacement: Any,
+    linear_bulk: Any,
+    adequacy: Any,
+) -> None:
+    """Refuse options of a wrong kind (local)."""
+    check_kind("petsc_options_prefix", petsc_options_prefix, str, "a text, as 'blocks_'")
+    for name, value, kind, right in (
+        ("petsc_options", petsc_options, dict, "a dictionary, or None"),
+        ("newton", newton, NewtonOptions, "an instance of NewtonOptions, or None"),
+        ("linear_bulk", linear_bulk, bool, "True, False or None"),
+    ):
+        if value is not None:
+            check_kind(name, value, kind, right)
+    for name in petsc_options or {}:
+        if not isinstance(name, str) or name.startswith("-"):
+            raise ValueError(f"petsc_options with {name!r}: right is e.g. 'ksp_rtol'")
+    check_choice("linearization", linearization, LINEARIZATIONS)
+    check_choice("solver", solver, get_args(Solver))
+    if algorithm is not None:
+        check_choice("algorithm", algorithm, get_args(Algorithm))
+    right = "the number of a sub-space"
+    check_number("displacement", displacement, right, lambda part: part >= 0, whole=True)
+    if adequacy is not None and (isinstance(adequacy, type) or not hasattr(adequacy, "prepare")):
+        raise ValueError(f"adequacy={adequacy!r}: an instance of AdequacyCheck, or None")

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: MIT
+"""Why there is no solution near a state, in words; all functions are collective."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.laws import Pieces
+from fenics_mortar.contact.words import describe_overlap
+from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.errors import MortarError, place
+
+# A node wavers if it was both open and closed in so many iterations.
+WAVERING = 4
+# Active set and branches of each pair in one iteration.
+Sets = list[tuple[Flags, Pieces]]
+
+
+def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
+    """Refuse a bulk tangent if it is not finite, or a node has no stiffness.
+
+    Args:
+        diagonal: Its diagonal, shape (owned dofs,).
+        bulk: The bodies.
+        floating: Their names.
+
+    Raises:
+        MortarError: On all ranks.
+    """
+    if bulk.comm.allreduce(not np.isfinite(diagonal).all(), MPI.LOR):
+        reason = describe_inverted(bulk) or "check the residual form"
+        raise MortarError(f"the bulk tangent is not finite at the initial displacement: {reason}")
+    dofs = bulk.space.owned_dofs
+    if bulk.comm.allreduce(float(diagonal[dofs].max(initial=-np.inf)), MPI.MAX) < 0.0:
+        raise MortarError(
+            "all stiffnesses are negative: check the signs of the residual, which is internal "
+            "less applied forces, of the jacobian, and of Young's modulus"
+        )
+    loose = np.zeros(diagonal.size, bool)
+    loose[dofs] = (diagonal[dofs] == 0.0) & ~bulk.prescribed[dofs]
+    count, where = bulk.count_nodes(loose)
+    if count:
+        mine = set(floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
+        bodies = sorted(set().union(*bulk.comm.allgather(mine)))
+        names = ", ".join(floating.name_of(label) for label in bodies)
+        raise MortarError(
+            f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
+            "the residual form has to hold the stress of every body"
+        )
+
+
+def diagnose(
+    bulk: Bulk,
+    contacts: Sequence[Interface],
+    floating: FloatingBodies,
+    obstacles: DrivenObstacles,
+    force: float,
+    recent: Sequence[Sets],
+) -> str:
+    """Inverted cells, loose bodies, edges that a shear peels off, deep overlaps; "" if none.
+
+    Args:
+        bulk: The bodies.
+        contacts: All pairs.
+        floating: Bodies that Dirichlet conditions do not hold.
+        obstacles: The obstacles of the pairs.
+        force: Size of the forces [stress length].
+        recent: Sets of the last iterations.
+    """
+    first = describe_inverted(bulk)
+    if not first:
+        free = floating.describe(floating.loose()), obstacles.describe(force)
+        first = ", ".join(filter(None, free)) or _describe_peeling(contacts, recent)
+    return "; ".join(filter(None, (first, *map(describe_overlap, contacts))))
+
+
+def describe_inverted(bulk: Bulk) -> str:
+    """Number and place of inverted cells; "" if there are none."""
+    count, where = bulk.inverted_cells()
+    return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
+
+
+def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> str:
+    """Where nodes with shear, but no pressure, opened and closed; "" if nowhere (local)."""
+    for i, contact in enumerate(contacts):
+        if not isinstance(contact, Contact):
+            continue
+        active = np.array([sets[i][0] for sets in recent])
+        wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
+        bound = contact.asker.bound(contact.pair.law, np.zeros(1), contact.slave.X)
+        if wavers.size and 0.0 < bound[0] < np.inf:
+            return (
+                f"{wavers.size} nodes of '{contact.slave.name}' go on closing and opening, one "
+                f"at {place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} lets them "
+                "bear a shear without pressure, which may peel them off each time they close; "
+                "take smaller steps, or Coulomb(mu, most=...), whose bound vanishes with the "
+                "pressure"
+            )
+    return ""

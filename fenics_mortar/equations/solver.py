@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: MIT
+"""One solve of all equations: rigid motions first, then Newton's method, then the certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.words import describe_start
+from fenics_mortar.equations.general import SLIGHT, ContactEquations
+from fenics_mortar.equations.linear_bulk import LinearBulk
+from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.newton.damping import Damped
+from fenics_mortar.newton.loop import NewtonReport, once, solve
+from fenics_mortar.rigid.release import hold_here, release_slowly
+from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.errors import NotConvergedError
+from fenics_mortar.verify.certificate import Certificate, certify
+
+
+class Solver:
+    """Solves the equations of a problem; all methods are collective.
+
+    Args:
+        equations: The equations, whose state is moved.
+        create_system: Makes their linear system.
+        linear_bulk: Whether to solve on the contact dofs alone; see ``LinearBulk``.
+        prefix: Prefix of PETSc's options.
+    """
+
+    def __init__(
+        self,
+        equations: ContactEquations,
+        create_system: Callable[[], LinearSystem],
+        *,
+        linear_bulk: bool | None,
+        prefix: str,
+    ) -> None:
+        self._equations, self._create_system = equations, create_system
+        equations.system = create_system()
+        self._linear_bulk = LinearBulk(equations, linear_bulk, prefix)
+        self._begin_where_meshed()
+
+    def _begin_where_meshed(self) -> None:
+        """Evaluate the contacts at the start, and take its gaps for what the pairs say."""
+        equations = self._equations
+        equations.evaluate_operators()
+        for contact in equations.contacts:
+            contact.set_initial_gap()
+        equations.evaluate_operators()
+        self.accept()
+        self._starts = [describe_start(contact) for contact in equations.contacts]
+
+    def renew(self) -> None:
+        """Make anew what an interruption may have left half made."""
+        self._equations.bulk.renew_tangent()
+        self._equations.bulk.assemble_tangent()
+        self._equations.system = self._create_system()
+        self._linear_bulk.forget()
+
+    def accept(self) -> None:
+        """Count slip and ways of nodes from the last evaluated state."""
+        for contact in self._equations.contacts:
+            contact.accept()
+            contact.start_step()
+        self._equations.crossings.accept(self._equations.tools.places)
+
+    def certificate(self) -> Certificate:
+        """Measure balance, signs, penetration and crossings of the last evaluated state."""
+        e = self._equations
+        certificate = certify(e.bulk, e.contacts, e.floating.labels, e.tools.residual())
+        springs = max((p for _, p in e.parts_held()), default=0.0)
+        return replace(certificate, springs=springs, crossings=e.crossings.find())
+
+    def solve(self, remarks: Sequence[str], *, accept_violations: bool) -> NewtonReport:
+        """Solve from the present state; see ``ContactProblem.solve``.
+
+        Args:
+            remarks: What the record is to begin with.
+            accept_violations: Whether a state that violates its certificate is returned.
+        """
+        e = self._equations
+        clock.read()
+        e.crossings.begin(e.tools.places)
+        for contact in e.contacts:
+            contact.start_step()
+        try:
+            e.tools.follow(e.evaluate_operators)
+            moved = e.tools.settle(partial(e.evaluate_contacts, start=True))
+            moved += e.floating.settle(e.evaluate_forces)
+            e.hold(None)
+            if moved:
+                self._accept_moved()
+            report = self._solve()
+            moved += e.floating.check()
+        except Exception:  # of whatever kind, for all ranks alike
+            e.last_converged = False
+            e.crossings.leave()
+            e.hold(None)
+            raise
+        e.last_converged = True
+        accepted = [contact.accepted for contact in e.contacts]
+        for contact in e.contacts:
+            contact.accept()
+        e.bulk.free_garbage()
+        passages = e.crossings.passages(e.tools.places)
+        report.certificate = replace(
+            self.certificate(), strayed=e.tools.strayed(), passages=passages
+        )
+        violations = report.certificate.violations()
+        told = [f"VIOLATED: {violation}" for violation in violations]
+        judged = told or report.certificate.remarks()
+        reactions = e.tools.record()
+        begun = [*remarks, *filter(None, self._starts)]
+        report.notes[:] = once([*begun, *moved, *judged, *reactions, *report.notes])
+        self._starts = []
+        if violations and not accept_violations:
+            e.last_converged = False
+            for contact, before in zip(e.contacts, accepted, strict=True):
+                contact.change(accepted=before)
+            e.crossings.leave()
+            raise _wrong_state(report, violations)
+        e.crossings.accept(e.tools.places)
+        return report
+
+    def _solve(self) -> NewtonReport:
+        """Solve on the contact dofs where the bulk is linear, else on all."""
+        e = self._equations
+        reduced, remarks = self._linear_bulk.choose()
+        if reduced is not None:
+            start = e.state()
+            try:
+                report = solve(reduced, e.newton)
+                reduced.finish()
+                if self._is_sound(report):
+                    return report
+            except NotConvergedError:
+                if e.newton.tentative:
+                    raise
+            e.restore(start)
+            remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
+        report = self._solve_on_all_dofs()
+        self._linear_bulk.count(report.num_iterations)
+        report.notes[:0] = remarks
+        return report
+
+    def _is_sound(self, report: NewtonReport) -> bool:
+        """Whether the present state solves all equations and inverts no cell (collective)."""
+        e = self._equations
+        status = e.evaluate(start=False)
+        allowed = e.newton.residual_tolerance * max(report.force, status.force) + status.noise
+        return status.residual <= allowed and not e.bulk.inverted_cells()[0]
+
+    def _solve_on_all_dofs(self) -> NewtonReport:
+        """One Newton loop; where that fails and bodies float, several with springs that let go."""
+        e = self._equations
+        start = e.state()
+        try:
+            return solve(Damped(e, e.newton) if e.newton.damped else e, e.newton)
+        except NotConvergedError as error:
+            loose = bool(e.floating.bodies) or e.tools.driven.any()
+            if e.newton.tentative or not loose:
+                raise
+            failed = error
+            if e.drifts():
+                try:
+                    return hold_here(e, e.newton, error, most=SLIGHT)
+                except NotConvergedError as held:
+                    failed = NotConvergedError(error.report.reason, held.report)
+            e.restore(start)
+            return release_slowly(e, e.newton, failed)
+
+    def _accept_moved(self) -> None:
+        """Count slip from where bodies were moved to, but for nodes that slid there (collective).
+
+        Motion towards another body is no slip; motion along one, from touch to touch, is.
+        """
+        e = self._equations
+        touched = iter(e.floating.touched)
+        for contact in e.contacts:
+            if isinstance(contact, Contact):
+                before = next(touched, np.zeros_like(contact.active))
+                contact.accept(slid=before & contact.active)
+            else:
+                contact.accept()
+            contact.start_step()
+
+
+def _wrong_state(report: NewtonReport, violations: Sequence[str]) -> NotConvergedError:
+    """The error that says that a state violates its certificate, and what helps."""
+    report.reason = f"converged to a wrong state: {'; '.join(violations)}"
+    report.converged = False
+    smaller = any("smaller steps" in words or "inverted" in words for words in violations)
+    advice = "follow_path takes such a step back and cuts it; " * smaller
+    words = f"{report.reason}; {advice}solve(accept_violations=True) returns it"
+    return NotConvergedError(words, report)
