@@ -54,9 +54,9 @@ def assembled(problem):
             A[first : first + count, own] = contact.motion_rows().reshape(-1, 3) * units
             rows = units[:, None] * E_d.reshape(3, -1)
             np.add.at(A[own], (slice(None), contact.slave.dofs.ravel()), rows)
-            A[own, first : first + count] = units[:, None] * (
-                M_q * contact.acts[:, None]
-            ).reshape(3, -1)
+            A[own, first : first + count] = units[:, None] * (M_q * contact.acts[:, None]).reshape(
+                3, -1
+            )
             A[own, own] += units[:, None] * E_q * units
         first += count
     given = n + m + np.flatnonzero(~tools.driven.ravel())
@@ -250,7 +250,7 @@ def test_sensitivities_are_those_of_the_solution():
         problem.solve()
         return problem, lid
 
-    problem, lid = solved()
+    problem, _ = solved()
     functional = fm.LinearVector(q=np.array([[0.0, 1.0, 0.7]]))
     adjoint = problem.linear_solve(functional, transpose=True)
     for column, name in enumerate(("x", "y", "moment")):
@@ -297,4 +297,6 @@ def test_free_body_is_singular(transpose):
         petsc_options_prefix="free_",
     )
     with pytest.raises(fm.MortarError, match="was not solved"):
-        problem.linear_solve(fm.LinearVector(u=np.ones(problem.bulk.num_owned)), transpose=transpose)
+        problem.linear_solve(
+            fm.LinearVector(u=np.ones(problem.bulk.num_owned)), transpose=transpose
+        )

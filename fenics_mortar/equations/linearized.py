@@ -149,7 +149,7 @@ class LinearizedEquations:
                 raise ValueError(
                     f"z has values of {len(rhs.z)} pairs: expected {len(self._contacts)}"
                 )
-            given = rhs.z or [None] * len(self._contacts)
+            given = [None] * len(self._contacts) if rhs.z is None else rhs.z
             shapes = [(contact.slave.num_nodes, 2) for contact in self._contacts]
             z = [_checked("z", values, shape) for values, shape in zip(given, shapes, strict=True)]
             q = _checked("q", rhs.q, self._shape)

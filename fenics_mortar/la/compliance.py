@@ -13,7 +13,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.la.contact_dofs import ContactDofs
 from fenics_mortar.la.factored import factored_bulk
 from fenics_mortar.la.sparse import schur_complement
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
 
 

@@ -135,7 +135,9 @@ class CondensedSystem(LinearSystem):
             values = -law.A_z[mine] * Z[mine][:, None, :]
             yield Block(contact.slave.dofs[mine], components(place[mine, None]), values)
 
-    def _weighted_forces(self, contact: Interface, place: Indices, weight: Array) -> Iterable[Block]:
+    def _weighted_forces(
+        self, contact: Interface, place: Indices, weight: Array
+    ) -> Iterable[Block]:
         """B^T with columns times ``weight`` (slave nodes, 2); their numbers are ``place``."""
         for block in contact.force_blocks():
             j, component = block.columns // 2, block.columns % 2

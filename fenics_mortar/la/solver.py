@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A linear solver of PETSc whose answers are checked: a singular matrix must not pass in silence."""
+"""Linear solves by PETSc whose answers are checked: a singular matrix must not pass in silence."""
 
 from __future__ import annotations
 
@@ -121,9 +121,7 @@ class LinearSolver:
         self._create(DIRECT)
         return self.solve(matrix, rhs, transpose=transpose)
 
-    def _attempt(
-        self, matrix: PETSc.Mat, rhs: PETSc.Vec, transpose: bool
-    ) -> tuple[PETSc.Vec, str]:
+    def _attempt(self, matrix: PETSc.Mat, rhs: PETSc.Vec, transpose: bool) -> tuple[PETSc.Vec, str]:
         """A solution and the reason why it is none, as the end of a sentence; "" if it is one."""
         solution = rhs.duplicate()
         self.ksp.setOperators(matrix)

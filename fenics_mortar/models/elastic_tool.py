@@ -31,10 +31,10 @@ from fenics_mortar.bulk.bodies import find_floating_bodies, label_bodies
 from fenics_mortar.bulk.checks import check_residual, check_space
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.la.factored import factored_bulk
 from fenics_mortar.interface.facing import nearest_facets, points_of
 from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.interface.surfaces import Surface, extract_surface
+from fenics_mortar.la.factored import factored_bulk
 from fenics_mortar.mesh.reading import MeshData
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
