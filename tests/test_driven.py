@@ -145,6 +145,22 @@ def test_path_rolls_back_and_restarts(shared_path):
     assert np.abs(other.place - end).max() < 1e-12
 
 
+def test_obstacle_that_is_dragged_sideways_does_not_leave_the_nodes_that_stick():
+    """Its driven motions are about normal to them: no multiple of these makes up for the drag."""
+    lid = KINDS["plane"]()
+    problem = block_under(lid, pair={"law": fm.Coulomb(0.3)})
+    lid.push(y=-4.0, moment=0.0)
+    problem.solve()
+    before = lid.place.copy()
+    lid.push(y=-5.0, moment=0.1)
+    lid.move(x=1e-3)
+    report = problem.solve()
+    assert report.certificate.violations() == []
+    assert not any("moved until contact" in note for note in report.notes)
+    assert np.abs(lid.place - before).max() < 0.05
+    assert problem.equations.contacts[0].sticking.any()
+
+
 def test_contact_adds_no_energy():
     """What pushes the lid works on the block: the rest falls with the square of the steps."""
     rests = []

@@ -257,7 +257,7 @@ def test_sensitivities_are_those_of_the_solution():
         problem.solve()
         return problem, lid
 
-    problem, lid = solved()
+    problem, _ = solved()
     functional = fm.LinearVector(q=np.array([[0.0, 1.0, 0.7]]))
     adjoint = problem.linear_solve(functional, transpose=True)
     for column, name in enumerate(("x", "y", "moment")):

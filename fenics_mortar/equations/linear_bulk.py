@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Whether a problem with linear bulk is reduced to its contact dofs."""
+"""Choice between all equations and those reduced to the contact dofs of a linear bulk."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class LinearBulk:
         return "" if is_symmetric(self._problem.bulk.K) else "its tangent is not symmetric"
 
     def _data_changed(self) -> bool:
-        """Whether constants or functions of the tangent are no longer what they were."""
+        """Whether constants or functions of the tangent have changed since the last call."""
         before, self._data = self._data, self._problem.bulk.tangent_data()
         same = len(before) == len(self._data) and all(map(np.array_equal, before, self._data))
         return self._problem.comm.allreduce(not same, MPI.LOR)

@@ -149,7 +149,8 @@ class LinearizedEquations:
                 raise ValueError(
                     f"z has values of {len(rhs.z)} pairs: expected {len(self._contacts)}"
                 )
-            given: Sequence[Array | None] = rhs.z or [None] * len(self._contacts)
+            none: list[Array | None] = [None] * len(self._contacts)
+            given: Sequence[Array | None] = none if rhs.z is None else rhs.z
             shapes = [(contact.slave.num_nodes, 2) for contact in self._contacts]
             z = [_checked("z", values, shape) for values, shape in zip(given, shapes, strict=True)]
             q = _checked("q", rhs.q, self._shape)

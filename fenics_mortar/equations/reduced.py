@@ -169,7 +169,7 @@ class ReducedEquations:
         rhs: Array,
         weight: Array,
     ) -> tuple[Array, Array, Array] | None:
-        """The same on one rank; ``None`` if the system is singular.
+        """The solution on rank 0; ``None`` if the system is singular.
 
         Unknown are the dofs that contact touches and the multipliers that act.
         """
@@ -230,7 +230,7 @@ class ReducedEquations:
 
 
 def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:
-    """Some rows and columns of a matrix, ascending; what is in others is left out."""
+    """Some rows and columns of a matrix, ascending; entries elsewhere are left out."""
     inside = np.isin(matrix.row, rows) & np.isin(matrix.col, columns)
     i, j = (
         np.searchsorted(some, place[inside])

@@ -2,8 +2,8 @@
 """Linear bulk and small sliding without friction: pressures of active nodes alone are unknown.
 
 D, M and n stay as they are on the undeformed mesh: contact pushes along B_n = B^T n, one column per
-slave node, and the gap is linear. With the displacement without contact force, of gap g_0, what is
-left is a linear complementarity problem of the pressures,
+slave node, and the gap is linear. With the displacement without contact force, of gap g_0, there
+remains a linear complementarity problem of the pressures,
 
     g = g_0 + S p >= 0,    p >= 0,    p . g = 0,    S = B_n^T K^-1 B_n,
 
@@ -127,7 +127,7 @@ class SmallSlidingEquations(ReducedEquations):
         self._known[new] = True
 
     def _solve_pressures(self, pushes: csr_array) -> tuple[Array, Array, Array]:
-        """Pressures zeta (slave nodes,), and what they move and push, both (size,)."""
+        """Pressures zeta (slave nodes,), and by them displacements and forces, both (size,)."""
         zeta, a, pressures = np.zeros(self._count), np.flatnonzero(self._active), None
         if not a.size:
             pressures = np.empty(0)

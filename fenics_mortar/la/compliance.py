@@ -109,7 +109,7 @@ class Compliance(FactoredBulk):
             rounding: Size of a change that is rounding [length].
         """
         parts = np.zeros(len(self._changes))
-        for _ in range(2):  # once leaves what rounding takes from the basis
+        for _ in range(2):  # a second pass removes the rounding of the first
             more = self._bulk.comm.allreduce(self._changes @ change)
             parts, change = parts + more, change - more @ self._changes
         new = np.sqrt(self._bulk.comm.allreduce(float(change @ change)))

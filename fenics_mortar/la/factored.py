@@ -52,7 +52,7 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
 
 
 def factored_by_cholmod(K: PETSc.Mat, prefix: str) -> PETSc.PC | None:
-    """The same on one rank by CHOLMOD, ``None`` if it is not positive definite.
+    """Factors by CHOLMOD on one rank, ``None`` if K is not positive definite.
 
     A single load takes CHOLMOD a third of the time that it takes MUMPS, which is faster by far for
     many at once: 0.04 and 0.12 s, and 0.01 s for each of 32, at 169,000 unknowns.

@@ -77,7 +77,8 @@ CYCLE = {
     "pc_hypre_boomeramg_strong_threshold": 0.5,
     "pc_hypre_boomeramg_P_max": 4,
 }
-# Of conjugate gradients: GMRES around them, with a tolerance of its own, then needs one iteration.
+# Relative tolerance [1] and largest number of iterations of conjugate gradients: GMRES around them,
+# with a tolerance of its own, then needs one iteration.
 CG_TOLERANCE, CG_MOST = 1e-9, 500
 # Options of both, below the prefix of the solver.
 OPTIONS = {
@@ -85,9 +86,10 @@ OPTIONS = {
     for part, options in (("cycle", CYCLE), ("strip", STRIP))
     for name, value in options.items()
 }
-# A new cycle costs as much as ten to fifteen iterations, but serves several solves.
+# Iterations in excess, so far and expected, after which the cycle is made anew: a new one costs as
+# much as ten to fifteen iterations, but serves several solves.
 COST = 5
-# Stiffness of the motion that T leaves out, by that of the node: it has no effect but on the
+# Stiffness of the motion that T leaves out over that of the node [1]: it has no effect but on the
 # cycle's coarse grids, which would be stiff if it were large.
 IDLE = 1e-2
 # Quadratic standard functions of facets partly covered may have integrals near zero or below, which
@@ -190,7 +192,7 @@ class TouchingBodies:
         return B
 
     def _part_sliding_bodies(self, B: PETSc.Mat) -> None:
-        """Leave out what couples tangential motions of the two bodies of a contact, see above."""
+        """Leave out the coupling of tangential motions of the bodies of a contact, see above."""
         for contact, slave in zip(self._contacts, self._slaves, strict=True):
             _, tangents = sliding_nodes(contact)
             if tangents.size:
@@ -252,7 +254,7 @@ class TouchingBodies:
         self._R.assemble([Block(globals_, globals_, self._axes[dofs[:, 0]])])
 
     def _active(self, contact: Interface) -> tuple[Indices, Array, Array]:
-        """Local dofs (a, 2), what is followed (a, 2, 2) and stiffness (a,) of own nodes."""
+        """Local dofs (a, 2), directions followed (a, 2, 2) and stiffness (a,) of own nodes."""
         on = contact.acts[contact.slave.owned]
         j = contact.slave.owned[on]
         return contact.slave.local_dofs[on], contact.followed()[j], contact.stiffness[j]
@@ -263,7 +265,7 @@ class TouchingBodies:
         return self._bulk.comm.allreduce(mine, MPI.LAND)
 
     def _follow(self, nodes: list[tuple[Indices, Array, Array]]) -> None:
-        """Set T - 1 and L^T - 1: what active nodes follow, and where their forces go."""
+        """Set T - 1 and L^T - 1: motions that active nodes follow, rows that take their forces."""
         first = self._bulk.first
         own = [Block(dofs + first, dofs + first, -F @ F) for dofs, F, _ in nodes]
         gathered = np.eye(2) if self._condensed else np.zeros((2, 2))

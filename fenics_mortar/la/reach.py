@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What contact may couple before it has slid over a few facets: room in the pattern of a matrix.
+"""Couplings by contact that slides over a few facets: room in the pattern of a matrix.
 
 A pattern that held the present segments only would change whenever one appears, and with it the
 symbolic factorization. Zeros for the master facets next to those that a slave facet meets cost
@@ -16,7 +16,8 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.utils.arrays import Indices
 
-# Master facets on either side of those that a slave facet meets.
+# Master facets with room on either side of those that a slave facet meets [facets]: a Newton
+# iteration rarely slides further.
 MARGIN = 4
 
 
@@ -131,7 +132,7 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
-    """The same of given slave and master nodes, for one facet of this rank's share a node."""
+    """Pairs as of ``_met`` of given slave and master nodes, one facet of this share a node."""
     facets = o.facet_nodes
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]

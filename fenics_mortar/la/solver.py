@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A linear solver of PETSc whose answers are checked: a singular matrix must not pass in silence."""
+"""Linear solves by PETSc whose answers are checked: a singular matrix must not pass in silence."""
 
 from __future__ import annotations
 

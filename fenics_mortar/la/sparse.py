@@ -23,7 +23,7 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
 
-# A matrix is symmetric up to this part of its size.
+# Largest asymmetry of a symmetric matrix over its size [1]: above the rounding of assembly.
 SYMMETRIC = 1e-12
 
 _petsc = ctypes.CDLL(PETSc.__file__)
@@ -174,7 +174,7 @@ def leave(factor: PETSc.Mat, rows: Indices) -> None:
 
 
 def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64]:
-    """What remains of a symmetric matrix in the rows that were left, in their order (collective).
+    """Schur complement of a symmetric matrix in the rows that were left, in their order (collective).
 
     Args:
         factor: The factored matrix.

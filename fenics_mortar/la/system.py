@@ -203,7 +203,7 @@ class LinearSystem(ABC):
         matrix.zeroRows(rows, diag=self._held_scale)
 
     def _newton_force(self) -> Array:
-        """-r, and at prescribed dofs what is left to their values, (owned dofs,) (local)."""
+        """-r, and at prescribed dofs the distance to their values, (owned dofs,) (local)."""
         f = -self.bulk.r.array_r[: self.bulk.num_owned]
         f[self.bulk.held] = self.bulk.distance_to_prescribed()
         return f

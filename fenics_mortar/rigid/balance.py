@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from fenics_mortar.contact.contact import Contact
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.bordered import Border
 from fenics_mortar.rigid.motions import ObstacleMotions
@@ -30,10 +29,11 @@ def linearize_balance(motions: ObstacleMotions, system: LinearSystem) -> Border:
     count, size = motions.scales.size, system.bulk.num_owned
     columns = np.zeros((count, size + 2 * system.num_multipliers))
     rows, corner = np.zeros_like(columns), np.zeros((count, count))
-    for contact, place in system.numbered():
-        if not isinstance(contact, Contact) or contact.obstacle is None:
+    for contact, place in zip(motions.contacts, system.places, strict=True):
+        if contact.obstacle is None:
             continue
-        own = slice(3 * (first := motions.obstacles.index(contact.obstacle)), 3 * first + 3)
+        first = 3 * motions.obstacles.index(contact.obstacle)
+        own = slice(first, first + 3)
         E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
         acting = M_q * contact.acts[:, None]
         multipliers = size + 2 * system.local(contact, place)[:, None] + np.arange(2)

@@ -16,8 +16,8 @@ from fenics_mortar.rigid.motions import ObstacleMotions, in_words, slip_by_motio
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
-# Relative singular-value cutoff of the least-squares fit to nodes that stick [1]: motions that they
-# feel less than others stay free.
+# Relative singular-value cutoff of the least-squares fit to nodes that stick [1]: combinations of
+# motions that move them less than others, as rolling, are left to the solve.
 FOLLOWED = 0.5
 # Smallest advance along the push of a move that is worth taking, over the shortest facet [1].
 LEAST_WAY = 1e-3
@@ -26,8 +26,9 @@ LEAST_WAY = 1e-3
 def follow(motions: ObstacleMotions) -> Array:
     """Moves of driven obstacles along with prescribed motions, so that nodes stick (local).
 
-    From where they were all nodes would slide, and nothing would say how far. Operators are those
-    of the present state.
+    From where they were all nodes would slide, and nothing would say how far. A move is the one with
+    the least slip and opening of these nodes: slip alone would move an obstacle far off along their
+    normals. Operators are those of the present state.
 
     Returns:
         Shape (obstacles, 3) [length].
@@ -36,8 +37,13 @@ def follow(motions: ObstacleMotions) -> Array:
     for number, driven in enumerate(motions.driven):
         mine = motions.contacts_of(number)
         slip = np.concatenate([c.slip[c.sticking] for c in mine])
-        rows = np.concatenate([slip_by_motions(c, c.sticking) for c in mine])[:, driven]
-        moves[number, driven] = np.linalg.lstsq(rows, -slip, rcond=FOLLOWED)[0]
+        along = np.concatenate([slip_by_motions(c, c.sticking) for c in mine])
+        across = np.concatenate([c.gap_by_motions()[c.sticking] for c in mine])
+        rows = np.concatenate([along, across])[:, driven]
+        sizes = np.linalg.norm(rows, axis=0)  # a turn has other units than a translation
+        sizes[sizes == 0.0] = 1.0
+        wanted = np.concatenate([-slip, np.zeros(slip.size)])
+        moves[number, driven] = np.linalg.lstsq(rows / sizes, wanted, rcond=FOLLOWED)[0] / sizes
     return moves
 
 
