@@ -102,10 +102,8 @@ for number in range(REPEATS + 1):
 # +
 u, problem, *_ = runs["full"][0]
 if comm.rank == 0:
-    size = problem.equations.bulk.r.getSize()
-    print(
-        f"{size} dofs, {problem.equations.contacts[0].active.sum()} of {len(problem.equations.contacts[0].active)} "
-    )
+    size, active = problem.equations.bulk.r.getSize(), problem.contacts[0].active
+    print(f"{size} dofs, {active.sum()} of {len(active)} nodes active")
     print("| model | first step [s] | all steps [s] | iterations | faster | force | off |")
     print("|---|---:|---:|---:|---:|---:|---:|")
 seconds = {name: np.median([run[2] for run in found], axis=0) for name, found in runs.items()}

@@ -245,8 +245,8 @@ def test_small_sliding_on_an_obstacle_that_has_moved():
         pair = fm.ContactPair(scene.data, "upper/bottom", tool, sliding="small")
         check = fm.AdequacyCheck(finite_strain=forms["finite"], stiffness_ratio=0.001)
         problem = fm.ContactProblem(
-            forms[strain], u, [pair], bcs=scene.problem.equations.bulk.bcs, petsc_options_prefix="test_",
-            adequacy=check if strain == "linear" else None,
+            forms[strain], u, [pair], bcs=scene.problem.equations.bulk.bcs,
+            petsc_options_prefix="test_", adequacy=check if strain == "linear" else None,
         )  # fmt: skip
         tool.move(x=0.3, y=0.05)
         found[strain] = problem, problem.solve().adequacy
