@@ -53,9 +53,10 @@ from fenics_mortar.obstacles import (
     surface_without_nodes,
 )
 from fenics_mortar.options import check_lengths
+from fenics_mortar.outline import Outline
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.segments import Segments, find_segments
-from fenics_mortar.sight import Outline, Sight, View
+from fenics_mortar.sight import Sight, View
 from fenics_mortar.slip import Measure, Partners, find_partners
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface

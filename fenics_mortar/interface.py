@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from fenics_mortar.errors import SurfaceError, place
 from fenics_mortar.mortar import AT_VERTICES, Block, Linearization, MortarOperators
+from fenics_mortar.outline import Outline
 from fenics_mortar.segments import Segments
-from fenics_mortar.sight import Outline
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface, extract_surface
 

@@ -42,7 +42,6 @@ from fenics_mortar.options import check_choice, check_kind, check_number
 from fenics_mortar.pair import ContactPair
 from fenics_mortar.reduced import LinearBulk
 from fenics_mortar.release import hold_here, release_slowly
-from fenics_mortar.sight import extract_outline
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.system import (
     DIRECT,
@@ -182,7 +181,9 @@ class ContactProblem(ContactEquations):
 
     def _show_outlines(self) -> None:
         """Show each contact the bodies that it may look through, tied ones as one."""
-        outline = extract_outline(self.bulk.space, self.floating.labels)
+        outline = self.crossings.outline
+        joined = outline.gather(self.bulk.spread(self.floating.labels))[:, 0]
+        outline = replace(outline, bodies=joined.astype(np.int64))
         ties = [contact for contact in self.contacts if isinstance(contact, Tie)]
         for contact in [*ties, *(c for c in self.contacts if isinstance(c, Contact))]:
             outline = contact.see(outline)

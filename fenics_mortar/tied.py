@@ -48,9 +48,9 @@ from fenics_mortar.mortar import (
     evaluate_normals,
 )
 from fenics_mortar.options import check_choice, check_kind, check_number
+from fenics_mortar.outline import Outline
 from fenics_mortar.pair import ContactPair, check_reach
 from fenics_mortar.segments import Integration, Segments
-from fenics_mortar.sight import Outline
 from fenics_mortar.space import DisplacementSpace
 from fenics_mortar.surfaces import Array, Indices, Surface
 
