@@ -284,7 +284,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
     """
     boxes = build_tree(x, segments)
     leaves = boxes.shape[0] // 2
-    stack, hits, box = np.empty(128, np.int64), np.empty(64, np.int64), np.zeros(8)
+    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     rows, count = np.empty((64, 6)), 0
     walked = np.full((segments.shape[0], 2), -1)
     size = min(segments.shape[0], LONGEST_WAY)
@@ -296,8 +296,8 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
         np.empty(2, np.int64),
     )
     for e in range(segments.shape[0]):
-        box[:4] = boxes[leaves + e]
-        for f in query_tree(boxes, box, stack, hits):
+        found = query_tree(boxes, boxes[leaves + e], None, stack, hits)
+        for f in hits[:found]:
             if f <= e or share_node(segments[e], segments[f]):
                 continue
             if not cross_properly(x, segments[e], segments[f]):
@@ -343,12 +343,14 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
     size = x0.shape[0]
     both = np.concatenate((x0, x1))
     boxes = build_tree(both, np.concatenate((segments, segments + size), axis=1))
-    stack, hits, box = np.empty(128, np.int64), np.empty(64, np.int64), np.zeros(8)
+    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
+    box = np.empty(4)
     rows, count = np.empty((64, 7)), 0
     for p in range(size):
         for d in range(2):
             box[d], box[2 + d] = min(x0[p, d], x1[p, d]), max(x0[p, d], x1[p, d])
-        for e in query_tree(boxes, box, stack, hits):
+        found = query_tree(boxes, box, None, stack, hits)
+        for e in hits[:found]:
             a, b = segments[e]
             if which != ALL and (bodies[e] == node_bodies[p]) != (which == OWN):
                 continue

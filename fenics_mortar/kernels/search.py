@@ -58,14 +58,15 @@ def control_points(values, facets):
 
 
 @kernel
-def facet_strip(x, n, nodes, radius, strip):
-    """Fill ``strip`` (see ``tree``) with the places up to ``radius`` from one slave facet.
+def query_strip(boxes, controls, nodes, radius, stack, hits):
+    """The master facets whose boxes meet the strip of one slave facet, see ``tree``.
 
-    ``x`` and ``n`` are control points.
+    ``controls`` = control points of the slave's positions and normals.
     """
+    x, n = controls
     a, b = x[nodes[0]], x[nodes[-1]]
     tx, ty = b[0] - a[0], b[1] - a[1]
-    strip[:2], strip[2:4] = np.inf, -np.inf
+    strip = np.array([np.inf, np.inf, -np.inf, -np.inf])
     low, high = np.inf, -np.inf
     for k in range(2 * nodes.size):
         base, normal = x[nodes[k // 2]], n[nodes[k // 2]]
@@ -76,9 +77,9 @@ def facet_strip(x, n, nodes, radius, strip):
         low, high = min(low, px * tx + py * ty), max(high, px * tx + py * ty)
     length = abs(tx) + abs(ty)
     strip[:2] -= 1e-9 * length
-    strip[2:4] += 1e-9 * length
-    strip[4], strip[5] = tx, ty
-    strip[6], strip[7] = low - 1e-9 * length * length, high + 1e-9 * length * length
+    strip[2:] += 1e-9 * length
+    along = tx, ty, low - 1e-9 * length * length, high + 1e-9 * length * length
+    return hits[: query_tree(boxes, strip, along, stack, hits)]
 
 
 @kernel
@@ -320,14 +321,13 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
     boxes = build_tree(control_points(m, master_facets), master_facets)
     controls = control_points(x, slave_facets), control_points(n, slave_facets)
     starts = curve_starts(master_facets, m.shape[0])
-    stack, hits, strip = np.empty(128, np.int64), np.empty(64, np.int64), np.empty(8)
+    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     partners = np.empty(points.size, np.int64)
     offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
     rows = np.empty((points.size * slave_facets.shape[0], 3), np.int64)
     for e in range(slave_facets.shape[0]):
         nodes = slave_facets[e]
-        facet_strip(*controls, nodes, radius, strip)
-        near = query_tree(boxes, strip, stack, hits)
+        near = query_strip(boxes, controls, nodes, radius, stack, hits)
         paired = point_partners(
             geometry, e, nodes, master_facets, starts, near, points, radius, view, limits, partners
         )
@@ -355,14 +355,13 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
     x, n, m = geometry
     boxes = build_tree(control_points(m, master_facets), master_facets)
     controls = control_points(x, slave_facets), control_points(n, slave_facets)
-    stack, hits, strip = np.empty(128, np.int64), np.empty(64, np.int64), np.empty(8)
+    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     found = np.empty((64, 6))
     offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
     rows = np.empty((4 * slave_facets.shape[0] + 64, 6))
     for e in range(slave_facets.shape[0]):
         nodes = slave_facets[e]
-        facet_strip(*controls, nodes, radius, strip)
-        near = query_tree(boxes, strip, stack, hits)
+        near = query_strip(boxes, controls, nodes, radius, stack, hits)
         if near.size > found.shape[0]:
             found = np.empty((2 * near.size, 6))
         kept = facet_segments(geometry, nodes, master_facets, near, radius, limits, found, view, e)

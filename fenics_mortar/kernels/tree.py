@@ -5,8 +5,9 @@ The boxes of the facets, in the order given, are the leaves of a complete binary
 (children of node i: 2i and 2i + 1, root 1), so that a query costs O(log N + hits) where neighbours
 in the order are neighbours in space.
 
-A strip is (xmin, ymin, xmax, ymax, tx, ty, low, high), shape (8,): the places of a box whose
-product with (tx, ty) is between low and high. With zeros in the last four it is all of the box.
+A query is a box (xmin, ymin, xmax, ymax), and of a strip also where it is ``along`` a direction:
+(tx, ty, low, high) are the places whose product with (tx, ty) is between low and high. ``hits``
+has room for all leaves.
 """
 
 import numpy as np
@@ -36,46 +37,39 @@ def build_tree(x, facets):
 
 
 @kernel
-def misses(box, strip):
-    """Whether ``box`` and the box of a strip are apart."""
-    return box[0] > strip[2] or box[2] < strip[0] or box[1] > strip[3] or box[3] < strip[1]
+def misses(one, other):
+    """Whether two boxes are apart, or hold nan."""
+    x = one[0] <= other[2] and one[2] >= other[0]
+    return not (x and one[1] <= other[3] and one[3] >= other[1])
 
 
 @kernel
-def misses_along(box, strip):
-    """Whether ``box`` and a strip are apart along its direction."""
-    tx, ty = strip[4], strip[5]
+def misses_along(box, along):
+    """Whether ``box`` and a strip are apart along the direction of the strip."""
+    tx, ty, low, high = along
     middle = 0.5 * ((box[0] + box[2]) * tx + (box[1] + box[3]) * ty)
     half = 0.5 * ((box[2] - box[0]) * abs(tx) + (box[3] - box[1]) * abs(ty))
-    return middle - half > strip[7] or middle + half < strip[6]
+    return middle - half > high or middle + half < low
 
 
 @kernel
-def fill_hits(boxes, strip, stack, hits):
-    """Fill ``hits`` with the leaves that meet a strip; their number may exceed its size."""
+def query_tree(boxes, box, along, stack, hits):
+    """Fill ``hits`` with the facets whose boxes meet a query; return their number."""
     leaves = boxes.shape[0] // 2
     count, top = 0, 1
     stack[0] = 1
     while top > 0:
         top -= 1
         i = stack[top]
-        if misses(boxes[i], strip) or misses_along(boxes[i], strip):
+        if misses(boxes[i], box):
             continue
+        if along is not None:
+            if misses_along(boxes[i], along):
+                continue
         if i >= leaves:
-            if count < hits.size:
-                hits[count] = i - leaves
+            hits[count] = i - leaves
             count += 1
         else:
             stack[top], stack[top + 1] = 2 * i, 2 * i + 1
             top += 2
     return count
-
-
-@kernel
-def query_tree(boxes, strip, stack, hits):
-    """The facets whose boxes meet a strip, shape (k,); in ``hits`` if it is long enough."""
-    count = fill_hits(boxes, strip, stack, hits)
-    if count > hits.size:
-        hits = np.empty(count, np.int64)
-        fill_hits(boxes, strip, stack, hits)
-    return hits[:count]
