@@ -311,6 +311,7 @@ class ContactProblem(ContactEquations):
                 report = solve(reduced, self.newton)
                 reduced.finish()
                 if self._is_sound(report):
+                    report.notes[:0] = filter(None, remarks)
                     return report
             except NotConvergedError:
                 if self.newton.tentative:

@@ -336,18 +336,26 @@ class LinearSystem(ABC):
             )
         return f"the iterative solver did not converge: {named}"
 
-    def tell_unused(self) -> str:
-        """Options of the user that PETSc did not ask for in a solve, in words, each once."""
+    def tell_unused(self, *, reduced: bool = False) -> str:
+        """Options of the user that PETSc did not ask for in a solve, in words, each once.
+
+        Args:
+            reduced: Whether the bulk was factored instead of the system, see ``reduced``.
+        """
         database = PETSc.Options(self._prefix).getAll() if self._prefix else {}
-        given = {name for name in database if not name.startswith(COMPLIANCE)}
+        given = {name for name in database if reduced or not name.startswith(COMPLIANCE)}
         given |= self.given
+        self._used |= {name for name in database if compat.option_is_used(self._prefix + name)}
         used = set().union(*self.comm.allgather(self._used))
         unused = sorted(given - used)
         self.given, self._used = set(), used | given
         if not unused:
             return ""
         names = ", ".join(f"'{self._prefix}{name}'" for name in unused)
-        return f"PETSc did not ask for the option {names}: misspelt, or of another solver"
+        told = f"PETSc did not ask for the option {names}: misspelt, or of another solver"
+        if reduced:
+            told += f"; options of the linear bulk's factors begin with '{self._prefix}{COMPLIANCE}'"
+        return told
 
     def _run(self, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
         """Let PETSc solve; an error of its on any rank is raised on all as a ``MortarError``."""
