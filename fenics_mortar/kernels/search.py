@@ -22,10 +22,10 @@ For points that are fixed on the slave facets, a ray asks the same question of t
 master facet. One upon a master node, within rounding, has a partner by rule, so that aligned meshes
 do not leave it to chance.
 
-While two surfaces come near each other, a slave facet at a corner may face two parts of a master,
-one far behind the other. Functions that are negative somewhere, as the dual ones, make an overlap
-of such gaps, and the facet would press from a distance. So until the nearer part is within half a
-facet, where there may be contact, the farther one does not count.
+A slave facet at a corner may face two parts of a master, one far behind the other. Weighted
+together their gaps mean nothing: positive functions hold a node open that touches the nearer part,
+and functions that are negative somewhere, as the dual ones, make an overlap of such gaps, and press
+from a distance. So a part that is farther than the nearest one by half a facet does not count.
 
 Of the facets behind a slave point only those count that are the nearer way out, see ``sight``. To
 a depth that is safe for each slave facet this is not asked.
@@ -174,7 +174,7 @@ def keep_nearest(found, count, tolerance):
 
 @kernel
 def keep_near_parts(found, count, master_facets, apart):
-    """Where all is farther than ``apart``, drop parts farther than the nearest by as much.
+    """Drop parts that are farther than the nearest one by more than ``apart``.
 
     Rows of ``found`` as ``keep_nearest`` leaves them; those of master facets that share a node are
     of one part. Returns how many stay.
@@ -182,8 +182,6 @@ def keep_near_parts(found, count, master_facets, apart):
     nearest = np.inf
     for i in range(count):
         nearest = min(nearest, found[i, 0])
-    if nearest <= apart:
-        return count
     kept, start = 0, 0
     while start < count:
         stop, distance = start + 1, found[start, 0]
