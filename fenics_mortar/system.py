@@ -354,7 +354,8 @@ class LinearSystem(ABC):
         names = ", ".join(f"'{self._prefix}{name}'" for name in unused)
         told = f"PETSc did not ask for the option {names}: misspelt, or of another solver"
         if reduced:
-            told += f"; options of the linear bulk's factors begin with '{self._prefix}{COMPLIANCE}'"
+            begin = f"'{self._prefix}{COMPLIANCE}'"
+            told += f"; options of the linear bulk's factors begin with {begin}"
         return told
 
     def _run(self, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:

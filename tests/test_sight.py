@@ -236,7 +236,7 @@ def test_hook_snaps_behind_a_catch(slave, barb, wide):
 
 
 def on_its_corner(tilt, reach, wall):
-    """A block, tilted by ``tilt`` degrees, on a corner, on a floor that ends ``reach`` beyond it."""
+    """A block, tilted by ``tilt`` [degree], on a corner; the floor ends ``reach`` beyond it."""
     names = dict.fromkeys(SIDES, "rest")
     turn = rotation(np.radians(tilt))
 
