@@ -102,7 +102,7 @@ for number in range(REPEATS + 1):
 # +
 u, problem, *_ = runs["full"][0]
 if comm.rank == 0:
-    size, active = problem.equations.bulk.r.getSize(), problem.contacts[0].active
+    size, active = problem.equations.bulk.r.getSize(), problem.equations.contacts[0].active
     print(f"{size} dofs, {active.sum()} of {len(active)} nodes active")
     print("| model | first step [s] | all steps [s] | iterations | faster | force | off |")
     print("|---|---:|---:|---:|---:|---:|---:|")

@@ -5,10 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
+
+import numpy as np
 
 from dolfinx import fem
 
@@ -29,7 +32,6 @@ from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import undone_if_interrupted
 from fenics_mortar.interface.mortar import LINEARIZATIONS
-from fenics_mortar.interface.sight import extract_outline
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm, system_of
 from fenics_mortar.mesh.space import DisplacementSpace
@@ -186,8 +188,10 @@ class ContactProblem:
 
     def _show_outlines(self) -> None:
         """Show each contact the bodies that it may look through, tied ones as one."""
-        bulk, contacts = self.equations.bulk, self.equations.contacts
-        outline = extract_outline(bulk.space, self.equations.floating.labels)
+        contacts, outline = self.equations.contacts, self.equations.crossings.outline
+        labels = self.equations.bulk.spread(self.equations.floating.labels)
+        bodies = outline.gather(labels)[:, 0].astype(np.int64)
+        outline = replace(outline, bodies=bodies)
         ties = [contact for contact in contacts if isinstance(contact, Tie)]
         for contact in [*ties, *(c for c in contacts if isinstance(c, Contact))]:
             outline = contact.see(outline)

@@ -163,31 +163,35 @@ def ladder(
     n: int = 8,
     rows: int = 1,
     base: str = "plane",
+    on_corner: bool = False,
     weight: float = 1.0,
     E: float = 1e5,
     **options: Any,
 ) -> Held:
     """A beam at an angle ``lean`` [radian] above a rough floor, against a frictionless wall.
 
-    It stands on a plane on its corner, on a body on a foot that is cut level.
+    It stands on a plane on its corner, on a body on a foot that is cut level, or ``on_corner``,
+    with its end and its lower side as slave.
     """
+    square = base == "plane" or on_corner
     e = np.array([np.cos(lean), np.sin(lean)])
     across = thick * np.array([-e[1], e[0]])
-    head = length * e + (np.array([thick / e[1], 0.0]) if base == "body" else 0.0)
+    head = length * e + (0.0 if square else np.array([thick / e[1], 0.0]))
 
     def shape(s: Array, t: Array) -> tuple[Array, Array]:
         low, high = head - length * e, head + across
-        start = high - length * e if base == "plane" else np.zeros(2)
+        start = high - length * e if square else np.zeros(2)
         x = [(1 - t) * (a + s * (b - a)) + t * (c + s * (d - c))
              for a, b, c, d in zip(low, head, start, high)]  # fmt: skip
         return x[0], x[1]
 
     bodies, floor = floor_of(base, width=length, columns=4, left=-0.5 * length)
     wall = Flat(tuple(head), (-1.0, 0.0), "wall")
-    at = [(0.0, 0.0)] if base == "plane" else None
+    at = [(0.0, 0.0)] if square else None
+    joined = {"bottom": "ladder/left"} if on_corner else {}
     return pose(
         f"ladder tan={np.tan(lean):.3f} mu={mu:g} {base}",
-        [Body(Grid("ladder", mapped(n, rows, shape)), weight=weight), *bodies],
+        [Body(Grid("ladder", mapped(n, rows, shape), joined), weight=weight), *bodies],
         [
             Touch("ladder/left", floor, fm.Coulomb(mu), at=at),
             Touch("ladder/right", wall, at=[head]),

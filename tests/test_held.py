@@ -131,6 +131,26 @@ def test_ladder_stands_above_its_critical_angle(base):
     gives_way(ladder(np.arctan(0.9 / 0.8), 0.4, base=base))
 
 
+def test_corner_that_sticks_beyond_the_cone_of_friction_is_a_wrong_state():
+    """The averaged normal of a slave's corner is half-way between floor and ladder."""
+    held = ladder(np.arctan(0.7 / 0.8), 0.4, base="body", on_corner=True)
+    assert held.verdict(0)[0].factor < 1.0
+    held.set(weight=1.0)
+    words = r"a corner of the slave sticks at .* more than friction bears.* take 'ground/top' as"
+    with pytest.raises(fm.NotConvergedError, match=words) as caught:
+        held.problem.solve()
+    (certificate, _) = caught.value.report.certificate.pairs
+    thrust, weight = held.force(0)
+    assert certificate.beyond == pytest.approx(thrust / weight / 0.4 - 1.0, abs=0.01)
+
+
+def test_corner_that_sticks_within_the_cone_of_friction_is_told_of_only():
+    held = ladder(np.arctan(1.3 / 0.8), 0.4, base="body", on_corner=True)
+    (report,) = stays(held)
+    assert report.certificate.pairs[0].beyond == 0.0
+    assert any("act along the surface" in note for note in report.notes)
+
+
 @BASES
 def test_block_hangs_from_an_adhesive_ceiling_as_long_as_it_pulls_enough(base):
     for weight in (0.1, 0.8):

@@ -10,11 +10,12 @@ import sys
 from contextlib import contextmanager
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import gmsh
 import numpy as np
 import pytest
-from scenes import internal, linear_elastic, neo_hookean, read, rectangles
+from scenes import internal, linear_elastic, neo_hookean, pressed_blocks, read, rectangles
 from test_errors import (
     blocks_of_arrays,
     grid,
@@ -1127,6 +1128,26 @@ def test_misspelt_option_of_petsc_is_told_once():
     words = "did not ask for the option 'test_ksp_rtoll': misspelt"
     assert sum(words in note for note in problem.solve().notes) == 1
     assert not any("did not ask" in note for note in problem.solve().notes)
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_misspelt_option_is_told_where_the_linear_bulk_is_factored_once(sliding):
+    """The solver of the whole system never runs there."""
+    options = {"ksp_rtoll": 1e-3, "ksp_type": "preonly"}
+    on_line = PETSc.Options("test_")
+    on_line["compliance_mat_mumps_icntl_144"] = 1
+    try:
+        scene = pressed_blocks(
+            material=linear_elastic, pair={"sliding": sliding},
+            problem={"petsc_options": options, "linear_bulk": True},
+        )  # fmt: skip
+        scene.loads["push"].value[1] = -0.02
+        notes = scene.problem.solve().notes
+    finally:
+        on_line.delValue("compliance_mat_mumps_icntl_144")
+    names = "'test_compliance_mat_mumps_icntl_144', 'test_ksp_rtoll': misspelt"
+    assert sum(f"did not ask for the option {names}" in note for note in notes) == 1
+    assert not any("did not ask" in note for note in scene.problem.solve().notes)
 
 
 def test_options_that_petsc_uses_are_not_told_of():

@@ -7,7 +7,7 @@ import mapped_grids
 import numpy as np
 import pytest
 from mapped_grids import Grid, block, mapped, sector
-from scenes import internal, linear_elastic, neo_hookean, nodal, read
+from scenes import internal, linear_elastic, neo_hookean, nodal, read, rotation
 
 from dolfinx import fem
 
@@ -200,8 +200,11 @@ def bump(x, middle, width):
 
 
 @pytest.mark.parametrize(
-    "slave, barb, wide", [("hook", 0.1, 0.35), ("catch", 0.1, 0.35), ("catch", 0.15, 0.2)]
-)
+    "slave, barb, wide", [
+        ("hook", 0.1, 0.35), ("catch", 0.1, 0.35), ("catch", 0.15, 0.2),
+        ("hook", 0.1, 0.12), ("catch", 0.1, 0.12),  # barbs of five facets
+    ],
+)  # fmt: skip
 def test_hook_snaps_behind_a_catch(slave, barb, wide):
     """A barb on an arm is pushed over a ridge, with whole outlines, and rests behind it."""
 
@@ -230,6 +233,41 @@ def test_hook_snaps_behind_a_catch(slave, barb, wide):
     push = force * (1.0 if slave == "hook" else -1.0)
     assert push.max() > 1e-4 and push.min() < -1e-5  # up the ridge and down
     assert not scene.contact.active.any()
+
+
+def on_its_corner(tilt, reach, wall):
+    """A block, tilted by ``tilt`` [degree], on a corner; the floor ends ``reach`` beyond it."""
+    names = dict.fromkeys(SIDES, "rest")
+    turn = rotation(np.radians(tilt))
+
+    def tilted(s, t):
+        return tuple((s - 1.0) * row[0] + t * row[1] for row in turn)
+
+    grids = [
+        whole("block", mapped(6, 6, tilted)),
+        Grid("floor", block(12, 4, width=1.5 + reach, height=0.5, corner=(-1.5, -0.5)), names),
+    ]
+    if wall:
+        grids.append(Grid("wall", block(3, 14, width=0.3, height=2.0, corner=(0.6, -0.2)), names))
+    held = [
+        (lambda X: np.isclose(X[1], -0.5) | (X[0] > 0.6 - 1e-6), None),
+        (lambda X: turn[:, 1] @ X[:2] > 1.0 - 1e-6, None),
+    ]
+    scene = Scene(grids, [("block", "rest")], held)
+    scene.move(1, 0.0, -0.02)
+    scene.problem.solve()
+    return scene.contact
+
+
+@pytest.mark.parametrize("tilt, reach", [(-10.0, 0.1), (-25.0, 0.1), (-10.0, 0.3)])
+def test_corner_that_touches_does_not_feel_a_wall_that_its_other_side_sees(tilt, reach):
+    """The wall is on the same facet as the floor beneath the corner, 3 to 4 facets away."""
+    forces = []
+    for wall in (False, True):
+        contact = on_its_corner(tilt, reach, wall)
+        assert contact.active.sum() == 1
+        forces.append(contact.total_force)
+    assert forces[0] == pytest.approx(forces[1], rel=1e-8)
 
 
 def tubes(outlines, slave="inner", degree=1, **options):

@@ -56,8 +56,8 @@ from fenics_mortar.interface.mortar import (
 from fenics_mortar.interface.on_obstacle import (
     surface_without_nodes,
 )
+from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
-from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle

@@ -20,8 +20,9 @@ from fenics_mortar.interface.mortar import (
     evaluate_normals,
 )
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
+from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import Outline, Sight, View
+from fenics_mortar.interface.sight import Sight, View
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags

@@ -14,8 +14,8 @@ from fenics_mortar.contact.fields import InterfaceFields
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import AT_VERTICES, Block, Linearization, MortarOperators
+from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
-from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices

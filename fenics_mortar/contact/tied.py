@@ -44,8 +44,8 @@ from fenics_mortar.interface.mortar import (
     evaluate_mortar,
     evaluate_normals,
 )
+from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
-from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices

@@ -62,6 +62,8 @@ class LinearBulk:
                 return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
             equations = SmallSlidingEquations if self._slides_little else ReducedEquations
             self._equations = equations(self._problem, self._prefix)
+            unused = self._problem.system.solver.describe_unused(reduced=True)
+            return self._equations, [unused]
         return self._equations, []
 
     def count(self, num_iterations: int) -> None:

@@ -137,6 +137,7 @@ class Solver:
                 report = solve(reduced, e.newton)
                 reduced.finish()
                 if self._is_sound(report):
+                    report.notes[:0] = filter(None, remarks)
                     return report
             except NotConvergedError:
                 if e.newton.tentative:

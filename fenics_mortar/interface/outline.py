@@ -7,15 +7,16 @@ straight segments between the nodes, so that a quadratic facet is two.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 
 import numpy as np
+import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.interface.surfaces import facet_nodes, replicate
+from fenics_mortar.interface.surfaces import Surface, facet_nodes, replicate
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
 
@@ -38,8 +39,6 @@ class Outline:
         nodes: Their global numbers in the displacement's space, shape (n,).
         bodies: Body of each node, shape (n,).
         segments: Nodes of each segment, the body on the left, shape (m, 2).
-        after: Segment that begins where each one ends, -1 for none, shape (m,).
-        before: Segment that ends where each one begins, -1 for none, shape (m,).
         ends: Nodes at the ends of the facet that each segment is a part of, shape (m, 2).
         owners: Rank that owns each node, shape (n,).
         local_dofs: Local dofs of the nodes this rank owns, shape (owned nodes, 2).
@@ -49,8 +48,6 @@ class Outline:
     nodes: Indices
     bodies: Indices
     segments: Indices
-    after: Indices
-    before: Indices
     ends: Indices
     owners: Indices
     local_dofs: Indices
@@ -72,6 +69,58 @@ class Outline:
     def lengths(self, x: Array) -> Array:
         """Chords of the facets that segments are parts of, with nodes at ``x``, shape (m,)."""
         return np.hypot(*(x[self.ends[:, 1]] - x[self.ends[:, 0]]).T)
+
+    def neighbours(self) -> tuple[Indices, Indices]:
+        """Segments after and before each one, -1 for none, each (m,); in forks one of them."""
+        begins, ends = np.full((2, len(self.X)), -1)
+        numbers = np.arange(len(self.segments))
+        begins[self.segments[:, 0]], ends[self.segments[:, 1]] = numbers, numbers
+        return begins[self.segments[:, 1]], ends[self.segments[:, 0]]
+
+    def places_of(self, nodes: Indices) -> Indices:
+        """Where global ``nodes`` are among those of the outlines, shape as ``nodes``."""
+        order = np.argsort(self.nodes)
+        return order[np.searchsorted(self.nodes[order], nodes)]
+
+    def segments_of(self, surface: Surface) -> Indices:
+        """Ends of the segments of a surface's facets, facet by facet, shape (k, 2)."""
+        at = self.places_of(surface.nodes)[surface.facets]
+        return np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
+
+    def are_of(self, surface: Surface) -> npt.NDArray[np.bool_]:
+        """Whether each segment is one of a surface, shape (m,)."""
+        key = np.array([len(self.X), 1])
+        return np.isin(self.segments @ key, self.segments_of(surface) @ key)
+
+    def bodies_of(self, surface: Surface) -> Indices:
+        """Body of each facet of a surface, shape (f,)."""
+        return self.bodies[self.places_of(surface.nodes)[surface.facets[:, 0]]]
+
+    def without(self, surface: Surface, nodes: Indices) -> Outline:
+        """The outlines less those facets of a surface whose nodes are all among ``nodes``.
+
+        Where bodies are tied to each other they go on.
+        """
+        tied = np.isin(surface.nodes[surface.facets], nodes).all(axis=1)
+        stays = ~self.are_of(replace(surface, facets=surface.facets[tied]))
+        return replace(self, segments=self.segments[stays], ends=self.ends[stays])
+
+    def of_bodies(self, bodies: Indices) -> Outline:
+        """The outlines of some bodies only (local)."""
+        used = np.isin(self.bodies, bodies)
+        number = np.cumsum(used) - 1
+        mine = used[self.segments[:, 0]]
+        owned = self.owners == self.comm.rank
+        return replace(
+            self,
+            X=self.X[used],
+            nodes=self.nodes[used],
+            bodies=self.bodies[used],
+            segments=number[self.segments[mine]],
+            ends=number[self.ends[mine]],
+            owners=self.owners[used],
+            local_dofs=self.local_dofs[used[owned]],
+        )
 
 
 def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) -> Outline:
@@ -111,18 +160,8 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
     ends = np.tile(facets[:, [0, -1]], (facets.shape[1] - 1, 1))
     along = _along_a_curve(X, segments)
     segments, ends = segments[along], ends[along]
-    return Outline(
-        X, nodes, of_bodies, segments, *_neighbours(segments, len(X)), ends, owners,
-        space.dofs[owned - begin], comm,
-    )  # fmt: skip
-
-
-def _neighbours(segments: Indices, num_nodes: int) -> tuple[Indices, Indices]:
-    """The segment after and the one before each; where outlines meet in a node, one of them."""
-    begins, ends = np.full((2, num_nodes), -1)
-    numbers = np.arange(len(segments))
-    begins[segments[:, 0]], ends[segments[:, 1]] = numbers, numbers
-    return begins[segments[:, 1]], ends[segments[:, 0]]
+    dofs = space.dofs[owned - begin]
+    return Outline(X, nodes, of_bodies, segments, ends, owners, dofs, comm)
 
 
 def _along_a_curve(X: Array, segments: Indices) -> Indices:

@@ -28,7 +28,7 @@ where c grows, and leaves where it falls.
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-from fenics_mortar.kernels.search import build_tree
+from fenics_mortar.kernels.tree import build_tree, query_tree
 
 # What a place on a segment may be beyond its ends by rounding: neighbours leave no hole.
 BEYOND = 1e-12
@@ -60,35 +60,6 @@ def side(a, b, p):
 def distance_of(a, b):
     """Distance of two points."""
     return np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
-
-
-@kernel
-def query_box(boxes, box, stack, hits):
-    """Fill ``hits`` with the leaves of a tree that meet ``box``; return their number.
-
-    It may exceed the size of ``hits``: then call again with a larger one.
-    """
-    leaves = boxes.shape[0] // 2
-    count, top = 0, 1
-    stack[0] = 1
-    while top > 0:
-        top -= 1
-        i = stack[top]
-        if (
-            boxes[i, 0] > box[2]
-            or boxes[i, 2] < box[0]
-            or boxes[i, 1] > box[3]
-            or boxes[i, 3] < box[1]
-        ):
-            continue
-        if i >= leaves:
-            if count < hits.size:
-                hits[count] = i - leaves
-            count += 1
-        else:
-            stack[top], stack[top + 1] = 2 * i, 2 * i + 1
-            top += 2
-    return count
 
 
 @kernel
@@ -313,7 +284,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
     """
     boxes = build_tree(x, segments)
     leaves = boxes.shape[0] // 2
-    stack, hits = np.empty(128, np.int64), np.empty(64, np.int64)
+    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     rows, count = np.empty((64, 6)), 0
     walked = np.full((segments.shape[0], 2), -1)
     size = min(segments.shape[0], LONGEST_WAY)
@@ -325,10 +296,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
         np.empty(2, np.int64),
     )
     for e in range(segments.shape[0]):
-        found = query_box(boxes, boxes[leaves + e], stack, hits)
-        if found > hits.size:
-            hits = np.empty(2 * found, np.int64)
-            query_box(boxes, boxes[leaves + e], stack, hits)
+        found = query_tree(boxes, boxes[leaves + e], None, stack, hits)
         for f in hits[:found]:
             if f <= e or share_node(segments[e], segments[f]):
                 continue
@@ -375,15 +343,13 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
     size = x0.shape[0]
     both = np.concatenate((x0, x1))
     boxes = build_tree(both, np.concatenate((segments, segments + size), axis=1))
-    stack, hits, box = np.empty(128, np.int64), np.empty(64, np.int64), np.empty(4)
+    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
+    box = np.empty(4)
     rows, count = np.empty((64, 7)), 0
     for p in range(size):
         for d in range(2):
             box[d], box[2 + d] = min(x0[p, d], x1[p, d]), max(x0[p, d], x1[p, d])
-        found = query_box(boxes, box, stack, hits)
-        if found > hits.size:
-            hits = np.empty(2 * found, np.int64)
-            query_box(boxes, box, stack, hits)
+        found = query_tree(boxes, box, None, stack, hits)
         for e in hits[:found]:
             a, b = segments[e]
             if which != ALL and (bodies[e] == node_bodies[p]) != (which == OWN):

@@ -22,10 +22,10 @@ For points that are fixed on the slave facets, a ray asks the same question of t
 master facet. One upon a master node, within rounding, has a partner by rule, so that aligned meshes
 do not leave it to chance.
 
-While two surfaces come near each other, a slave facet at a corner may face two parts of a master,
-one far behind the other. Functions that are negative somewhere, as the dual ones, make an overlap
-of such gaps, and the facet would press from a distance. So until the nearer part is within half a
-facet, where there may be contact, the farther one does not count.
+A slave facet at a corner may face two parts of a master, one far behind the other. Weighted
+together their gaps mean nothing: positive functions hold a node open that touches the nearer part,
+and functions that are negative somewhere, as the dual ones, make an overlap of such gaps, and press
+from a distance. So a part that is farther than the nearest one by half a facet does not count.
 
 Of the facets behind a slave point only those count that are the nearer way out, see ``sight``. To
 a depth that is safe for each slave facet this is not asked.
@@ -35,6 +35,7 @@ import numpy as np
 
 from fenics_mortar.kernels import curved, kernel, sight
 from fenics_mortar.kernels.projection import master_to_slave, side_of_ray, slave_to_master
+from fenics_mortar.kernels.tree import build_tree, query_tree
 
 # A part of a slave facet: what is farther away than this cannot be in contact, as the certificate
 # sees it.
@@ -57,47 +58,12 @@ def control_points(values, facets):
 
 
 @kernel
-def build_tree(x, facets):
-    """Boxes (2P, 4) = (xmin, ymin, xmax, ymax) over ``facets`` (m, K) of control points ``x``."""
-    leaves = 1
-    while leaves < facets.shape[0]:
-        leaves *= 2
-    boxes = np.empty((2 * leaves, 4))
-    boxes[:, :2] = np.inf
-    boxes[:, 2:] = -np.inf
-    for f in range(facets.shape[0]):
-        for node in facets[f]:
-            for d in range(2):
-                boxes[leaves + f, d] = min(boxes[leaves + f, d], x[node, d])
-                boxes[leaves + f, 2 + d] = max(boxes[leaves + f, 2 + d], x[node, d])
-    for i in range(leaves - 1, 0, -1):
-        for d in range(2):
-            boxes[i, d] = min(boxes[2 * i, d], boxes[2 * i + 1, d])
-            boxes[i, 2 + d] = max(boxes[2 * i, 2 + d], boxes[2 * i + 1, 2 + d])
-    return boxes
+def query_strip(boxes, controls, nodes, radius, stack, hits):
+    """The master facets whose boxes meet the strip of one slave facet, see ``tree``.
 
-
-@kernel
-def misses(box, strip):
-    """Whether ``box`` and the strip (6,) = (its box, range along the facet) are apart."""
-    return box[0] > strip[2] or box[2] < strip[0] or box[1] > strip[3] or box[3] < strip[1]
-
-
-@kernel
-def misses_along(box, tx, ty, low, high):
-    """The same along the direction of the facet, where the strip is thin."""
-    middle = 0.5 * ((box[0] + box[2]) * tx + (box[1] + box[3]) * ty)
-    half = 0.5 * ((box[2] - box[0]) * abs(tx) + (box[3] - box[1]) * abs(ty))
-    return middle - half > high or middle + half < low
-
-
-@kernel
-def query_tree(boxes, x, n, nodes, radius, stack, hits):
-    """Fill ``hits`` with the facets whose boxes meet the strip of one slave facet; their number.
-
-    ``x`` and ``n`` are control points. The number may exceed the size of ``hits``: then call again
-    with a larger one.
+    ``controls`` = control points of the slave's positions and normals.
     """
+    x, n = controls
     a, b = x[nodes[0]], x[nodes[-1]]
     tx, ty = b[0] - a[0], b[1] - a[1]
     strip = np.array([np.inf, np.inf, -np.inf, -np.inf])
@@ -112,33 +78,8 @@ def query_tree(boxes, x, n, nodes, radius, stack, hits):
     length = abs(tx) + abs(ty)
     strip[:2] -= 1e-9 * length
     strip[2:] += 1e-9 * length
-    low, high = low - 1e-9 * length * length, high + 1e-9 * length * length
-    leaves = boxes.shape[0] // 2
-    count, top = 0, 1
-    stack[0] = 1
-    while top > 0:
-        top -= 1
-        i = stack[top]
-        if misses(boxes[i], strip) or misses_along(boxes[i], tx, ty, low, high):
-            continue
-        if i >= leaves:
-            if count < hits.size:
-                hits[count] = i - leaves
-            count += 1
-        else:
-            stack[top], stack[top + 1] = 2 * i, 2 * i + 1
-            top += 2
-    return count
-
-
-@kernel
-def candidates(boxes, controls, nodes, radius, stack, hits):
-    """The facets that ``query_tree`` finds; in ``hits`` if it is long enough."""
-    count = query_tree(boxes, *controls, nodes, radius, stack, hits)
-    if count > hits.size:
-        hits = np.empty(2 * count, np.int64)
-        query_tree(boxes, *controls, nodes, radius, stack, hits)
-    return hits[:count]
+    along = tx, ty, low - 1e-9 * length * length, high + 1e-9 * length * length
+    return hits[: query_tree(boxes, strip, along, stack, hits)]
 
 
 @kernel
@@ -233,7 +174,7 @@ def keep_nearest(found, count, tolerance):
 
 @kernel
 def keep_near_parts(found, count, master_facets, apart):
-    """Where all is farther than ``apart``, drop parts farther than the nearest by as much.
+    """Drop parts that are farther than the nearest one by more than ``apart``.
 
     Rows of ``found`` as ``keep_nearest`` leaves them; those of master facets that share a node are
     of one part. Returns how many stay.
@@ -241,8 +182,6 @@ def keep_near_parts(found, count, master_facets, apart):
     nearest = np.inf
     for i in range(count):
         nearest = min(nearest, found[i, 0])
-    if nearest <= apart:
-        return count
     kept, start = 0, 0
     while start < count:
         stop, distance = start + 1, found[start, 0]
@@ -380,13 +319,13 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
     boxes = build_tree(control_points(m, master_facets), master_facets)
     controls = control_points(x, slave_facets), control_points(n, slave_facets)
     starts = curve_starts(master_facets, m.shape[0])
-    stack, hits = np.empty(128, np.int64), np.empty(64, np.int64)
+    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     partners = np.empty(points.size, np.int64)
     offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
     rows = np.empty((points.size * slave_facets.shape[0], 3), np.int64)
     for e in range(slave_facets.shape[0]):
         nodes = slave_facets[e]
-        near = candidates(boxes, controls, nodes, radius, stack, hits)
+        near = query_strip(boxes, controls, nodes, radius, stack, hits)
         paired = point_partners(
             geometry, e, nodes, master_facets, starts, near, points, radius, view, limits, partners
         )
@@ -414,14 +353,13 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
     x, n, m = geometry
     boxes = build_tree(control_points(m, master_facets), master_facets)
     controls = control_points(x, slave_facets), control_points(n, slave_facets)
-    stack = np.empty(128, np.int64)
-    hits = np.empty(64, np.int64)
+    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     found = np.empty((64, 6))
     offsets = np.zeros(slave_facets.shape[0] + 1, np.int64)
     rows = np.empty((4 * slave_facets.shape[0] + 64, 6))
     for e in range(slave_facets.shape[0]):
         nodes = slave_facets[e]
-        near = candidates(boxes, controls, nodes, radius, stack, hits)
+        near = query_strip(boxes, controls, nodes, radius, stack, hits)
         if near.size > found.shape[0]:
             found = np.empty((2 * near.size, 6))
         kept = facet_segments(geometry, nodes, master_facets, near, radius, limits, found, view, e)

@@ -165,7 +165,7 @@ class LinearSolver:
         raise_together(self._comm, error)
         if self._first:
             self._first = False
-            self.remark = "; ".join(filter(None, (self.remark, self._describe_unused())))
+            self.remark = "; ".join(filter(None, (self.remark, self.describe_unused())))
 
     def _describe(self, reason: int) -> str:
         """What PETSc's reason says of a solve that has failed, in words."""
@@ -179,18 +179,27 @@ class LinearSolver:
             )
         return f"the iterative solver did not converge: {named}"
 
-    def _describe_unused(self) -> str:
-        """Options of the user that PETSc did not read in a solve, in words, each once."""
+    def describe_unused(self, *, reduced: bool = False) -> str:
+        """Options of the user that PETSc did not read in a solve, in words, each once.
+
+        Args:
+            reduced: Whether the bulk was factored instead of the whole system.
+        """
         database = PETSc.Options(self._prefix).getAll() if self._prefix else {}
-        given = {name for name in database if not name.startswith(COMPLIANCE)}
+        given = {name for name in database if reduced or not name.startswith(COMPLIANCE)}
         given |= self.given
+        self._used |= {name for name in database if compat.option_is_used(self._prefix + name)}
         used = set().union(*self._comm.allgather(self._used))
         unused = sorted(given - used)
         self.given, self._used = set(), used | given
         if not unused:
             return ""
         names = ", ".join(f"'{self._prefix}{name}'" for name in unused)
-        return f"PETSc did not ask for the option {names}: misspelt, or of another solver"
+        told = f"PETSc did not ask for the option {names}: misspelt, or of another solver"
+        if reduced:
+            begin = f"'{self._prefix}{COMPLIANCE}'"
+            told += f"; options of the linear bulk's factors begin with {begin}"
+        return told
 
 
 def _defect(

@@ -35,6 +35,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.laws import STICK
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.words import describe_reach
 from fenics_mortar.utils.arrays import Array, Indices
@@ -96,6 +97,9 @@ class PairCertificate:
         misdirected: Part of the normal forces that acts along the surface, since a corner of the
             slave has an averaged normal: an error of the ratio of shear and normal force. Those of
             nodes side by side that press are added up with their signs.
+        beyond: Where corners of the slave stick on a flat master: by how much the shear along the
+            master exceeds what the law allows at the pressure on it, over that; zero elsewhere.
+        beyond_at: Where that is.
         friction: Shear that the contact law allows at most over the pressure, mean of all nodes
             that press; inf where they stick whatever the shear.
         lean: Pressure beside a slave node that is held over that of the next nodes, the largest.
@@ -123,6 +127,8 @@ class PairCertificate:
     slant: float = 0.0
     slant_at: str = ""
     misdirected: float = 0.0
+    beyond: float = 0.0
+    beyond_at: str = ""
     friction: float = 0.0
     lean: float = 0.0
     lean_at: str = ""
@@ -154,6 +160,14 @@ class PairCertificate:
             )
         if not self.distance <= penetration:
             yield f"{self.pair}: a force acts, and the sides are {self.distance:.2f} facets apart"
+        if not self.beyond <= OF_FRICTION:
+            slave, _, master = self.pair.partition(" - ")
+            yield (
+                f"{self.pair}: a corner of the slave sticks at {self.beyond_at}, and the shear "
+                f"along '{master}' is {self.beyond:.1%} more than friction bears: the direction of "
+                f"a corner's force, that of its averaged normal, is not resolved; take '{master}' "
+                f"as slave and '{slave}' as master, or round the corner"
+            )
         if self.unpaired:
             yield (
                 f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "
@@ -430,7 +444,7 @@ def _slant(contact: Contact, pressure: Array) -> dict[str, Any]:
     return {
         "slant": float(nodal[1].sum()) / all_forces,
         "slant_at": place(o.x[nodal[1].argmax()]),
-        "misdirected": _misdirected(contact, nodal[0]) / all_forces,
+        **_corners(contact, nodal[0], all_forces),
     }
 
 
@@ -440,8 +454,8 @@ def _friction(bound: Array, pressure: Array) -> float:
     return float(bound[presses].sum() / pressure[presses].sum()) if presses.any() else 0.0
 
 
-def _misdirected(contact: Contact, forces: Array) -> float:
-    """What of the normal forces acts along the surface where the slave has corners (collective).
+def _corners(contact: Contact, forces: Array, all_forces: float) -> dict[str, Any]:
+    """What corners of the slave make of the direction of the forces (collective).
 
     The force on a node acts along its averaged normal. Where the normal of the master around lies
     between those of the two slave facets at the node, a corner of the slave presses on the master,
@@ -451,6 +465,7 @@ def _misdirected(contact: Contact, forces: Array) -> float:
     Args:
         contact: The pair.
         forces: Sizes of the normal forces, shape (slave nodes,).
+        all_forces: Their sum.
     """
     o, slave = contact.operators, contact.slave
     before, after = (
@@ -462,19 +477,53 @@ def _misdirected(contact: Contact, forces: Array) -> float:
     )
     corners = np.flatnonzero(contact.active & (after - before > CORNER))
     if not corners.size:
-        return 0.0
+        return {}
     runs = np.where(contact.active, _runs(contact), -1)
     kept, labels = np.unique(runs[corners], return_inverse=True)
     low, high = np.minimum(before[corners], 0.0), np.maximum(after[corners], 0.0)
-    normals = np.array([_master_normal(contact, runs == run) for run in kept])
+    around = [_master_around(contact, runs == run) for run in kept]
+    normals = np.array([normal for normal, _ in around])
     angle = np.clip(_angle(o.n[corners], -normals[labels]), low, high)
-    return float(np.abs(np.bincount(labels, forces[corners] * np.sin(angle))).sum())
+    error = np.abs(np.bincount(labels, forces[corners] * np.sin(angle))).sum()
+    beyond, where = 0.0, ""
+    for k in np.flatnonzero([is_flat for _, is_flat in around]):
+        mine = labels == k
+        first = np.flatnonzero(mine)[forces[corners[mine]].argmax()]
+        across = _turned(o.n[corners[first]], angle[first])
+        if (contact.piece[corners[mine]] == STICK).any():
+            excess = _shear_beyond(contact, runs == kept[k], across)
+            if excess > beyond:
+                beyond, where = excess, place(o.x[corners[first]])
+    return {"misdirected": float(error) / all_forces, "beyond": beyond, "beyond_at": where}
 
 
-def _master_normal(contact: Contact, run: npt.NDArray[np.bool_]) -> Array:
-    """Normal of the master around what some slave nodes face, of any length (collective).
+def _shear_beyond(contact: Contact, run: npt.NDArray[np.bool_], across: Array) -> float:
+    """Shear of a run over what the law allows at its pressures, less one (local).
 
-    That of a chord which goes some facets beyond on either side: beneath a corner they are dented.
+    Args:
+        contact: The pair.
+        run: Its nodes, shape (slave nodes,), bool.
+        across: Direction that pressures are taken along, a unit vector out of the slave.
+    """
+    pressure = np.where(run, contact.z @ across, 0.0)
+    bound = contact.asker.bound(contact.pair.law, pressure, contact.operators.x)
+    weight = contact.operators.weight
+    allowed = float((weight * np.where(run & (pressure > 0.0), bound, 0.0)).sum())
+    shear = abs(float((weight * (contact.z @ _right_of(across[None])[0]))[run].sum()))
+    return shear / allowed - 1.0 if allowed > 0.0 else 0.0
+
+
+def _turned(a: Array, angle: float) -> Array:
+    """The vector ``a`` (2,), turned to the left."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * a[0] - s * a[1], s * a[0] + c * a[1]])
+
+
+def _master_around(contact: Contact, run: npt.NDArray[np.bool_]) -> tuple[Array, bool]:
+    """Normal of the master around what some slave nodes face; whether it is flat (collective).
+
+    The normal, of any length, is that of a chord which goes some facets beyond on either side:
+    beneath a corner they are dented.
 
     Args:
         contact: The pair.
@@ -489,7 +538,10 @@ def _master_normal(contact: Contact, run: npt.NDArray[np.bool_]) -> Array:
         faced[master.facets[on_facet]] = True
         on_facet = faced[master.facets].any(axis=1)
     ends = o.m[master.facets[on_facet]]
-    return _right_of((ends[:, -1] - ends[:, 0]).sum(axis=0, keepdims=True))[0]
+    chords = ends[:, -1] - ends[:, 0]
+    along = chords.sum(axis=0)
+    is_flat = bool((np.abs(_angle(chords, along)) < CORNER).all())
+    return _right_of(along[None])[0], is_flat
 
 
 def _right_of(directions: Array) -> Array:

@@ -118,9 +118,10 @@ class Crossings:
         }
         bodies = np.array(sorted({body for pair in sides for side in pair for body in side}))
         self.outline: Outline = extract_outline(bulk.space, self._labels, bodies)
+        self._links = self.outline.neighbours()
         self._segment_bodies = self.outline.segment_bodies
         self._bound = int(self._segment_bodies.max(initial=0)) + 1
-        self._slaves = [self._places_of(contact.slave.nodes) for contact in contacts]
+        self._slaves = [self.outline.places_of(contact.slave.nodes) for contact in contacts]
         self._free: Array = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
         self._names: dict[int, str] = {}
         self._surfaces, self._surface_of = self._name_segments()
@@ -146,7 +147,7 @@ class Crossings:
         """Rows of ``find_crossings`` with the nodes at ``x``."""
         o = self.outline
         return find_crossings(
-            x, o.segments, o.after, o.before, o.lengths(x), self._segment_bodies, self._allowed()
+            x, o.segments, *self._links, o.lengths(x), self._segment_bodies, self._allowed()
         )
 
     def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
@@ -176,11 +177,6 @@ class Crossings:
                 np.maximum.at(allowed, there, np.maximum(-contact.offset, 0.0))
         return allowed
 
-    def _places_of(self, nodes: Indices) -> Indices:
-        """Where global nodes are in the outlines, shape as ``nodes``."""
-        order = np.argsort(self.outline.nodes)
-        return order[np.searchsorted(self.outline.nodes[order], nodes)]
-
     def _bodies_of(self, surface: Surface) -> set[int]:
         """Bodies of a surface; tied ones are not one here."""
         bodies = surface.gather(self._bulk.spread(self._labels))[:, 0]
@@ -193,20 +189,13 @@ class Crossings:
 
     def _name_segments(self) -> tuple[list[str], Indices]:
         """Names of the surfaces in pairs, and which one each segment is of, -1 for none."""
-        segments, count = self.outline.segments, len(self.outline.X)
-        keys, names = segments @ np.array([count, 1]), list[str]()
-        found = np.full(len(segments), -1)
+        names, found = list[str](), np.full(len(self.outline.segments), -1)
         for contact in self._contacts:
             for surface in (contact.slave, contact.master):
                 if surface.num_nodes and f"'{surface.name}'" not in names:
-                    found[np.isin(keys, self._keys_of(surface))] = len(names)
+                    found[self.outline.are_of(surface)] = len(names)
                     names.append(f"'{surface.name}'")
         return names, found
-
-    def _keys_of(self, surface: Surface) -> Indices:
-        at = self._places_of(surface.nodes)[surface.facets]
-        ends = np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
-        return ends @ np.array([len(self.outline.X), 1])
 
     def _name(self, segment: int) -> str:
         """Name of the surface or the body of a segment."""
@@ -294,7 +283,7 @@ class Crossings:
             return []
         every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
         lengths, ends = o.lengths(along[-1]), (along[0], along[-1])
-        rows = find_passages(*ends, o.segments, o.after, o.before, lengths, bodies, every)
+        rows = find_passages(*ends, o.segments, *self._links, lengths, bodies, every)
         return self._tell(rows, lengths, along[-1]) if len(rows) else []
 
     def _tell(self, rows: Array, lengths: Array, x1: Array) -> list[str]:
