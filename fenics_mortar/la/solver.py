@@ -13,6 +13,7 @@ import numpy as np
 
 from fenics_mortar.la.multigrid import TouchingBodies
 from fenics_mortar.la.options import COMPLIANCE, DIRECT, options_added
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError, raise_together
 
 # Largest relative residual of an accepted solution: a direct solver that leaves more has met a
