@@ -245,6 +245,7 @@ def test_transposed_iterations_are_about_as_many():
     assert counts[1] <= 1.5 * counts[0]
 
 
+@pytest.mark.serial
 def test_sensitivities_are_those_of_the_solution():
     """By the push and by a prescribed motion, against central differences of solves."""
     step = 1e-4
