@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from mpi4py import MPI
 
 import numpy as np
 
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.equations.small_sliding import SmallSlidingEquations
 from fenics_mortar.la.options import COMPLIANCE
@@ -30,28 +29,28 @@ class LinearBulk:
     Obstacles that forces drive take the general path, and tied bodies, whose K may be singular.
 
     Args:
-        problem: A ``ContactProblem``.
+        general: The general equations.
         wanted: Whether to reduce; ``None`` does so where the residual is linear, once the general
             path has taken about as long as the compliance will; with small sliding at once.
         prefix: Prefix of PETSc's options.
     """
 
-    def __init__(self, problem: Any, wanted: bool | None, prefix: str) -> None:
-        self._problem, self._wanted, self._prefix = problem, wanted, f"{prefix}{COMPLIANCE}"
-        if wanted and problem.newton.damped:
+    def __init__(self, general: ContactEquations, wanted: bool | None, prefix: str) -> None:
+        self._general, self._wanted, self._prefix = general, wanted, f"{prefix}{COMPLIANCE}"
+        if wanted and general.newton.damped:
             raise ValueError(
                 "linear_bulk=True takes whole steps: leave out line_search and most_motion, or "
                 "give linear_bulk=False"
             )
-        linear = problem.bulk.is_linear if wanted is None else wanted
-        self._possible = linear and bool(problem.contacts)
+        linear = general.bulk.is_linear if wanted is None else wanted
+        self._possible = linear and bool(general.contacts)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
         """The reduced equations, or ``None`` for the general path; a remark (collective)."""
-        if not self._possible or self._problem.newton.damped or self._problem.tools.driven.any():
+        if not self._possible or self._general.newton.damped or self._general.tools.driven.any():
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
@@ -61,8 +60,8 @@ class LinearBulk:
                 self._possible = False
                 return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
             equations = SmallSlidingEquations if self._slides_little else ReducedEquations
-            self._equations = equations(self._problem, self._prefix)
-            unused = self._problem.system.solver.describe_unused(reduced=True)
+            self._equations = equations(self._general, self._prefix)
+            unused = self._general.system.solver.describe_unused(reduced=True)
             return self._equations, [unused]
         return self._equations, []
 
@@ -80,28 +79,28 @@ class LinearBulk:
             isinstance(pair, ContactPair)
             and pair.sliding == "small"
             and not (pair.law.rubs or pair.law.attracts)
-            for pair in (contact.pair for contact in self._problem.contacts)
+            for pair in (contact.pair for contact in self._general.contacts)
         )
 
     def _pays(self) -> bool:
         if self._slides_little:
             return True
-        dofs = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._problem.contacts)
+        dofs = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._general.contacts)
         paid = self._num_iterations > dofs / DOFS_PER_ITERATION
         return bool(self._wanted) or (paid and dofs <= MOST_DOFS)
 
     def _obstacle(self) -> str:
-        if any(isinstance(contact, Tie) for contact in self._problem.contacts):
+        if any(isinstance(contact, Tie) for contact in self._general.contacts):
             return "bodies are tied"
-        floating = self._problem.floating
+        floating = self._general.floating
         if floating.bodies:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
             return f"Dirichlet conditions do not hold {names}"
-        self._problem.bulk.assemble_tangent()
-        return "" if is_symmetric(self._problem.bulk.K) else "its tangent is not symmetric"
+        self._general.bulk.assemble_tangent()
+        return "" if is_symmetric(self._general.bulk.K) else "its tangent is not symmetric"
 
     def _data_changed(self) -> bool:
         """Whether constants or functions of the tangent have changed since the last call."""
-        before, self._data = self._data, self._problem.bulk.tangent_data()
+        before, self._data = self._data, self._general.bulk.tangent_data()
         same = len(before) == len(self._data) and all(map(np.array_equal, before, self._data))
-        return self._problem.comm.allreduce(not same, MPI.LOR)
+        return self._general.comm.allreduce(not same, MPI.LOR)

@@ -31,6 +31,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 
 from fenics_mortar.contact.rows import Rows
+from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
@@ -46,16 +47,16 @@ class ReducedEquations:
     """The equations of a problem for ``newton.solve``, on the contact dofs.
 
     Args:
-        problem: A ``ContactProblem`` with linear bulk; none of its bodies floats.
+        general: The general equations, with linear bulk; none of the bodies floats.
         prefix: Prefix of PETSc's options.
     """
 
     _compliance: Compliance
 
-    def __init__(self, problem: Any, prefix: str) -> None:
-        self._problem, self._bulk, self._system = problem, problem.bulk, problem.system
+    def __init__(self, general: ContactEquations, prefix: str) -> None:
+        self._general, self._bulk, self._system = general, general.bulk, general.system
         self._comm: MPI.Comm = self._bulk.comm
-        self._dofs = ContactDofs(problem.contacts, self._bulk)
+        self._dofs = ContactDofs(general.contacts, self._bulk)
         self._compliance = self._factor(prefix)
         self._inside: npt.NDArray[np.bool_] = ~self._bulk.prescribed[: self._bulk.num_owned]
         self._inside[self._dofs.local] = False
@@ -65,11 +66,11 @@ class ReducedEquations:
         return Compliance(self._bulk, self._dofs, prefix)
 
     def evaluate(self, *, start: bool) -> Status:
-        """As the problem's; after a step the residual is that of contact alone."""
+        """See ``ContactEquations``; after a step the residual is that of contact alone."""
         if start:
             self._force = None
             self._bulk.assemble_residual()
-        return self._problem.look(start=start)
+        return self._general.look(start=start)
 
     def advance(self) -> Step:
         """Solve the small system; move the surfaces and the prescribed dofs."""
@@ -78,7 +79,7 @@ class ReducedEquations:
         with clock("solve"):
             without_contact = self._step_without_contact(change)
         with clock("assembly"):
-            laws = [contact.rows() for contact in self._problem.contacts]
+            laws = [contact.rows() for contact in self._general.contacts]
             parts = self._assemble(laws)
         with clock("solve"):
             step, zeta, self._force = self._solve(without_contact, laws, *parts)
@@ -90,7 +91,7 @@ class ReducedEquations:
         for contact, place in self._system.numbered():
             z = zeta[place] * self._system.scale(contact)[:, None]
             contact.move(z, 1.0, moved[: self._bulk.num_owned])
-        return self._problem.step(self._bulk.largest(moved))
+        return self._general.step(self._bulk.largest(moved))
 
     def _balance(self, force: Array) -> None:
         """Make the residual that of contact forces alone, as it is after a whole step."""
@@ -104,12 +105,12 @@ class ReducedEquations:
         """d_S, for a ``change`` of the prescribed values; complete on rank 0."""
         r = self._bulk.r.array_r[: self._bulk.num_owned]
         step = self._compliance.by_forces(-self._dofs.gather(r))
-        rounding = self._problem.noise() / self._problem.stiffest
+        rounding = self._general.noise() / self._general.stiffest
         step += self._compliance.by_prescribed(change, rounding)
         rest = self._bulk.r.duplicate()
         rest.array[:] = np.where(self._inside, -r, 0.0)
         forces = self._bulk.to_force * rest.array_r
-        if np.sqrt(self._comm.allreduce(float(forces @ forces))) > self._problem.noise():
+        if np.sqrt(self._comm.allreduce(float(forces @ forces))) > self._general.noise():
             step += self._dofs.gather(self._compliance.solve(rest).array_r)
         moved = np.zeros(self._bulk.num_owned)
         moved[self._bulk.held] = change
@@ -212,21 +213,21 @@ class ReducedEquations:
         self._bulk.u.x.scatter_forward()
 
     def merge_sets(self, period: int) -> str:
-        """As the problem's."""
-        return self._problem.merge_sets(period)
+        """See ``ContactEquations``."""
+        return self._general.merge_sets(period)
 
     def seconds(self) -> dict[str, float]:
-        """As the problem's."""
-        return self._problem.seconds()
+        """See ``ContactEquations``."""
+        return self._general.seconds()
 
     def drifts(self) -> str:
         """See ``Equations``."""
-        return self._problem.drifts()
+        return self._general.drifts()
 
     def diagnose(self) -> str:
-        """As the problem's, of the whole bodies."""
+        """See ``ContactEquations``, of the whole bodies."""
         self.finish()
-        return self._problem.diagnose()
+        return self._general.diagnose()
 
 
 def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:

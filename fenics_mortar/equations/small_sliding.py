@@ -21,6 +21,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, solve
 from scipy.sparse import csr_array
 
+from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.la.compliance import FactoredBulk
 from fenics_mortar.newton.loop import Step
@@ -36,12 +37,12 @@ class SmallSlidingEquations(ReducedEquations):
     """The equations for pairs that slide little: pressures of active nodes alone are unknown.
 
     Args:
-        problem: A ``ContactProblem`` with linear bulk; none of its bodies floats.
+        general: The general equations, with linear bulk; none of the bodies floats.
         prefix: Prefix of PETSc's options.
     """
 
-    def __init__(self, problem: Any, prefix: str) -> None:
-        super().__init__(problem, prefix)
+    def __init__(self, general: ContactEquations, prefix: str) -> None:
+        super().__init__(general, prefix)
         self._count = sum(place.size for place in self._system.places)
         self._carries = np.empty(0, bool)
         self._open: list[Array] = []
@@ -70,7 +71,7 @@ class SmallSlidingEquations(ReducedEquations):
         for contact, place in self._system.numbered():
             scale = zeta[place] * self._system.scale(contact)
             contact.change(z=scale[:, None] * contact.operators.n)
-        return self._problem.step(self._bulk.largest(u - before))
+        return self._general.step(self._bulk.largest(u - before))
 
     @clock("solve")
     def _move_without_contact(self) -> None:
@@ -87,16 +88,15 @@ class SmallSlidingEquations(ReducedEquations):
 
     def _find_gaps(self) -> None:
         """Gaps k_j g_j / D_jj without contact, and a clean slate if other nodes carry now."""
-        carries = np.concatenate([contact.carries for contact in self._problem.contacts])
+        carries = np.concatenate([contact.carries for contact in self._general.contacts])
         if not np.array_equal(carries, self._carries):
             self._carries = carries
             self._answers = np.zeros((self._dofs.size, self._count))
             self._known = np.zeros(self._count, bool)
             self._open = []
         if self._force is None or not self._open:
-            for contact in self._problem.contacts:
-                contact.evaluate(self._bulk.u.x.array, self._problem.linearization)
-            self._open = [contact.operators.gap for contact in self._problem.contacts]
+            self._general.evaluate_operators()
+            self._open = [contact.operators.gap for contact in self._general.contacts]
         self._gaps, self._active = np.zeros(self._count), np.zeros(self._count, bool)
         for (contact, place), gap in zip(self._system.numbered(), self._open, strict=True):
             self._gaps[place] = self._system.scale(contact) * gap
@@ -120,7 +120,7 @@ class SmallSlidingEquations(ReducedEquations):
             loads = self._compliance.loads(pushes[:, new[part]].T.tocsr())
             answers = self._compliance.answers(loads)
             columns = self._compliance.at_contact(answers)
-            self._problem.comm.Allreduce(MPI.IN_PLACE, columns)
+            self._general.comm.Allreduce(MPI.IN_PLACE, columns)
             self._answers[:, new[part]] = columns
             loads.destroy()
             answers.destroy()
