@@ -31,6 +31,7 @@ from fenics_mortar.mortar import Linearization
 from fenics_mortar.newton import NewtonOptions, Status, Step, forcing
 from fenics_mortar.options import check_kind
 from fenics_mortar.redundancy import Redundancy
+from fenics_mortar.settling import LinearizedContact
 from fenics_mortar.slip import Partners
 from fenics_mortar.surfaces import Array
 from fenics_mortar.system import LinearSystem
@@ -166,7 +167,7 @@ class ContactEquations:
         """Evaluate operators and active sets; the residual of the bulk is there."""
         if start:
             self._begin()
-        changed = self._evaluate_contacts(start=start)
+        changed = self._changed = self._evaluate_contacts(start=start)
         residual, force = self._residual_and_force()
         self._force = force
         self._residuals.append(residual)
@@ -311,6 +312,7 @@ class ContactEquations:
 
     def advance(self) -> Step:
         """Solve one linear system and move, less than all the way where that would be too far."""
+        self._settle_sets()
         self.bulk.assemble_tangent()
         loose = self.floating.loose()
         self.floating.add_springs(loose, self._total, self._force)
@@ -332,6 +334,17 @@ class ContactEquations:
         step.destroy()
         self.bulk.free_garbage()
         return self.step(increment, part, "; ".join(filter(None, remarks)))
+
+    def _settle_sets(self) -> None:
+        """Where bodies float and sets change, take those of the linearized problem."""
+        if not self.floating.bodies or len(self._recent_sets) < 2 or not self._changed:
+            return
+        linearized = LinearizedContact(self.bulk, self.floating, self.system, self.tools)
+        if not linearized.can_say:
+            return
+        self.bulk.assemble_tangent()
+        if linearized.choose_sets():
+            self._redundancy.mark()
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step taken, by its largest increment [length]."""

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: MIT
+"""Contact with friction at small changes: a linear complementarity problem, by Lemke's method.
+
+With the gaps y = (g_n, u) of the nodes linear in their multipliers z = (z_n, z_tau), y = q + V z,
+the shear is the difference of two nonnegative numbers, z_tau = b+ - b-, and s the size of the slip:
+
+    z_n >= 0,   g_n >= 0,                            z_n g_n = 0
+    b+ >= 0,    s - u >= 0,                          b+ (s - u) = 0
+    b- >= 0,    s + u >= 0,                          b- (s + u) = 0
+    s >= 0,     s_0 + mu z_n - b+ - b- >= 0,         s (s_0 + mu z_n - b+ - b-) = 0
+
+(Stewart & Trinkle 1996). Its matrix is copositive where the compliance is positive definite, so that
+Lemke's method (Cottle, Pang & Stone 1992, ch. 4.4) ends in a solution, whatever mu is. It goes along
+the solutions of a problem that a number z_0 > 0 relaxes, from one piece to the next; it cannot go in
+circles, as all nodes at a time can where each takes the piece that its neighbours' last one wants.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+# Entries of a column below this part of its largest are rounding.
+ROUNDING = 1e-11
+# Variables that vanish within this part of a step of each other do so at once.
+TIED = 1e-6
+
+
+class FrictionProblem(NamedTuple):
+    """Gaps as linear functions of the multipliers, of n nodes; lengths throughout.
+
+    Attributes:
+        V: Shape (2 n, 2 n), normal rows and columns first.
+        q: Shape (2 n,).
+        slope: mu, shape (n,).
+        shear: s_0, shape (n,).
+    """
+
+    V: Array
+    q: Array
+    slope: Array
+    shear: Array
+
+
+def find_pieces(problem: FrictionProblem) -> tuple[npt.NDArray[np.bool_], Indices] | None:
+    """Which nodes touch in a solution, and whether they stick (0) or slide (+-1), shape (n,) each.
+
+    Returns:
+        ``None`` if there is no solution in sight.
+    """
+    n = problem.slope.size
+    rubs = np.flatnonzero((problem.slope > 0.0) | (problem.shear > 0.0))
+    m = rubs.size
+    V_nn, V_nt = problem.V[:n, :n], problem.V[:n, n + rubs]
+    V_tn, V_tt = problem.V[n + rubs, :n], problem.V[np.ix_(n + rubs, n + rubs)]
+    one, none = np.eye(m), np.zeros((m, m))
+    cone = np.zeros((m, n))
+    cone[np.arange(m), rubs] = problem.slope[rubs]
+    M = np.block(
+        [
+            [V_nn, V_nt, -V_nt, np.zeros((n, m))],
+            [-V_tn, -V_tt, V_tt, one],
+            [V_tn, V_tt, -V_tt, one],
+            [cone, -one, -one, none],
+        ]
+    )
+    u = problem.q[n + rubs]
+    basic = lemke(M, np.concatenate([problem.q[:n], -u, u, problem.shear[rubs]]))
+    if basic is None:
+        return None
+    active, piece = basic[:n], np.zeros(n, np.int64)
+    plus, minus, slides = basic[n:].reshape(3, m)
+    piece[rubs] = np.where(slides & (plus != minus), np.where(plus, 1, -1), 0)
+    return active, piece
+
+
+def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
+    """Which z_i are basic in a solution of w = q + M z >= 0, z >= 0, w . z = 0; ``None`` if none.
+
+    Args:
+        M: Shape (n, n).
+        q: Shape (n,).
+    """
+    n = q.size
+    if not (q < 0.0).any():
+        return np.zeros(n, bool)
+    # What relaxes the rows: in general position, so that no two of them become zero at once.
+    d = 1.0 + np.random.default_rng(0).uniform(0.0, 1.0, n)
+    size = float(np.abs(q).max())
+    table = np.column_stack([M, d, q / size])  # basic = table @ (others, 1)
+    rows, columns = np.arange(n), np.arange(n, 2 * n + 1)  # w_i: i, z_i: n + i, z_0: 2 n
+    row, column = int(np.argmin(q / d)), n
+    for _ in range(50 * n):
+        _exchange(table, row, column)
+        left, rows[row], columns[column] = rows[row], columns[column], rows[row]
+        if left == 2 * n:
+            return np.isin(np.arange(n, 2 * n), rows)
+        column = int(np.flatnonzero(columns == (left + n) % (2 * n))[0])
+        falls = table[:, column]
+        falling = falls < -ROUNDING * np.abs(falls).max()
+        if not falling.any():
+            return None
+        ratios = np.where(falling, np.maximum(table[:, -1], 0.0) / np.where(falling, -falls, 1.0), np.inf)
+        row = int(np.argmin(ratios))
+        relaxed = np.flatnonzero(rows == 2 * n)[0]
+        if ratios[relaxed] <= ratios[row] * (1.0 + TIED):
+            row = int(relaxed)
+    return None
+
+
+def _exchange(table: Array, row: int, column: int) -> None:
+    """Let a basic variable and another one change places, in place."""
+    pivot = table[row, column]
+    line = table[row] / -pivot
+    line[column] = 1.0 / pivot
+    column_values = table[:, column].copy()
+    column_values[row] = 0.0
+    table[:, column] = 0.0
+    table += np.outer(column_values, line)
+    table[row] = line

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: MIT
+"""Sets of bodies that contact holds: the solution of the linearized problem says them.
+
+Stiff bodies that only contact holds move by elastic strains as long as the right nodes touch and
+stick; with other sets some of them are loose, and a Newton step moves them far. Each node takes the
+piece that the last iterate asks for, all at once, and so the sets of a wall may go in circles, and
+those of an arch lead to a mechanism. Here the linearized problem is solved with its inequalities: in
+the multipliers alone, with the compliance of all bodies, see ``complementarity``. The Newton step
+that follows has the sets of its solution.
+
+The compliance of a floating body is that of the elastic body on springs, with the springs on its
+rigid motions exchanged for weaker ones afterwards: a body by itself may be unstable under its loads,
+like a pendulum upside down, and with weak springs its stiffness would not be positive definite.
+
+It takes a linear solve for each component of a multiplier, so that this is done only where bodies
+float and sets do not settle by themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.bulk import Bulk
+from fenics_mortar.complementarity import FrictionProblem, find_pieces
+from fenics_mortar.contact import Contact
+from fenics_mortar.driven import DrivenObstacles
+from fenics_mortar.floating import LEAST_SPRING, FloatingBodies
+from fenics_mortar.laws import STICK, Friction, Frictionless
+from fenics_mortar.reduced import factored_bulk, portions
+from fenics_mortar.sparse import BlockMatrix
+from fenics_mortar.surfaces import Array, Indices
+from fenics_mortar.system import LinearSystem
+
+# Stiffness of the springs on a body over its stiffest diagonal entry: above what its loads make it
+# unstable by, of the order of the strains, and so small that the elastic answer is that without.
+SPRING = 1e-3
+PREFIX = "fenics_mortar_settling_"
+
+
+class BodiesOnSprings:
+    """The answer of all bodies to forces, floating ones on weak springs (collective).
+
+    Args:
+        bulk: The bodies; springs are added to their tangent, which has to be assembled.
+        floating: Those that Dirichlet conditions leave free.
+    """
+
+    def __init__(self, bulk: Bulk, floating: FloatingBodies) -> None:
+        self._bulk = bulk
+        held, _ = floating.springs
+        springs = np.zeros(bulk.num_owned)
+        motions, answers = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
+        for body in floating.bodies:
+            mine = floating.labels[: bulk.space.num_nodes] == body.label
+            dofs = bulk.space.owned_dofs[mine]
+            each = SPRING * body.stiffest / body.num_nodes
+            weak = LEAST_SPRING * body.stiffest / body.num_nodes
+            if held is not None:
+                weak = bulk.comm.allreduce(float(held[dofs].sum())) / (2 * body.num_nodes)
+            springs[dofs] = max(each, weak)
+            rigid = np.zeros((len(body.motions), bulk.num_owned))
+            x = bulk.positions()[: bulk.space.num_nodes][mine]
+            rigid[:, dofs.ravel()] = body.displacement(x).reshape(len(rigid), -1)
+            products = bulk.comm.allreduce(rigid @ rigid.T)
+            motions.append(np.linalg.solve(np.linalg.cholesky(products), rigid))
+            answers.append(np.full(len(rigid), 1.0 / weak - 1.0 / max(each, weak)))
+        self._motions, self._by_force = np.concatenate(motions), np.concatenate(answers)
+        bulk.add_to_diagonal(springs)
+        self._factors = factored_bulk(bulk, PREFIX)
+
+    def to(self, forces: Array) -> Array:
+        """Displacements by forces, owned parts, shape (num_owned, k); held dofs take none."""
+        bulk, found = self._bulk, []
+        forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
+        for part in portions(forces.shape[1]):
+            sizes = (bulk.num_owned, None), (None, part.size)
+            load = np.asfortranarray(forces[:, part]).ravel(order="F")
+            loads = PETSc.Mat().createDense(sizes, array=load, comm=bulk.comm)
+            loads.assemble()
+            answers = loads.duplicate()
+            self._factors.getFactorMatrix().matSolve(loads, answers)
+            found.append(answers.getDenseArray().copy())
+            loads.destroy()
+            answers.destroy()
+        along = bulk.comm.allreduce(self._motions @ forces)
+        return np.concatenate(found, axis=1) + self._motions.T @ (self._by_force[:, None] * along)
+
+
+class LinearizedContact:
+    """Gaps and slips as linear functions of the multipliers, at the present state (collective).
+
+    Args:
+        bulk: The bodies; tangent and residual are assembled.
+        floating: Those that Dirichlet conditions leave free.
+        system: Knows the numbers of the multipliers.
+        tools: The obstacles.
+    """
+
+    def __init__(
+        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, tools: DrivenObstacles
+    ) -> None:
+        self._bulk, self._system, self._tools = bulk, system, tools
+        self._floating = floating
+        self._contacts = [c for c in system.contacts if isinstance(c, Contact)]
+
+    @property
+    def can_say(self) -> bool:
+        """Whether all laws are linear but for touching, sticking and sliding."""
+        laws = [contact.pair.law for contact in self._contacts]
+        return not any(law.attracts for law in laws) and all(
+            isinstance(law, Friction | Frictionless) for law in laws
+        )
+
+    def choose_sets(self) -> bool:
+        """Take the active set and the pieces of the linearized problem; whether there is one."""
+        kept = [(c.active, c.piece, c.overheld) for c in self._contacts]
+        for contact in self._contacts:
+            gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
+            contact.active = contact.active | (gap <= contact.nodal_lengths)
+            contact.piece = np.full_like(contact.piece, STICK)
+            contact.overheld = np.zeros_like(contact.overheld)
+        nodes = [contact.active_nodes for contact in self._contacts]
+        try:
+            problem = self._problem(nodes)
+        finally:
+            for contact, sets in zip(self._contacts, kept, strict=True):
+                contact.active, contact.piece, contact.overheld = sets
+        import time, os, pickle; t=time.time()
+        found = find_pieces(problem)
+        if "DUMP" in os.environ and (found is None or time.time()-t>.3): pickle.dump(tuple(problem), open(os.environ["DUMP"],"wb"))
+        print("      oracle", problem.slope.size, f"{time.time()-t:.4f}", found is not None)
+        if found is None:
+            return False
+        ends = np.cumsum([j.size for j in nodes])[:-1]
+        each = zip(self._contacts, nodes, *(np.split(part, ends) for part in found), strict=True)
+        for contact, j, active, piece in each:
+            contact.active = np.zeros_like(contact.active)
+            contact.active[j] = active
+            contact.z[~contact.active] = 0.0
+            if contact.pair.law.rubs:
+                contact.piece = contact.piece.copy()
+                contact.piece[j[active]] = piece[active]
+        return True
+
+    def _problem(self, nodes: Sequence[Indices]) -> FrictionProblem:
+        """The linearized problem of the active nodes of each contact."""
+        V, y = self._gaps()
+        E, ties = self._directions(nodes), self._tied()
+        A = np.concatenate([E, ties])
+        V, y = A @ V @ A.T, A @ y
+        if len(ties):
+            c, t = slice(0, len(E)), slice(len(E), None)
+            change = np.linalg.solve(V[t, t], np.column_stack([V[t, c], y[t]]))
+            V, y = V[c, c] - V[c, t] @ change[:, :-1], y[c] - V[c, t] @ change[:, -1]
+        slopes, shears, rows = [], [], []
+        for contact, j in zip(self._contacts, nodes, strict=True):
+            o = contact.operators
+            pressure = float(np.abs(contact.pressure[j]).mean()) if j.size else 0.0
+            slope, shear, _ = contact.strength(pressure)
+            slopes.append(slope[j])
+            shears.append((shear / self._system.scale(contact))[j])
+            rows.append((contact.nodal_lengths * o.weight)[j] / o.diagonal[j] ** 2)
+        # Rows of slip, weighted as those of the gap: so the compliance is symmetric.
+        weight = np.concatenate([np.ones(len(E) // 2), *rows])
+        weight /= max(float(contact.stiffness.max()) for contact in self._contacts)
+        return FrictionProblem(
+            weight[:, None] * V, weight * y, np.concatenate(slopes), np.concatenate(shears)
+        )
+
+    def _gaps(self) -> tuple[Array, Array]:
+        """Rows of all multipliers, y + V zeta, on all ranks: compliance, and those without any."""
+        system, bulk, comm = self._system, self._bulk, self._bulk.comm
+        laws = [contact.rows() for contact in system.contacts]
+        size = 2 * system.num_multipliers
+        B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
+        C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(laws))
+        bodies = BodiesOnSprings(bulk, self._floating)
+        moved, force = bulk.K.createVecs()
+        moved.array[bulk.held] = bulk.distance_to_prescribed()
+        bulk.K.mult(moved, force)
+        rest = -(force.array_r + bulk.r.array_r[: bulk.num_owned])
+        count = B_T.getSize()[1]
+        forces = _columns(B_T, count)
+        answers = bodies.to(np.column_stack([forces, rest]))
+        answers[:, -1] += moved.array_r
+        rows = comm.allreduce(_columns(C.transpose(), count).T @ answers)
+        V, y = -rows[:, :-1], rows[:, -1]
+        for law, place in zip(laws, system.places, strict=True):
+            y[2 * place[:, None] + np.arange(2)] -= law.rhs
+        self._let_tools_move(V, y)
+        for matrix in (B_T, C, moved, force):
+            matrix.destroy()
+        return V, y
+
+    def _let_tools_move(self, V: Array, y: Array) -> None:
+        """Let obstacles move as forces drive them, on weak springs."""
+        for number, component in np.argwhere(self._tools.driven):
+            raise NotImplementedError
+
+    def _directions(self, nodes: Sequence[Indices]) -> Array:
+        """Normals of the nodes, then tangents, among all components of multipliers."""
+        size, found = 2 * sum(place.size for place in self._system.places), []
+        places = dict(zip(map(id, self._system.contacts), self._system.places, strict=True))
+        for kind in ("n", "tau"):
+            for contact, j in zip(self._contacts, nodes, strict=True):
+                rows = np.zeros((j.size, size))
+                columns = 2 * places[id(contact)][j][:, None] + np.arange(2)
+                rows[np.arange(j.size)[:, None], columns] = getattr(contact.operators, kind)[j]
+                found.append(rows)
+        return np.concatenate(found)
+
+    def _tied(self) -> Array:
+        """Components of multipliers of ties, among all of them."""
+        system = self._system
+        columns = [
+            2 * place[contact.active_nodes][:, None] + np.arange(2)
+            for contact, place in system.numbered()
+            if not isinstance(contact, Contact)
+        ]
+        columns = np.concatenate([np.empty(0, np.int64), *map(np.ravel, columns)])
+        return np.eye(2 * sum(place.size for place in system.places))[columns]
+
+
+def _columns(matrix: PETSc.Mat, count: int) -> Array:
+    """Owned rows of a matrix with ``count`` columns, dense."""
+    starts, columns, values = matrix.getValuesCSR()
+    dense = np.zeros((starts.size - 1, count))
+    dense[np.repeat(np.arange(starts.size - 1), np.diff(starts)), columns] = values
+    return dense
