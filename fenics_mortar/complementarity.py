@@ -107,7 +107,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
         ratios = np.where(falling, np.maximum(table[:, -1], 0.0) / np.where(falling, -falls, 1.0), np.inf)
         row = int(np.argmin(ratios))
         relaxed = np.flatnonzero(rows == 2 * n)[0]
-        if ratios[relaxed] <= ratios[row] * (1.0 + TIED):
+        if table[relaxed, -1] + falls[relaxed] * ratios[row] <= 1e-14:
             row = int(relaxed)
     return None
 
