@@ -337,7 +337,10 @@ class ContactEquations:
 
     def _settle_sets(self) -> None:
         """Where bodies float and sets change, take those of the linearized problem."""
-        if not self.floating.bodies or len(self._recent_sets) < 2 or not self._changed:
+        residuals = self._residuals
+        if not self.floating.bodies or len(residuals) < 2 or not self._changed:
+            return
+        if residuals[-1] < 0.1 * residuals[-2]:
             return
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.tools)
         if not linearized.can_say:
