@@ -342,12 +342,11 @@ class ContactEquations:
             return
         if residuals[-1] < 0.1 * residuals[-2]:
             return
-        linearized = LinearizedContact(self.bulk, self.floating, self.system, self.tools)
+        linearized = LinearizedContact(self.bulk, self.floating, self.system, self.tools, self._redundancy.mark)
         if not linearized.can_say:
             return
         self.bulk.assemble_tangent()
-        if linearized.choose_sets():
-            self._redundancy.mark()
+        linearized.choose_sets()
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step taken, by its largest increment [length]."""

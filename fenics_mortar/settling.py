@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.complementarity import FrictionProblem, find_pieces
-from fenics_mortar.contact import Contact
+from fenics_mortar.contact import ELASTIC, Contact
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.floating import LEAST_SPRING, FloatingBodies
 from fenics_mortar.laws import STICK, Friction, Frictionless
@@ -102,8 +102,9 @@ class LinearizedContact:
     """
 
     def __init__(
-        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, tools: DrivenObstacles
+        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, tools: DrivenObstacles, mark
     ) -> None:
+        self._mark = mark
         self._bulk, self._system, self._tools = bulk, system, tools
         self._floating = floating
         self._contacts = [c for c in system.contacts if isinstance(c, Contact)]
@@ -130,22 +131,45 @@ class LinearizedContact:
         finally:
             for contact, sets in zip(self._contacts, kept, strict=True):
                 contact.active, contact.piece, contact.overheld = sets
-        import time, os, pickle; t=time.time()
-        found = find_pieces(problem)
-        if "DUMP" in os.environ and (found is None or time.time()-t>.3): pickle.dump(tuple(problem), open(os.environ["DUMP"],"wb"))
-        print("      oracle", problem.slope.size, f"{time.time()-t:.4f}", found is not None)
-        if found is None:
-            return False
+        before = -1
+        while before < (marked := sum(int(c.overheld.sum()) for c in self._contacts)):
+            import time, os, pickle; t=time.time()
+            found = find_pieces(self._with_elastic_sticks(problem, nodes))
+            print("      oracle", problem.slope.size, f"{time.time()-t:.4f}", found is not None, marked)
+            if found is None:
+                return False
+            before = marked
+            self._take(nodes, *found)
+            self._mark()
+        return True
+
+    def _take(self, nodes: Sequence[Indices], active: Array, piece: Array) -> None:
+        """Take sets of some nodes; all others are open."""
         ends = np.cumsum([j.size for j in nodes])[:-1]
-        each = zip(self._contacts, nodes, *(np.split(part, ends) for part in found), strict=True)
-        for contact, j, active, piece in each:
+        each = zip(self._contacts, nodes, np.split(active, ends), np.split(piece, ends), strict=True)
+        for contact, j, touches, pieces in each:
             contact.active = np.zeros_like(contact.active)
-            contact.active[j] = active
+            contact.active[j] = touches
             contact.z[~contact.active] = 0.0
             if contact.pair.law.rubs:
                 contact.piece = contact.piece.copy()
-                contact.piece[j[active]] = piece[active]
-        return True
+                contact.piece[j[touches]] = pieces[touches]
+
+    def _with_elastic_sticks(
+        self, problem: FrictionProblem, nodes: Sequence[Indices]
+    ) -> FrictionProblem:
+        """The problem where overheld nodes stick elastically, see ``redundancy``."""
+        V, q, n = problem.V.copy(), problem.q.copy(), problem.slope.size
+        parts = []
+        for contact, j in zip(self._contacts, nodes, strict=True):
+            row = contact.stiffness[j] * _slip_weight(contact, j) / ELASTIC
+            shear = (contact.partners.shear / self._system.scale(contact))[j]
+            parts.append(np.stack([row, shear]) * contact.overheld[j])
+        give, shear = np.concatenate(parts, axis=1)
+        give = give / max(float(contact.stiffness.max()) for contact in self._contacts)
+        V[np.arange(n, 2*n), np.arange(n, 2*n)] -= give
+        q[n:] += give * shear
+        return problem._replace(V=V, q=q)
 
     def _problem(self, nodes: Sequence[Indices]) -> FrictionProblem:
         """The linearized problem of the active nodes of each contact."""
@@ -159,12 +183,11 @@ class LinearizedContact:
             V, y = V[c, c] - V[c, t] @ change[:, :-1], y[c] - V[c, t] @ change[:, -1]
         slopes, shears, rows = [], [], []
         for contact, j in zip(self._contacts, nodes, strict=True):
-            o = contact.operators
             pressure = float(np.abs(contact.pressure[j]).mean()) if j.size else 0.0
             slope, shear, _ = contact.strength(pressure)
             slopes.append(slope[j])
             shears.append((shear / self._system.scale(contact))[j])
-            rows.append((contact.nodal_lengths * o.weight)[j] / o.diagonal[j] ** 2)
+            rows.append(_slip_weight(contact, j))
         # Rows of slip, weighted as those of the gap: so the compliance is symmetric.
         weight = np.concatenate([np.ones(len(E) // 2), *rows])
         weight /= max(float(contact.stiffness.max()) for contact in self._contacts)
@@ -232,3 +255,9 @@ def _columns(matrix: PETSc.Mat, count: int) -> Array:
     dense = np.zeros((starts.size - 1, count))
     dense[np.repeat(np.arange(starts.size - 1), np.diff(starts)), columns] = values
     return dense
+
+
+def _slip_weight(contact: Contact, j: Indices) -> Array:
+    """What makes rows of slip those of the gap, turned: so the compliance is symmetric."""
+    o = contact.operators
+    return (contact.nodal_lengths * o.weight)[j] / o.diagonal[j] ** 2
