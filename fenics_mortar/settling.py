@@ -221,9 +221,27 @@ class LinearizedContact:
         return V, y
 
     def _let_tools_move(self, V: Array, y: Array) -> None:
-        """Let obstacles move as forces drive them, on weak springs."""
-        for number, component in np.argwhere(self._tools.driven):
-            raise NotImplementedError
+        """Let obstacles move as forces drive them, on weak springs; changes both arrays."""
+        tools, system = self._tools, self._system
+        driven = tools.driven
+        if not driven.any():
+            return
+        weak = LEAST_SPRING * max(float(contact.stiffness.max()) for contact in self._contacts)
+        springs, _ = tools.springs
+        stiffness = np.maximum(weak, np.zeros(driven.shape) if springs is None else springs)
+        by_motion = np.zeros((*driven.shape, y.size))
+        by_pressure = np.zeros_like(by_motion)
+        parts = iter(tools.partial_derivatives())
+        for contact, place in system.numbered():
+            if contact.obstacle is None:
+                continue
+            number, columns = tools.obstacles.index(contact.obstacle), 2 * place[:, None] + [0, 1]
+            rows, (_, M_q, _) = contact.motion_rows(), next(parts)
+            by_motion[number][:, columns] = np.moveaxis(rows, 2, 0)
+            by_pressure[number][:, columns] = M_q * system.scale(contact)[:, None]
+        by_motion = by_motion[driven] / stiffness[driven][:, None]
+        V -= by_motion.T @ by_pressure[driven]
+        y += (tools.forces() - tools.residual())[driven] @ by_motion
 
     def _directions(self, nodes: Sequence[Indices]) -> Array:
         """Normals of the nodes, then tangents, among all components of multipliers."""
