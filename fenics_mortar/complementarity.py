@@ -46,12 +46,23 @@ class FrictionProblem(NamedTuple):
     shear: Array
 
 
-def find_pieces(problem: FrictionProblem) -> tuple[npt.NDArray[np.bool_], Indices] | None:
-    """Which nodes touch in a solution, and whether they stick (0) or slide (+-1), shape (n,) each.
+class Sets(NamedTuple):
+    """A solution, shape (n,) each.
 
-    Returns:
-        ``None`` if there is no solution in sight.
+    Attributes:
+        active: Whether a node touches.
+        piece: Whether it sticks (0) or slides (+-1).
+        z_n, z_tau: Multipliers.
     """
+
+    active: npt.NDArray[np.bool_]
+    piece: Indices
+    z_n: Array
+    z_tau: Array
+
+
+def solve_friction(problem: FrictionProblem) -> Sets | None:
+    """A solution of the linearized problem; ``None`` if there is none in sight."""
     n = problem.slope.size
     rubs = np.flatnonzero((problem.slope > 0.0) | (problem.shear > 0.0))
     m = rubs.size
@@ -69,13 +80,16 @@ def find_pieces(problem: FrictionProblem) -> tuple[npt.NDArray[np.bool_], Indice
         ]
     )
     u = problem.q[n + rubs]
-    basic = lemke(M, np.concatenate([problem.q[:n], -u, u, problem.shear[rubs]]))
+    q = np.concatenate([problem.q[:n], -u, u, problem.shear[rubs]])
+    basic = lemke(M, q)
     if basic is None:
         return None
-    active, piece = basic[:n], np.zeros(n, np.int64)
+    z = np.where(basic, np.linalg.solve(np.where(basic, -M, np.eye(len(M))), q), 0.0)
+    piece, z_tau = np.zeros(n, np.int64), np.zeros(n)
     plus, minus, slides = basic[n:].reshape(3, m)
     piece[rubs] = np.where(slides & (plus != minus), np.where(plus, 1, -1), 0)
-    return active, piece
+    z_tau[rubs] = z[n : n + m] - z[n + m : n + 2 * m]
+    return Sets(basic[:n], piece, z[:n], z_tau)
 
 
 def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:

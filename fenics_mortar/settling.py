@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.bulk import Bulk
-from fenics_mortar.complementarity import FrictionProblem, find_pieces
+from fenics_mortar.complementarity import FrictionProblem, Sets, solve_friction
 from fenics_mortar.contact import ELASTIC, Contact
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.floating import LEAST_SPRING, FloatingBodies
@@ -134,26 +134,32 @@ class LinearizedContact:
         before = -1
         while before < (marked := sum(int(c.overheld.sum()) for c in self._contacts)):
             import time, os, pickle; t=time.time()
-            found = find_pieces(self._with_elastic_sticks(problem, nodes))
+            found = solve_friction(self._with_elastic_sticks(problem, nodes))
+            if "DUMP" in os.environ: pickle.dump(tuple(self._with_elastic_sticks(problem, nodes)), open(os.environ["DUMP"],"wb"))
             print("      oracle", problem.slope.size, f"{time.time()-t:.4f}", found is not None, marked)
             if found is None:
                 return False
             before = marked
-            self._take(nodes, *found)
+            self._take(nodes, found)
             self._mark()
         return True
 
-    def _take(self, nodes: Sequence[Indices], active: Array, piece: Array) -> None:
-        """Take sets of some nodes; all others are open."""
+    def _take(self, nodes: Sequence[Indices], found: Sets) -> None:
+        """Take sets and multipliers of some nodes; all others are open."""
         ends = np.cumsum([j.size for j in nodes])[:-1]
-        each = zip(self._contacts, nodes, np.split(active, ends), np.split(piece, ends), strict=True)
-        for contact, j, touches, pieces in each:
+        for contact, j, *sets in zip(
+            self._contacts, nodes, *(np.split(part, ends) for part in found), strict=True
+        ):
+            active, piece, z_n, z_tau = sets
+            o, j = contact.operators, j[active]
             contact.active = np.zeros_like(contact.active)
-            contact.active[j] = touches
-            contact.z[~contact.active] = 0.0
+            contact.active[j] = True
+            z = z_n[active, None] * o.n[j] + z_tau[active, None] * o.tau[j]
+            contact.z = np.zeros_like(contact.z)
+            contact.z[j] = self._system.scale(contact)[j, None] * z
             if contact.pair.law.rubs:
                 contact.piece = contact.piece.copy()
-                contact.piece[j[touches]] = pieces[touches]
+                contact.piece[j] = piece[active]
 
     def _with_elastic_sticks(
         self, problem: FrictionProblem, nodes: Sequence[Indices]
@@ -182,8 +188,8 @@ class LinearizedContact:
             change = np.linalg.solve(V[t, t], np.column_stack([V[t, c], y[t]]))
             V, y = V[c, c] - V[c, t] @ change[:, :-1], y[c] - V[c, t] @ change[:, -1]
         slopes, shears, rows = [], [], []
+        pressure = self._typical_pressure()
         for contact, j in zip(self._contacts, nodes, strict=True):
-            pressure = float(np.abs(contact.pressure[j]).mean()) if j.size else 0.0
             slope, shear, _ = contact.strength(pressure)
             slopes.append(slope[j])
             shears.append((shear / self._system.scale(contact))[j])
@@ -194,6 +200,12 @@ class LinearizedContact:
         return FrictionProblem(
             weight[:, None] * V, weight * y, np.concatenate(slopes), np.concatenate(shears)
         )
+
+    def _typical_pressure(self) -> float:
+        """Mean pressure of the nodes that bear one, or a small one where none does [stress]."""
+        borne = np.concatenate([np.abs(c.pressure[c.z.any(axis=1)]) for c in self._contacts])
+        soft = min(float(contact.stiffness.min()) for contact in self._contacts)
+        return max(float(borne.mean()) if borne.size else 0.0, SPRING * LEAST_SPRING * soft)
 
     def _gaps(self) -> tuple[Array, Array]:
         """Rows of all multipliers, y + V zeta, on all ranks: compliance, and those without any."""
