@@ -21,13 +21,17 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import LinAlgError
+from scipy.linalg.blas import dger
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 # Entries of a column below this part of its largest are rounding.
 ROUNDING = 1e-11
-# Variables that vanish within this part of a step of each other do so at once.
-TIED = 1e-6
+# What relaxes the rows is gone below this part of where it began.
+NOTHING = 1e-14
+# So many changes of the basis for each variable are more than any problem has taken, 3.
+MOST_CHANGES = 50
 
 
 class FrictionProblem(NamedTuple):
@@ -84,7 +88,10 @@ def solve_friction(problem: FrictionProblem) -> Sets | None:
     basic = lemke(M, q)
     if basic is None:
         return None
-    z = np.where(basic, np.linalg.solve(np.where(basic, -M, np.eye(len(M))), q), 0.0)
+    try:
+        z = np.where(basic, np.linalg.solve(np.where(basic, -M, np.eye(len(M))), q), 0.0)
+    except LinAlgError:
+        return None
     piece, z_tau = np.zeros(n, np.int64), np.zeros(n)
     plus, minus, slides = basic[n:].reshape(3, m)
     piece[rubs] = np.where(slides & (plus != minus), np.where(plus, 1, -1), 0)
@@ -103,36 +110,36 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
     if not (q < 0.0).any():
         return np.zeros(n, bool)
     # What relaxes the rows: in general position, so that no two of them become zero at once.
-    d = 1.0 + np.random.default_rng(0).uniform(0.0, 1.0, n)
-    size = float(np.abs(q).max())
-    table = np.column_stack([M, d, q / size])  # basic = table @ (others, 1)
-    rows, columns = np.arange(n), np.arange(n, 2 * n + 1)  # w_i: i, z_i: n + i, z_0: 2 n
-    row, column = int(np.argmin(q / d)), n
-    for _ in range(50 * n):
-        _exchange(table, row, column)
+    relaxed = 1.0 + np.random.default_rng(0).uniform(0.0, 1.0, n)
+    table = np.asfortranarray(np.column_stack([M, relaxed, q / np.abs(q).max()]))
+    # Of the table, basic = table @ (others, 1): w_i is number i, z_i is n + i, z_0 is 2 n.
+    rows, columns, z_0 = np.arange(n), np.arange(n, 2 * n + 1), 2 * n
+    row, column = int(np.argmin(q / relaxed)), n
+    for _ in range(MOST_CHANGES * n):
+        table = _exchange(table, row, column)
         left, rows[row], columns[column] = rows[row], columns[column], rows[row]
-        if left == 2 * n:
+        if left == z_0:
             return np.isin(np.arange(n, 2 * n), rows)
-        column = int(np.flatnonzero(columns == (left + n) % (2 * n))[0])
+        column = int(np.flatnonzero(columns == (left + n) % z_0)[0])
         falls = table[:, column]
-        falling = falls < -ROUNDING * np.abs(falls).max()
-        if not falling.any():
+        falling = np.flatnonzero(falls < -ROUNDING * np.abs(falls).max())
+        if not falling.size:
             return None
-        ratios = np.where(falling, np.maximum(table[:, -1], 0.0) / np.where(falling, -falls, 1.0), np.inf)
-        row = int(np.argmin(ratios))
-        relaxed = np.flatnonzero(rows == 2 * n)[0]
-        if table[relaxed, -1] + falls[relaxed] * ratios[row] <= 1e-14:
-            row = int(relaxed)
+        ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
+        first = int(np.argmin(ways))
+        row, last = int(falling[first]), int(np.flatnonzero(rows == z_0)[0])
+        if table[last, -1] + falls[last] * ways[first] <= NOTHING:
+            row = last
     return None
 
 
-def _exchange(table: Array, row: int, column: int) -> None:
-    """Let a basic variable and another one change places, in place."""
+def _exchange(table: Array, row: int, column: int) -> Array:
+    """Let a basic variable and another one change places, in place; return the table."""
     pivot = table[row, column]
-    line = table[row] / -pivot
+    line, rest = table[row] / -pivot, table[:, column].copy()
     line[column] = 1.0 / pivot
-    column_values = table[:, column].copy()
-    column_values[row] = 0.0
+    rest[row] = 0.0
     table[:, column] = 0.0
-    table += np.outer(column_values, line)
+    table = dger(1.0, rest, line, a=table, overwrite_a=1)
     table[row] = line
+    return table

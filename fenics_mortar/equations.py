@@ -342,11 +342,11 @@ class ContactEquations:
             return
         if residuals[-1] < 0.1 * residuals[-2]:
             return
-        linearized = LinearizedContact(self.bulk, self.floating, self.system, self.tools, self._redundancy.mark)
+        linearized = LinearizedContact(self.bulk, self.floating, self.system, self.tools)
         if not linearized.can_say:
             return
         self.bulk.assemble_tangent()
-        linearized.choose_sets()
+        linearized.choose_sets(self._redundancy.mark)
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step taken, by its largest increment [length]."""

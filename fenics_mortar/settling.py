@@ -18,12 +18,11 @@ float and sets do not settle by themselves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.bulk import Bulk
 from fenics_mortar.complementarity import FrictionProblem, Sets, solve_friction
@@ -102,9 +101,8 @@ class LinearizedContact:
     """
 
     def __init__(
-        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, tools: DrivenObstacles, mark
+        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, tools: DrivenObstacles
     ) -> None:
-        self._mark = mark
         self._bulk, self._system, self._tools = bulk, system, tools
         self._floating = floating
         self._contacts = [c for c in system.contacts if isinstance(c, Contact)]
@@ -117,31 +115,23 @@ class LinearizedContact:
             isinstance(law, Friction | Frictionless) for law in laws
         )
 
-    def choose_sets(self) -> bool:
-        """Take the active set and the pieces of the linearized problem; whether there is one."""
-        kept = [(c.active, c.piece, c.overheld) for c in self._contacts]
-        for contact in self._contacts:
-            gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
-            contact.active = contact.active | (gap <= contact.nodal_lengths)
-            contact.piece = np.full_like(contact.piece, STICK)
-            contact.overheld = np.zeros_like(contact.overheld)
-        nodes = [contact.active_nodes for contact in self._contacts]
-        try:
-            problem = self._problem(nodes)
-        finally:
-            for contact, sets in zip(self._contacts, kept, strict=True):
-                contact.active, contact.piece, contact.overheld = sets
-        before = -1
-        while before < (marked := sum(int(c.overheld.sum()) for c in self._contacts)):
-            import time, os, pickle; t=time.time()
-            found = solve_friction(self._with_elastic_sticks(problem, nodes))
-            if "DUMP" in os.environ: pickle.dump(tuple(self._with_elastic_sticks(problem, nodes)), open(os.environ["DUMP"],"wb"))
-            print("      oracle", problem.slope.size, f"{time.time()-t:.4f}", found is not None, marked)
+    def choose_sets(self, mark: Callable[[], None]) -> bool:
+        """Take sets and multipliers of the linearized problem; whether it has a solution.
+
+        Args:
+            mark: Marks nodes whose stick follows from other constraints, which depends on the sets;
+                see ``redundancy``.
+        """
+        problem, nodes = self._problem()
+        marked = -1
+        while marked < (marked := sum(int(c.overheld.sum()) for c in self._contacts)):
+            elastic = self._with_elastic_sticks(problem, nodes)
+            comm = self._bulk.comm
+            found = comm.bcast(solve_friction(elastic) if comm.rank == 0 else None)
             if found is None:
                 return False
-            before = marked
             self._take(nodes, found)
-            self._mark()
+            mark()
         return True
 
     def _take(self, nodes: Sequence[Indices], found: Sets) -> None:
@@ -173,12 +163,27 @@ class LinearizedContact:
             parts.append(np.stack([row, shear]) * contact.overheld[j])
         give, shear = np.concatenate(parts, axis=1)
         give = give / max(float(contact.stiffness.max()) for contact in self._contacts)
-        V[np.arange(n, 2*n), np.arange(n, 2*n)] -= give
+        V[np.arange(n, 2 * n), np.arange(n, 2 * n)] -= give
         q[n:] += give * shear
         return problem._replace(V=V, q=q)
 
-    def _problem(self, nodes: Sequence[Indices]) -> FrictionProblem:
-        """The linearized problem of the active nodes of each contact."""
+    def _problem(self) -> tuple[FrictionProblem, list[Indices]]:
+        """The linearized problem of all nodes that may touch, and these of each contact."""
+        kept = [(c.active, c.piece, c.overheld) for c in self._contacts]
+        for contact in self._contacts:
+            gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
+            contact.active = contact.active | (gap <= contact.nodal_lengths)
+            contact.piece = np.full_like(contact.piece, STICK)
+            contact.overheld = np.zeros_like(contact.overheld)
+        nodes = [contact.active_nodes for contact in self._contacts]
+        try:
+            return self._problem_of(nodes), nodes
+        finally:
+            for contact, sets in zip(self._contacts, kept, strict=True):
+                contact.active, contact.piece, contact.overheld = sets
+
+    def _problem_of(self, nodes: Sequence[Indices]) -> FrictionProblem:
+        """The problem of some nodes, active and sticking at present."""
         V, y = self._gaps()
         E, ties = self._directions(nodes), self._tied()
         A = np.concatenate([E, ties])
@@ -245,7 +250,7 @@ class LinearizedContact:
         by_pressure = np.zeros_like(by_motion)
         parts = iter(tools.partial_derivatives())
         for contact, place in system.numbered():
-            if contact.obstacle is None:
+            if not isinstance(contact, Contact) or contact.obstacle is None:
                 continue
             number, columns = tools.obstacles.index(contact.obstacle), 2 * place[:, None] + [0, 1]
             rows, (_, M_q, _) = contact.motion_rows(), next(parts)
