@@ -9,10 +9,11 @@ the shear is the difference of two nonnegative numbers, z_tau = b+ - b-, and s t
     b- >= 0,    s + u >= 0,                          b- (s + u) = 0
     s >= 0,     s_0 + mu z_n - b+ - b- >= 0,         s (s_0 + mu z_n - b+ - b-) = 0
 
-(Stewart & Trinkle 1996). Its matrix is copositive where the compliance is positive definite, so that
-Lemke's method (Cottle, Pang & Stone 1992, ch. 4.4) ends in a solution, whatever mu is. It goes along
-the solutions of a problem that a number z_0 > 0 relaxes, from one piece to the next; it cannot go in
-circles, as all nodes at a time can where each takes the piece that its neighbours' last one wants.
+(Stewart & Trinkle 1996). Its matrix is copositive where the compliance is positive definite, so
+that Lemke's method (Cottle, Pang & Stone 1992, ch. 4.4) ends in a solution, whatever mu is. It goes
+along the solutions of a problem that a number z_0 > 0 relaxes, from one piece to the next. It
+cannot go in circles, as nodes do that take, all at once, what the last state of the others asks of
+them.
 """
 
 from __future__ import annotations

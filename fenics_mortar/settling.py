@@ -4,13 +4,13 @@
 Stiff bodies that only contact holds move by elastic strains as long as the right nodes touch and
 stick; with other sets some of them are loose, and a Newton step moves them far. Each node takes the
 piece that the last iterate asks for, all at once, and so the sets of a wall may go in circles, and
-those of an arch lead to a mechanism. Here the linearized problem is solved with its inequalities: in
-the multipliers alone, with the compliance of all bodies, see ``complementarity``. The Newton step
+those of an arch lead to a mechanism. Here the linearized problem is solved with its inequalities,
+in the multipliers alone, by the compliance of all bodies; see ``complementarity``. The Newton step
 that follows has the sets of its solution.
 
 The compliance of a floating body is that of the elastic body on springs, with the springs on its
-rigid motions exchanged for weaker ones afterwards: a body by itself may be unstable under its loads,
-like a pendulum upside down, and with weak springs its stiffness would not be positive definite.
+rigid motions exchanged for weaker ones: a body by itself may be unstable under its loads, as a
+pendulum upside down, and on weak springs its stiffness would not be positive definite.
 
 It takes a linear solve for each component of a multiplier, so that this is done only where bodies
 float and sets do not settle by themselves.
@@ -51,7 +51,6 @@ class BodiesOnSprings:
 
     def __init__(self, bulk: Bulk, floating: FloatingBodies) -> None:
         self._bulk = bulk
-        held, _ = floating.springs
         springs = np.zeros(bulk.num_owned)
         motions, answers = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
         for body in floating.bodies:
@@ -59,15 +58,13 @@ class BodiesOnSprings:
             dofs = bulk.space.owned_dofs[mine]
             each = SPRING * body.stiffest / body.num_nodes
             weak = LEAST_SPRING * body.stiffest / body.num_nodes
-            if held is not None:
-                weak = bulk.comm.allreduce(float(held[dofs].sum())) / (2 * body.num_nodes)
-            springs[dofs] = max(each, weak)
+            springs[dofs] = each
             rigid = np.zeros((len(body.motions), bulk.num_owned))
             x = bulk.positions()[: bulk.space.num_nodes][mine]
             rigid[:, dofs.ravel()] = body.displacement(x).reshape(len(rigid), -1)
             products = bulk.comm.allreduce(rigid @ rigid.T)
             motions.append(np.linalg.solve(np.linalg.cholesky(products), rigid))
-            answers.append(np.full(len(rigid), 1.0 / weak - 1.0 / max(each, weak)))
+            answers.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
         self._motions, self._by_force = np.concatenate(motions), np.concatenate(answers)
         bulk.add_to_diagonal(springs)
         self._factors = factored_bulk(bulk, PREFIX)
@@ -244,8 +241,6 @@ class LinearizedContact:
         if not driven.any():
             return
         weak = LEAST_SPRING * max(float(contact.stiffness.max()) for contact in self._contacts)
-        springs, _ = tools.springs
-        stiffness = np.maximum(weak, np.zeros(driven.shape) if springs is None else springs)
         by_motion = np.zeros((*driven.shape, y.size))
         by_pressure = np.zeros_like(by_motion)
         parts = iter(tools.partial_derivatives())
@@ -256,7 +251,7 @@ class LinearizedContact:
             rows, (_, M_q, _) = contact.motion_rows(), next(parts)
             by_motion[number][:, columns] = np.moveaxis(rows, 2, 0)
             by_pressure[number][:, columns] = M_q * system.scale(contact)[:, None]
-        by_motion = by_motion[driven] / stiffness[driven][:, None]
+        by_motion = by_motion[driven] / weak
         V -= by_motion.T @ by_pressure[driven]
         y += (tools.forces() - tools.residual())[driven] @ by_motion
 
