@@ -7,7 +7,7 @@ the shear is the difference of two nonnegative numbers, z_tau = b+ - b-, and s t
     z_n >= 0,   g_n >= 0,                            z_n g_n = 0
     b+ >= 0,    s - u >= 0,                          b+ (s - u) = 0
     b- >= 0,    s + u >= 0,                          b- (s + u) = 0
-    s >= 0,     s_0 + mu z_n - b+ - b- >= 0,         s (s_0 + mu z_n - b+ - b-) = 0
+    s >= 0,     mu z_n - b+ - b- >= 0,               s (mu z_n - b+ - b-) = 0
 
 (Stewart & Trinkle 1996). Its matrix is copositive where the compliance is positive definite, so
 that Lemke's method (Cottle, Pang & Stone 1992, ch. 4.4) ends in a solution, whatever mu is. It goes
@@ -42,13 +42,11 @@ class FrictionProblem(NamedTuple):
         V: Shape (2 n, 2 n), normal rows and columns first.
         q: Shape (2 n,).
         slope: mu, shape (n,).
-        shear: s_0, shape (n,).
     """
 
     V: Array
     q: Array
     slope: Array
-    shear: Array
 
 
 class Sets(NamedTuple):
@@ -69,7 +67,7 @@ class Sets(NamedTuple):
 def solve_friction(problem: FrictionProblem) -> Sets | None:
     """A solution of the linearized problem; ``None`` if there is none in sight."""
     n = problem.slope.size
-    rubs = np.flatnonzero((problem.slope > 0.0) | (problem.shear > 0.0))
+    rubs = np.flatnonzero(problem.slope > 0.0)
     m = rubs.size
     V_nn, V_nt = problem.V[:n, :n], problem.V[:n, n + rubs]
     V_tn, V_tt = problem.V[n + rubs, :n], problem.V[np.ix_(n + rubs, n + rubs)]
@@ -85,7 +83,7 @@ def solve_friction(problem: FrictionProblem) -> Sets | None:
         ]
     )
     u = problem.q[n + rubs]
-    q = np.concatenate([problem.q[:n], -u, u, problem.shear[rubs]])
+    q = np.concatenate([problem.q[:n], -u, u, np.zeros(m)])
     basic = lemke(M, q)
     if basic is None:
         return None

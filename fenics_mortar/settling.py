@@ -29,7 +29,7 @@ from fenics_mortar.complementarity import FrictionProblem, Sets, solve_friction
 from fenics_mortar.contact import ELASTIC, Contact
 from fenics_mortar.driven import DrivenObstacles
 from fenics_mortar.floating import LEAST_SPRING, FloatingBodies
-from fenics_mortar.laws import STICK, Friction, Frictionless
+from fenics_mortar.laws import STICK, Coulomb, Frictionless
 from fenics_mortar.reduced import factored_bulk, portions
 from fenics_mortar.sparse import BlockMatrix
 from fenics_mortar.surfaces import Array, Indices
@@ -106,11 +106,12 @@ class LinearizedContact:
 
     @property
     def can_say(self) -> bool:
-        """Whether all laws are linear but for touching, sticking and sliding."""
+        """Whether all laws are linear but for touching, sticking, sliding: as Coulomb's."""
         laws = [contact.pair.law for contact in self._contacts]
-        return not any(law.attracts for law in laws) and all(
-            isinstance(law, Friction | Frictionless) for law in laws
-        )
+        pressure = self._typical_pressure()
+        return all(
+            isinstance(law, Coulomb | Frictionless) and not law.attracts for law in laws
+        ) and not any(contact.strength(pressure)[1].any() for contact in self._contacts)
 
     def choose_sets(self, mark: Callable[[], None]) -> bool:
         """Take sets and multipliers of the linearized problem; whether it has a solution.
@@ -189,19 +190,15 @@ class LinearizedContact:
             c, t = slice(0, len(E)), slice(len(E), None)
             change = np.linalg.solve(V[t, t], np.column_stack([V[t, c], y[t]]))
             V, y = V[c, c] - V[c, t] @ change[:, :-1], y[c] - V[c, t] @ change[:, -1]
-        slopes, shears, rows = [], [], []
+        slopes, rows = [], []
         pressure = self._typical_pressure()
         for contact, j in zip(self._contacts, nodes, strict=True):
-            slope, shear, _ = contact.strength(pressure)
-            slopes.append(slope[j])
-            shears.append((shear / self._system.scale(contact))[j])
+            slopes.append(contact.strength(pressure)[0][j])
             rows.append(_slip_weight(contact, j))
         # Rows of slip, weighted as those of the gap: so the compliance is symmetric.
         weight = np.concatenate([np.ones(len(E) // 2), *rows])
         weight /= max(float(contact.stiffness.max()) for contact in self._contacts)
-        return FrictionProblem(
-            weight[:, None] * V, weight * y, np.concatenate(slopes), np.concatenate(shears)
-        )
+        return FrictionProblem(weight[:, None] * V, weight * y, np.concatenate(slopes))
 
     def _typical_pressure(self) -> float:
         """Mean pressure of the nodes that bear one, or a small one where none does [stress]."""
