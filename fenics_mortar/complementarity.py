@@ -31,7 +31,7 @@ Indices = npt.NDArray[np.int64]
 ROUNDING = 1e-11
 # What relaxes the rows is gone below this part of where it began.
 NOTHING = 1e-14
-# So many changes of the basis for each variable are more than any problem has taken, 3.
+# Changes of the basis for each variable at the most; five problems looked at took less than one.
 MOST_CHANGES = 50
 
 

@@ -41,8 +41,8 @@ from fenics_mortar.tied import Tie
 LESS_WEIGHT = 1e-3
 # A node wavers if it was both open and closed in so many iterations.
 WAVERING = 4
-# Sets are taken from the linearized problem so often in a solve: walls and arches need it up to 6
-# times. Where there is no equilibrium, it only takes time.
+# Sets are taken from the linearized problem so often in a solve: a guess, since walls and arches
+# need it once or a few times. Where there is no equilibrium, it only takes time.
 MOST_ASKED = 8
 # Forces along free motions are slight below this part of all forces: a small part of what averaged
 # normals of facets err, and little beside what a certificate allows springs to hold.
