@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: MIT
+"""Sets of bodies that contact holds: the solution of the linearized problem says them.
+
+Stiff bodies that only contact holds move by elastic strains as long as the right nodes touch and
+stick; with other sets some of them are loose, and a Newton step moves them far. Each node takes the
+piece that the last iterate asks for, all at once, and so the sets of a wall may go in circles, and
+those of an arch lead to a mechanism. Here the linearized problem is solved with its inequalities,
+in the multipliers alone, by the compliance of all bodies; see ``rigid.complementarity``. The Newton
+step that follows has the sets of its solution.
+
+The compliance of a floating body is that of the elastic body on springs, with the springs on its
+rigid motions exchanged for weaker ones: a body by itself may be unstable under its loads, as a
+pendulum upside down, and on weak springs its stiffness would not be positive definite.
+
+It takes a linear solve for each component of a multiplier, so that this is done only where bodies
+float and sets do not settle by themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.fields import ELASTIC
+from fenics_mortar.contact.laws import STICK, Coulomb, Frictionless
+from fenics_mortar.la.factored import factored_bulk, portions
+from fenics_mortar.la.sparse import BlockMatrix
+from fenics_mortar.la.system import LinearSystem
+from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
+from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.floating import LEAST_SPRING, FloatingBodies
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+# Stiffness of the springs on a body over its stiffest diagonal entry: above what its loads make it
+# unstable by, of the order of the strains, and so small that the elastic answer is that without.
+SPRING = 1e-3
+# With more nodes that may touch the dense table of the pivots, four rows a node, takes longer than
+# the iterations that it saves: about 2 s with so many.
+MOST_NODES = 250
+PREFIX = "fenics_mortar_settling_"
+
+
+class BodiesOnSprings:
+    """The answer of all bodies to forces, floating ones on weak springs (collective).
+
+    Args:
+        bulk: The bodies; springs are added to their tangent, which has to be assembled.
+        floating: Those that Dirichlet conditions leave free.
+    """
+
+    def __init__(self, bulk: Bulk, floating: FloatingBodies) -> None:
+        self._bulk = bulk
+        springs = np.zeros(bulk.num_owned)
+        motions, answers = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
+        for body in floating.bodies:
+            mine = floating.labels[: bulk.space.num_nodes] == body.label
+            dofs = bulk.space.owned_dofs[mine]
+            each = SPRING * body.stiffest / body.num_nodes
+            weak = LEAST_SPRING * body.stiffest / body.num_nodes
+            springs[dofs] = each
+            rigid = np.zeros((len(body.motions), bulk.num_owned))
+            x = bulk.positions()[: bulk.space.num_nodes][mine]
+            rigid[:, dofs.ravel()] = body.displacement(x).reshape(len(rigid), -1)
+            products = bulk.comm.allreduce(rigid @ rigid.T)
+            motions.append(np.linalg.solve(np.linalg.cholesky(products), rigid))
+            answers.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
+        self._motions, self._by_force = np.concatenate(motions), np.concatenate(answers)
+        bulk.add_to_diagonal(springs)
+        self._factors = factored_bulk(bulk, PREFIX)
+
+    def to(self, forces: Array) -> Array:
+        """Displacements by forces, owned parts, shape (num_owned, k); held dofs take none."""
+        bulk, found = self._bulk, []
+        forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
+        for part in portions(forces.shape[1]):
+            sizes = (bulk.num_owned, None), (None, part.size)
+            load = np.asfortranarray(forces[:, part]).ravel(order="F")
+            loads = PETSc.Mat().createDense(sizes, array=load, comm=bulk.comm)
+            loads.assemble()
+            answers = loads.duplicate()
+            self._factors.getFactorMatrix().matSolve(loads, answers)
+            found.append(answers.getDenseArray().copy())
+            loads.destroy()
+            answers.destroy()
+        along = bulk.comm.allreduce(self._motions @ forces)
+        return np.concatenate(found, axis=1) + self._motions.T @ (self._by_force[:, None] * along)
+
+
+class LinearizedContact:
+    """Gaps and slips as linear functions of the multipliers, at the present state (collective).
+
+    Args:
+        bulk: The bodies; tangent and residual are assembled.
+        floating: Those that Dirichlet conditions leave free.
+        system: Knows the numbers of the multipliers.
+        tools: The obstacles.
+    """
+
+    def __init__(
+        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, tools: DrivenObstacles
+    ) -> None:
+        self._bulk, self._system, self._tools = bulk, system, tools
+        self._floating = floating
+        self._contacts = [c for c in system.contacts if isinstance(c, Contact)]
+
+    @property
+    def can_say(self) -> bool:
+        """Whether nodes are few, and laws piecewise linear as Coulomb's."""
+        if sum(int(_may_touch(contact).sum()) for contact in self._contacts) > MOST_NODES:
+            return False
+        laws = [contact.pair.law for contact in self._contacts]
+        pressure = self._typical_pressure()
+        return all(
+            isinstance(law, Coulomb | Frictionless) and not law.attracts for law in laws
+        ) and not any(contact.now.strength(pressure)[1].any() for contact in self._contacts)
+
+    def choose_sets(self, mark: Callable[[], None]) -> bool:
+        """Take sets and multipliers of the linearized problem; whether it has a solution.
+
+        Args:
+            mark: Marks nodes whose stick follows from other constraints, which depends on the sets;
+                see ``redundancy``.
+        """
+        problem, nodes = self._problem()
+        marked = -1
+        while marked < (marked := sum(int(c.overheld.sum()) for c in self._contacts)):
+            elastic = self._with_elastic_sticks(problem, nodes)
+            comm = self._bulk.comm
+            found = comm.bcast(solve_friction(elastic) if comm.rank == 0 else None)
+            if found is None:
+                return False
+            self._take(nodes, found)
+            mark()
+        return True
+
+    def _take(self, nodes: Sequence[Indices], found: Sets) -> None:
+        """Take sets and multipliers of some nodes; all others are open."""
+        ends = np.cumsum([j.size for j in nodes])[:-1]
+        for contact, j, *sets in zip(
+            self._contacts, nodes, *(np.split(part, ends) for part in found), strict=True
+        ):
+            active, piece, z_n, z_tau = sets
+            o, j = contact.operators, j[active]
+            all_active, z, pieces = (
+                np.zeros_like(contact.active),
+                np.zeros_like(contact.z),
+                contact.piece,
+            )
+            all_active[j] = True
+            force = z_n[active, None] * o.n[j] + z_tau[active, None] * o.tau[j]
+            z[j] = self._system.scale(contact)[j, None] * force
+            if contact.pair.law.rubs:
+                pieces = pieces.copy()
+                pieces[j] = piece[active]
+            contact.change(active=all_active, z=z, piece=pieces)
+
+    def _with_elastic_sticks(
+        self, problem: FrictionProblem, nodes: Sequence[Indices]
+    ) -> FrictionProblem:
+        """The problem where overheld nodes stick elastically, see ``redundancy``."""
+        V, q, n = problem.V.copy(), problem.q.copy(), problem.slope.size
+        parts = []
+        for contact, j in zip(self._contacts, nodes, strict=True):
+            row = contact.stiffness[j] * _slip_weight(contact, j) / ELASTIC
+            shear = (contact.partners.shear / self._system.scale(contact))[j]
+            parts.append(np.stack([row, shear]) * contact.overheld[j])
+        give, shear = np.concatenate(parts, axis=1)
+        give = give / max(float(contact.stiffness.max()) for contact in self._contacts)
+        V[np.arange(n, 2 * n), np.arange(n, 2 * n)] -= give
+        q[n:] += give * shear
+        return problem._replace(V=V, q=q)
+
+    def _problem(self) -> tuple[FrictionProblem, list[Indices]]:
+        """The linearized problem of all nodes that may touch, and these of each contact."""
+        kept = [contact.state for contact in self._contacts]
+        for contact in self._contacts:
+            contact.change(
+                active=_may_touch(contact),
+                piece=np.full_like(contact.piece, STICK),
+                overheld=np.zeros_like(contact.overheld),
+            )
+        nodes = [contact.active_nodes for contact in self._contacts]
+        try:
+            return self._problem_of(nodes), nodes
+        finally:
+            for contact, state in zip(self._contacts, kept, strict=True):
+                contact.put(state)
+
+    def _problem_of(self, nodes: Sequence[Indices]) -> FrictionProblem:
+        """The problem of some nodes, active and sticking at present."""
+        V, y = self._gaps()
+        E, ties = self._directions(nodes), self._tied()
+        A = np.concatenate([E, ties])
+        V, y = A @ V @ A.T, A @ y
+        if len(ties):
+            c, t = slice(0, len(E)), slice(len(E), None)
+            change = np.linalg.solve(V[t, t], np.column_stack([V[t, c], y[t]]))
+            V, y = V[c, c] - V[c, t] @ change[:, :-1], y[c] - V[c, t] @ change[:, -1]
+        slopes, rows = [], []
+        pressure = self._typical_pressure()
+        for contact, j in zip(self._contacts, nodes, strict=True):
+            slopes.append(contact.now.strength(pressure)[0][j])
+            rows.append(_slip_weight(contact, j))
+        # Rows of slip, weighted as those of the gap: so the compliance is symmetric.
+        weight = np.concatenate([np.ones(len(E) // 2), *rows])
+        weight /= max(float(contact.stiffness.max()) for contact in self._contacts)
+        return FrictionProblem(weight[:, None] * V, weight * y, np.concatenate(slopes))
+
+    def _typical_pressure(self) -> float:
+        """Mean pressure of the nodes that bear one, or a small one where none does [stress]."""
+        borne = np.concatenate([np.abs(c.pressure[c.z.any(axis=1)]) for c in self._contacts])
+        soft = min(float(contact.stiffness.min()) for contact in self._contacts)
+        return max(float(borne.mean()) if borne.size else 0.0, SPRING * LEAST_SPRING * soft)
+
+    def _gaps(self) -> tuple[Array, Array]:
+        """Rows of all multipliers, y + V zeta, on all ranks: compliance, and those without any."""
+        system, bulk, comm = self._system, self._bulk, self._bulk.comm
+        laws = [contact.rows() for contact in system.contacts]
+        size = 2 * system.num_multipliers
+        B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
+        C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(laws))
+        bodies = BodiesOnSprings(bulk, self._floating)
+        moved, force = bulk.K.createVecs()
+        moved.array[bulk.held] = bulk.distance_to_prescribed()
+        bulk.K.mult(moved, force)
+        rest = -(force.array_r + bulk.r.array_r[: bulk.num_owned])
+        count = B_T.getSize()[1]
+        forces = _columns(B_T, count)
+        answers = bodies.to(np.column_stack([forces, rest]))
+        answers[:, -1] += moved.array_r
+        rows = comm.allreduce(_columns(C.transpose(), count).T @ answers)
+        V, y = -rows[:, :-1], rows[:, -1]
+        for law, place in zip(laws, system.places, strict=True):
+            y[2 * place[:, None] + np.arange(2)] -= law.rhs
+        self._let_tools_move(V, y)
+        for matrix in (B_T, C, moved, force):
+            matrix.destroy()
+        return V, y
+
+    def _let_tools_move(self, V: Array, y: Array) -> None:
+        """Let obstacles move as forces drive them, on weak springs; changes both arrays."""
+        tools, system = self._tools, self._system
+        driven = tools.driven
+        if not driven.any():
+            return
+        weak = LEAST_SPRING * max(float(contact.stiffness.max()) for contact in self._contacts)
+        by_motion = np.zeros((*driven.shape, y.size))
+        by_pressure = np.zeros_like(by_motion)
+        for contact, place in system.numbered():
+            if not isinstance(contact, Contact) or contact.obstacle is None:
+                continue
+            number, columns = tools.obstacles.index(contact.obstacle), 2 * place[:, None] + [0, 1]
+            rows, (_, M_q, _) = (
+                contact.motion_rows(),
+                contact.on_obstacle.motion_force_derivatives(contact.z),
+            )
+            by_motion[number][:, columns] = np.moveaxis(rows, 2, 0)
+            by_pressure[number][:, columns] = M_q * system.scale(contact)[:, None]
+        by_motion = by_motion[driven] / weak
+        V -= by_motion.T @ by_pressure[driven]
+        y += (tools.forces() - tools.residual())[driven] @ by_motion
+
+    def _directions(self, nodes: Sequence[Indices]) -> Array:
+        """Normals of the nodes, then tangents, among all components of multipliers."""
+        size, found = 2 * sum(place.size for place in self._system.places), []
+        places = dict(zip(map(id, self._system.contacts), self._system.places, strict=True))
+        for kind in ("n", "tau"):
+            for contact, j in zip(self._contacts, nodes, strict=True):
+                rows = np.zeros((j.size, size))
+                columns = 2 * places[id(contact)][j][:, None] + np.arange(2)
+                rows[np.arange(j.size)[:, None], columns] = getattr(contact.operators, kind)[j]
+                found.append(rows)
+        return np.concatenate(found)
+
+    def _tied(self) -> Array:
+        """Components of multipliers of ties, among all of them."""
+        system = self._system
+        columns = [
+            2 * place[contact.active_nodes][:, None] + np.arange(2)
+            for contact, place in system.numbered()
+            if not isinstance(contact, Contact)
+        ]
+        columns = np.concatenate([np.empty(0, np.int64), *map(np.ravel, columns)])
+        return np.eye(2 * sum(place.size for place in system.places))[columns]
+
+
+def _may_touch(contact: Contact) -> Flags:
+    """Active nodes, and others whose gap is no longer than they are, (slave nodes,), bool."""
+    gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
+    return contact.active | (gap <= contact.nodal_lengths)
+
+
+def _columns(matrix: PETSc.Mat, count: int) -> Array:
+    """Owned rows of a matrix with ``count`` columns, dense."""
+    starts, columns, values = matrix.getValuesCSR()
+    dense = np.zeros((starts.size - 1, count))
+    dense[np.repeat(np.arange(starts.size - 1), np.diff(starts)), columns] = values
+    return dense
+
+
+def _slip_weight(contact: Contact, j: Indices) -> Array:
+    """What makes rows of slip those of the gap, turned: so the compliance is symmetric."""
+    o = contact.operators
+    return (contact.nodal_lengths * o.weight)[j] / o.diagonal[j] ** 2
