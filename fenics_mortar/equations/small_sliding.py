@@ -25,12 +25,9 @@ from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.la.compliance import FactoredBulk
 from fenics_mortar.newton.loop import Step
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
-
-# Columns of answers solved for at a time: more need more memory, and gain little.
-COLUMNS = 32
 
 
 class SmallSlidingEquations(ReducedEquations):
@@ -116,7 +113,7 @@ class SmallSlidingEquations(ReducedEquations):
     def _know_answers(self, pushes: csr_array) -> None:
         """Solve for the displacements by the pressures of nodes that had none so far."""
         new = np.flatnonzero(self._active & ~self._known)
-        for part in _portions(new.size):
+        for part in portions(new.size):
             loads = self._compliance.loads(pushes[:, new[part]].T.tocsr())
             answers = self._compliance.answers(loads)
             columns = self._compliance.at_contact(answers)
@@ -141,8 +138,3 @@ class SmallSlidingEquations(ReducedEquations):
         zeta[a] = pressures
         force = self._comm.bcast(pushes @ zeta if self._comm.rank == 0 else None)
         return zeta, -self._answers @ zeta, force
-
-
-def _portions(count: int) -> list[Indices]:
-    """The numbers below ``count``, in parts that are solved for at a time."""
-    return [np.arange(i, min(i + COLUMNS, count)) for i in range(0, count, COLUMNS)]

@@ -20,6 +20,9 @@ FACTORS = (("cholesky", 50), ("cholesky", 300), ("lu", 300))
 # the factorization, which is done once.
 ORDERING = 0
 
+# Columns of answers solved for at a time: more need more memory, and gain little.
+COLUMNS = 32
+
 
 def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC:
     """A symmetric matrix, factored by MUMPS, all of it or all but a ``rest`` (collective).
@@ -87,3 +90,8 @@ def factored_bulk(
     K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     pc = factored_by_cholmod(K, prefix) if single and K.comm.size == 1 else None
     return pc or factored(K, prefix, rest)
+
+
+def portions(count: int) -> list[Indices]:
+    """The numbers below ``count``, in parts that are solved for at a time."""
+    return [np.arange(i, min(i + COLUMNS, count)) for i in range(0, count, COLUMNS)]
