@@ -26,9 +26,9 @@ LEAST_WAY = 1e-3
 def follow(motions: ObstacleMotions) -> Array:
     """Moves of driven obstacles along with prescribed motions, so that nodes stick (local).
 
-    From where they were all nodes would slide, and nothing would say how far. A move is the one with
-    the least slip and opening of these nodes: slip alone would move an obstacle far off along their
-    normals. Operators are those of the present state.
+    From where they were all nodes would slide, and nothing would say how far. A move is the one
+    with the least slip and opening of these nodes: slip alone would move an obstacle far off along
+    their normals. Operators are those of the present state.
 
     Returns:
         Shape (obstacles, 3) [length].
