@@ -24,6 +24,7 @@ from scipy.sparse import csr_array
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.la.compliance import FactoredBulk
+from fenics_mortar.la.factored import portions
 from fenics_mortar.newton.loop import Step
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock

@@ -174,7 +174,7 @@ def leave(factor: PETSc.Mat, rows: Indices) -> None:
 
 
 def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64]:
-    """Schur complement of a symmetric matrix in the rows that were left, in order (collective).
+    """Schur complement of a symmetric matrix in the rows left, in their order (collective).
 
     Args:
         factor: The factored matrix.
