@@ -5,8 +5,12 @@ from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied import TiedPair
 from fenics_mortar.io.checkpoint import load_state, save_state
-from fenics_mortar.io.results import ResultsWriter, contact_table, plot
-from fenics_mortar.mesh.reading import MeshData, dirichlet, read_gmsh
+from fenics_mortar.io.paraview import ResultsWriter
+from fenics_mortar.io.picture import plot
+from fenics_mortar.io.table import contact_table
+from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.mesh.dirichlet import dirichlet
+from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.models.adequacy import AdequacyCheck
 from fenics_mortar.models.elastic_tool import ElasticTool
 from fenics_mortar.newton.loop import NewtonOptions

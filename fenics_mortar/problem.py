@@ -24,7 +24,7 @@ from fenics_mortar.bulk.checks import (
     check_slave_nodes,
     check_space,
 )
-from fenics_mortar.bulk.folds import check_folds
+from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, prescribed_dofs
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
@@ -154,7 +154,7 @@ class ContactProblem(ContactEquations):
         check_slave_nodes(contacts)
         check_roles(contacts)
         check_cells(bulk)
-        check_folds(space.V, contacts)
+        check_mesh_overlap(space.V, contacts)
         bulk.check_input()
         super().__init__(bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions())
         self._show_outlines()
@@ -283,7 +283,7 @@ class ContactProblem(ContactEquations):
         self.bulk.free_garbage()
         passages = self.crossings.passages(self.tools.places)
         report.certificate = replace(
-            self.certificate(), strayed=self.tools.strayed(), passages=passages
+            self.certificate(), drift=self.tools.strayed(), passages=passages
         )
         violations = report.certificate.violations()
         told = [f"VIOLATED: {violation}" for violation in violations]
@@ -522,4 +522,4 @@ def _check_options(
     right = "the number of a sub-space"
     check_number("displacement", displacement, right, lambda part: part >= 0, whole=True)
     if adequacy is not None and (isinstance(adequacy, type) or not hasattr(adequacy, "prepare")):
-        raise ValueError(f"adequacy={adequacy!r}: an instance of AdequacyCheck, or None")
+        raise ValueError(f"adequacy={adequacy!r}: expected an instance of AdequacyCheck, or None")

@@ -276,9 +276,9 @@ def test_rigid_motions_of_the_bodies_are_no_strain():
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"quantity": "stress"}, "quantity='stress': allowed are energy norm"),
-        ({"tolerance": 0.0}, "tolerance=0.0: a positive number"),
-        ({"stiffness_ratio": -1.0}, "stiffness_ratio=-1.0: a positive number"),
+        ({"quantity": "stress"}, "quantity='stress': expected one of energy norm"),
+        ({"tolerance": 0.0}, "tolerance=0.0: expected a positive number"),
+        ({"stiffness_ratio": -1.0}, "stiffness_ratio=-1.0: expected a positive number"),
     ],
 )
 def test_options_are_checked(options, message):

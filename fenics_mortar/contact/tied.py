@@ -49,7 +49,7 @@ from fenics_mortar.interface.mortar import (
 from fenics_mortar.interface.segments import Integration, Segments
 from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.mesh.reading import MeshData
+from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.arrays import Array, Indices

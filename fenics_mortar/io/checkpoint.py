@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.bulk.residual import UNMOVED
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError, place
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
+from fenics_mortar.utils.rounding import ROUNDING
 
 Arrays = dict[str, npt.NDArray[Any]]
 # What of a contact is written to a file.
@@ -125,7 +125,7 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
     if not np.array_equal(data["nodes"], mine["nodes"]):
         yield f"{other}: its nodes have other numbers"
     apart = np.abs(data["x"] - mine["x"]).max(axis=1, initial=0.0)
-    if not (apart <= UNMOVED * np.abs(mine["x"]).max(initial=0.0)).all():
+    if not (apart <= ROUNDING * np.abs(mine["x"]).max(initial=0.0)).all():
         where = mine["x"][apart.argmax()]
         yield f"{other}: the node at {place(where)} is {apart.max():.3g} elsewhere in it"
     if not np.array_equal(data["cells"], mine["cells"]):

@@ -35,7 +35,7 @@ from fenics_mortar.equations.reduced import factored_bulk
 from fenics_mortar.interface.facing import nearest_facets, points_of
 from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.interface.surfaces import Surface, extract_surface
-from fenics_mortar.mesh.reading import MeshData
+from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_kind

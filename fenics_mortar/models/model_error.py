@@ -181,7 +181,9 @@ def part_of(difference: Any, size: Any) -> float:
 
 def largest_strain(problem: ContactProblem) -> tuple[float, float]:
     """Largest rotation [radian] and principal strain of F = R U of all cells' means."""
-    (a, b), (c, d) = np.moveaxis(problem.bulk.deformation_gradients(), 0, 2)
+    (a, b), (c, d) = np.moveaxis(
+        problem.bulk.cells.deformation_gradients(problem.bulk.positions()), 0, 2
+    )
     rotation = np.arctan2(c - b, a + d)
     mean, spread = 0.5 * np.hypot(a + d, c - b), 0.5 * np.hypot(a - d, b + c)
     strains = np.abs(mean - 1.0) + spread  # the larger of the two of mean +- spread
