@@ -1,6 +1,12 @@
 # SPDX-License-Identifier: MIT
 """Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D."""
 
+if __name__ != "fenics_mortar":
+    raise ImportError(
+        f"fenics_mortar was imported as {__name__!r}: install it, or put the folder of the clone "
+        "itself, not the folder above it, on PYTHONPATH (. .ci/env.sh in the clone)"
+    )
+
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied import TiedPair
@@ -12,30 +18,45 @@ from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.dirichlet import dirichlet
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.models.adequacy import AdequacyCheck
-from fenics_mortar.models.elastic_tool import ElasticTool
-from fenics_mortar.newton.loop import NewtonOptions
+from fenics_mortar.models.elastic_obstacle import ElasticObstacle
+from fenics_mortar.models.report import AdequacyReport
+from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
 from fenics_mortar.obstacles.shapes import Circle, Plane, Polygon, Spline
-from fenics_mortar.path.stepping import SteppingOptions, follow_path
+from fenics_mortar.path.options import SteppingOptions
+from fenics_mortar.path.report import PathReport
+from fenics_mortar.path.stepping import follow_path
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.compat import mixed_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
+from fenics_mortar.verify.certificate import Certificate
+from fenics_mortar.verify.estimate import ErrorEstimate
+from fenics_mortar.verify.pair_certificate import PairCertificate
+from fenics_mortar.verify.tangent import TangentCheck
+
+__version__ = "0.1.0"  # the only place: pyproject.toml reads it here
 
 __all__ = [
     "AdequacyCheck",
+    "AdequacyReport",
+    "Certificate",
     "Circle",
     "ContactPair",
     "ContactProblem",
     "Coulomb",
-    "ElasticTool",
+    "ElasticObstacle",
+    "ErrorEstimate",
     "Frictionless",
     "Law",
     "MeshData",
     "MeshError",
     "MortarError",
     "NewtonOptions",
+    "NewtonReport",
     "NotConvergedError",
     "Obstacle",
+    "PairCertificate",
+    "PathReport",
     "Plane",
     "Polygon",
     "ResultsWriter",
@@ -43,6 +64,7 @@ __all__ = [
     "Spline",
     "SteppingOptions",
     "SurfaceError",
+    "TangentCheck",
     "TiedPair",
     "Tresca",
     "contact_table",

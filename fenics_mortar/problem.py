@@ -250,7 +250,7 @@ class ContactProblem(ContactEquations):
         self.bulk.check_input()
         self._remarks = self._inputs.check(self.newton, accept_violations)
         with undone_if_interrupted(self):
-            report = None if self._adequacy is None else self._adequacy.climb()
+            report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             report = report or self._solve_by_this_model(accept_violations)
             if self._adequacy is not None:
                 report.adequacy = self._adequacy.assess(self)

@@ -363,8 +363,8 @@ def test_answer_of_a_law_that_is_none_is_refused(method, spoil, kind, words):
 
 @several_ranks
 @pytest.mark.parametrize("method", ["piece", "tangential", "bound", "adhesion"])
-@pytest.mark.parametrize("climb", [False, True])
-def test_law_that_raises_on_one_rank_raises_on_all(method, climb):
+@pytest.mark.parametrize("hierarchy", [False, True])
+def test_law_that_raises_on_one_rank_raises_on_all(method, hierarchy):
     def fail(answer):
         if LAST:
             raise ZeroDivisionError("no law here")
@@ -372,7 +372,7 @@ def test_law_that_raises_on_one_rank_raises_on_all(method, climb):
 
     law = Spoilt(method, fail)
     law._on = False
-    adequacy = fm.AdequacyCheck(climb=True) if climb else None
+    adequacy = fm.AdequacyCheck(hierarchy=True) if hierarchy else None
     scene = small_blocks(pair={"law": law}, problem={"adequacy": adequacy})
     scene.loads["push"].value[1] = -0.02
     scene.problem.solve()
@@ -1054,7 +1054,7 @@ def tool_of(**more):
         "bcs": bcs_of(data, V),
         **{name: value(data, u) for name, value in more.items()},
     }
-    return fm.ElasticTool(**given)
+    return fm.ElasticObstacle(**given)
 
 
 @pytest.mark.parametrize(

@@ -357,7 +357,7 @@ def test_missing_gmsh_raises_on_all_ranks(msh_path, monkeypatch):
     on_root(msh_path.write_text, "")
     with monkeypatch.context() as patch:
         patch.setitem(__import__("sys").modules, "gmsh", None)
-        raises_on_all_ranks("gmsh's Python module is needed", read_gmsh, msh_path, COMM)
+        raises_on_all_ranks("the Python module gmsh is needed", read_gmsh, msh_path, COMM)
 
 
 def test_rank_that_does_not_exist_cannot_read():
@@ -459,7 +459,7 @@ def test_value_that_does_not_fit_raises_on_all_ranks(blocks):
     raises(r"shape \(\); expected \(2,\)", scalar)
     raises(r"shape \(2,\); expected \(\)", (0.0, 0.0), 1)
     raises("component is 2; expected 0, 1 or None", 0.0, 2)
-    raises("of the same space", fem.Function(W))
+    raises("belong to the same space", fem.Function(W))
     raises("prescribes both components", fem.Function(V), 0)
 
 

@@ -219,7 +219,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
     ("fields", "message"),
     [
         ({"displacement": 1}, "'displacement'"),
-        ({"": 1}, "not empty"),
+        ({"": 1}, "non-empty text"),
         ({"number": 1.0}, "field 'number'"),
         ({"rank 3": "third"}, r"shape is \(2, 2, 2\)"),
         ({"test": "test"}, "test or trial function"),
