@@ -545,7 +545,7 @@ def test_part_of_the_error_to_mark_is_checked(part):
     scene = small_blocks()
     scene.loads["push"].value[1] = -0.02
     scene.problem.solve()
-    with refused(ValueError, "part=.*: expected a number above 0 and up to 1"):
+    with refused(ValueError, "fraction=.*: expected a number above 0 and up to 1"):
         scene.problem.estimate().mark(part)
 
 

@@ -157,7 +157,7 @@ class _Touching:
         self._shares = np.stack([1.0 - on_facet, on_facet], axis=1)
 
     def add_tractions(self, load: Array) -> None:
-        """Add the nodal forces of the tractions to ``load`` (nodes, 2), in the own frame (local)."""
+        """Add the nodal forces of the tractions to ``load`` (nodes, 2), in the own frame."""
         forces = self._points.of(self._contact.z) * self._measure[:, :, None]
         forces = forces.reshape(-1, 2) @ self._obstacle.turn
         np.add.at(load, self._ends, self._shares[:, :, None] * forces[:, None])
