@@ -557,7 +557,7 @@ def test_dirichlet_condition_of_another_space_is_refused(case):
     data, other = blocks_of_arrays(), blocks_of_arrays()
     V = fm.vector_space(other.mesh, 1) if case == "mesh" else fm.vector_space(data.mesh, 2)
     bc = fm.dirichlet(V, other if case == "mesh" else data, "base", (0.0, 0.0))
-    with refused(fm.MortarError, "Dirichlet condition 0 is of another space", "space of u"):
+    with refused(fm.MortarError, "Dirichlet condition 0 belongs to another space", "space of u"):
         problem_on(data, bcs=[bc])
 
 

@@ -196,7 +196,11 @@ def test_distance_that_is_not_finite_far_from_a_start_is_a_failure_that_holds_th
     [
         ("place", (0.0, np.nan, 0.0), r"place of obstacle 'plane' is \[.*nan.*3 finite numbers"),
         ("place", (np.inf, 0.0, 0.0), "place of obstacle 'plane'.*3 finite numbers"),
-        ("place", (0.0, 0.0), r"place of obstacle 'plane' is array\(\[0., 0.\]\): 3 finite"),
+        (
+            "place",
+            (0.0, 0.0),
+            r"place of obstacle 'plane' is array\(\[0., 0.\]\): expected 3 finite",
+        ),
         ("place", (0.0, 0.0, "a"), "place of obstacle 'plane'.*3 finite"),
         ("load", (np.nan, np.inf, np.nan), "load of obstacle 'plane'.*3 finite numbers, or nan"),
         ("load", (0.0, 0.0), "load of obstacle 'plane'.*3 finite numbers, or nan"),
@@ -228,7 +232,7 @@ def test_place_push_or_pivot_that_is_none_is_refused(what, value, words):
 def test_obstacle_whose_solid_is_where_the_body_is_is_refused(obstacle):
     """No facet faces it: a solve used to end without a force."""
     problem = on_obstacle(obstacle)
-    with refused(fm.MortarError, "'slave' lies in obstacle .*: the solid is where the body is"):
+    with refused(fm.MortarError, "lies inside obstacle .*: the solid is on the side of the body"):
         problem.solve()
 
 
@@ -803,7 +807,7 @@ def problem_with(space=None, jacobian=None):
     ids=["scalar", "degree 2"],
 )
 def test_test_function_of_another_space_is_refused(space):
-    with refused(ValueError, "test function of the residual is of another space than u"):
+    with refused(ValueError, "test function of the residual belongs to another space than u"):
         problem_with(space)
 
 
@@ -823,13 +827,19 @@ def stiffness_on(space):
 @pytest.mark.parametrize(
     "jacobian, words",
     [
-        (stiffness_on(lambda mesh: fm.vector_space(mesh, 2)), "function of the jacobian is of an"),
-        (stiffness_on(lambda mesh: compat.scalar_space(mesh, 1)), "of the jacobian is of another"),
+        (
+            stiffness_on(lambda mesh: fm.vector_space(mesh, 2)),
+            "function of the jacobian belongs to an",
+        ),
+        (
+            stiffness_on(lambda mesh: compat.scalar_space(mesh, 1)),
+            "of the jacobian belongs to another",
+        ),
         (
             lambda u: ufl.inner(u, ufl.TestFunction(u.function_space)) * ufl.dx,
-            "jacobian has to hold one test and one trial function",
+            "jacobian needs one test and one trial function",
         ),
-        (lambda u: ufl.inner(u, u) * ufl.dx, "jacobian has to hold one test and one trial"),
+        (lambda u: ufl.inner(u, u) * ufl.dx, "jacobian needs one test and one trial"),
     ],
 )
 def test_jacobian_on_another_space_is_refused(jacobian, words):
@@ -841,7 +851,7 @@ def test_residual_without_the_unknown_is_refused():
     data = blocks_of_arrays()
     u, other = (fem.Function(fm.vector_space(data.mesh, 1)) for _ in range(2))
     residual = internal(other, neo_hookean(other, 100.0, 0.3))
-    with refused(ValueError, "the residual does not hold u"):
+    with refused(ValueError, "the residual does not depend on u"):
         fm.ContactProblem(residual, u, [], petsc_options_prefix="f_")
 
 
@@ -932,7 +942,7 @@ def test_conditions_that_contradict_each_other_are_told_once(value, component):
     problem = problem_on(data, u=u, bcs=bcs)
     words = "conditions 0 and 2 prescribe different values of the same component at 5 nodes"
     (told,) = (note for note in problem.solve().notes if words in note)
-    assert "the later one, counts" in told
+    assert "the later one, is used" in told
     assert not any(words in note for note in problem.solve().notes)
 
 
@@ -1071,7 +1081,7 @@ def tool_of(**more):
                 )
             },
             ValueError,
-            "test function of the residual is of another space",
+            "test function of the residual belongs to another space",
         ),
         (
             {"bcs": lambda d, u: bcs_of(d, u.function_space)[0]},

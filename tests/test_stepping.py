@@ -148,7 +148,7 @@ def test_file_of_a_state_that_cannot_be_read_is_refused_by_all_ranks(shared_path
     comm.barrier()
     with pytest.raises(fm.MortarError, match=r"cannot read '.*text.npz'"):
         fm.load_state(problem, shared_path / "text.npz")
-    with pytest.raises(fm.MortarError, match="cannot make the folder"):
+    with pytest.raises(fm.MortarError, match="cannot create the folder"):
         fm.save_state(problem, shared_path / "text.npz" / "state")
 
 
