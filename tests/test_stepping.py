@@ -179,7 +179,7 @@ def test_state_with_slave_and_master_exchanged_is_refused(shared_path):
     ],
 )
 def test_stepping_options_that_cannot_work_are_refused(options):
-    with pytest.raises(ValueError, match="allowed"):
+    with pytest.raises(ValueError, match="expected 0 < smallest"):
         fm.SteppingOptions(**options)
 
 

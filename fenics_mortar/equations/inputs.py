@@ -227,8 +227,8 @@ def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None
     if (within & (along >= contact.options.least_cosine)).all():
         raise MortarError(
             f"'{contact.slave.name}' lies inside obstacle '{contact.obstacle}', on the far side of "
-            "its surface: the solid is on the side of the body. The outward normal, along which the "
-            "distance increases, has to point to the body (reverse the normal of a Plane, set "
+            "its surface: the solid is on the side of the body. The outward normal, along which "
+            "the distance increases, has to point to the body (reverse the normal of a Plane, set "
             "inside of a Circle, reverse the order of the points of a Spline)"
         )
 
