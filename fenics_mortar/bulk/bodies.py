@@ -74,19 +74,19 @@ def label_bodies(V: Any) -> tuple[Indices, int]:
     owned, count = index_map.size_local, index_map.size_local + index_map.num_ghosts
     first = np.repeat(dofs[:, :1], dofs.shape[1] - 1, axis=1).ravel()
     links = coo_array((np.ones(first.size), (first, dofs[:, 1:].ravel())), shape=(count, count))
-    parts, part = connected_components(links, directed=False)
-    offsets = np.concatenate([[0], np.cumsum(comm.allgather(parts))])
-    part = part + offsets[comm.rank]
+    count_here, component = connected_components(links, directed=False)
+    offsets = np.concatenate([[0], np.cumsum(comm.allgather(count_here))])
+    component = component + offsets[comm.rank]
     begin, end = index_map.local_range
     ghosts = np.concatenate(comm.allgather(np.asarray(index_map.ghosts)))
-    ghost_part = np.concatenate(comm.allgather(part[owned:]))
+    ghost_component = np.concatenate(comm.allgather(component[owned:]))
     mine = (ghosts >= begin) & (ghosts < end)
-    pairs = np.stack([ghost_part[mine], part[ghosts[mine] - begin]], axis=1)
+    pairs = np.stack([ghost_component[mine], component[ghosts[mine] - begin]], axis=1)
     pairs = np.concatenate(comm.allgather(np.unique(pairs, axis=0)))
     total = int(offsets[-1])
     bridges = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(total, total))
     bodies, body = connected_components(bridges, directed=False)
-    return body[part].astype(np.int64), bodies
+    return body[component].astype(np.int64), bodies
 
 
 def join_bodies(labels: Indices, num_bodies: int, links: Sequence[Indices]) -> tuple[Indices, int]:

@@ -144,7 +144,7 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
         return wrong
     number = index_map.local_to_global(once)
     everywhere = mesh.comm.allgather((number, sums[once]))
-    numbers, signs = (np.concatenate(part) for part in zip(*everywhere, strict=True))
+    numbers, signs = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
     known, place_of = np.unique(numbers, return_inverse=True)
     total, times = np.bincount(place_of.ravel(), signs), np.bincount(place_of.ravel())
     bad = known[(np.abs(total) > 1.0) & (times > 1)]
@@ -161,8 +161,8 @@ def _outline(V: Any, x: Array, cells: Indices, sides: _Sides) -> _Outline:
     ends = np.where(sides.side[:, None, None] > 0.0, sides.ends, sides.ends[:, ::-1])[outer]
     body = labels[compat.dofmap(V)[sides.cell[outer], 0]]
     inner = x[cells[sides.cell[outer]]].mean(axis=1)
-    pieces = mesh.comm.allgather((ends, inner, body))
-    ends, inner, body = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    everywhere = mesh.comm.allgather((ends, inner, body))
+    ends, inner, body = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
     return _Outline(ends[:, 0], ends[:, 1], inner, body)
 
 

@@ -97,8 +97,8 @@ def leave_together(comm: MPI.Comm, what: str, error: Exception | None) -> None:
     """
     ours = isinstance(error, MortarError) and not isinstance(error, NotConvergedError)
     words = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
-    told = error if ours or error is None else RaisedElsewhereError(words)
-    everywhere = [other for other in comm.allgather(told) if other is not None]
+    shared = error if ours or error is None else RaisedElsewhereError(words)
+    everywhere = [other for other in comm.allgather(shared) if other is not None]
     if error is not None and not ours:
         raise error
     if everywhere:

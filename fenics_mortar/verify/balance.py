@@ -50,7 +50,7 @@ def balance_of_bodies(
     motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=bulk.stiffness)
     extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)
-    rounding = LIMITS.least_force * stiffness * max(motion, LIMITS.least_motion * extent)
+    rounding = LIMITS.min_force * stiffness * max(motion, LIMITS.min_motion * extent)
     defect = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
     return float(defect) / positive_or_one(size + rounding)
 

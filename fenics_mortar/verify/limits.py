@@ -20,11 +20,11 @@ class Limits:
         penetration: For penetration and distance between the nodes [facet lengths].
         negligible: Force over the contact force below which it is smaller than the error of the
             discretization: 0.5 %, for springs and for shear caused by corners.
-        least_pressure: Pressures are compared at least with this fraction of the stiffness:
+        min_pressure: Pressures are compared at least with this fraction of the stiffness:
             smaller ones may be rounding.
-        least_force: Forces are compared at least with this fraction of stiffness times
+        min_force: Forces are compared at least with this fraction of stiffness times
             displacement.
-        least_motion: Displacements count at least as this fraction of the extent of a slave
+        min_motion: Displacements count at least as this fraction of the extent of a slave
             surface: without loads all forces are rounding.
         coarse_penetration: Remark on penetration from here on [facet lengths]; curved bodies on
             coarse meshes overlap by less.
@@ -44,9 +44,9 @@ class Limits:
     tolerance: float = 1e-6
     penetration: float = HALF_FACET
     negligible: float = 0.005
-    least_pressure: float = 1e-6
-    least_force: float = 1e-4
-    least_motion: float = 1e-5
+    min_pressure: float = 1e-6
+    min_force: float = 1e-4
+    min_motion: float = 1e-5
     coarse_penetration: float = 0.2
     coarse_distance: float = 0.05
     oblique: float = 0.1
