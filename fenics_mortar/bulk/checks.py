@@ -12,13 +12,15 @@ import ufl
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.tied import TiedPair
 from fenics_mortar.mesh.data import check_plane
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.errors import MeshError, MortarError, SurfaceError, place
 
 
-def check_space(V: Any, pairs: Sequence[Any]) -> None:
+def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
     """Refuse unsupported spaces and meshes (collective).
 
     Raises:

@@ -28,6 +28,7 @@ from dolfinx import mesh as dmesh
 
 from fenics_mortar.bulk.bodies import label_bodies
 from fenics_mortar.bulk.cells import OUTLINE
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, count_places, place
@@ -48,7 +49,7 @@ class _Outline(NamedTuple):
     body: Indices
 
 
-def check_mesh_overlap(V: Any, contacts: Sequence[Any]) -> None:
+def check_mesh_overlap(V: Any, contacts: Sequence[Interface]) -> None:
     """Refuse a mesh that covers a place twice (collective; facets are compared to 1e-6).
 
     Args:
@@ -166,7 +167,7 @@ def _outline(V: Any, x: Array, cells: Indices, sides: _Sides) -> _Outline:
     return _Outline(ends[:, 0], ends[:, 1], inner, body)
 
 
-def _check_outline(outline: _Outline, contacts: Sequence[Any]) -> None:
+def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
     """Refuse outlines that cross themselves, coincide or enclose each other (local)."""
     start, end, _, body = outline
     pairs = near_pairs(start, end)
@@ -228,7 +229,7 @@ def _cross_at_nodes(outline: _Outline, after: Indices, pairs: Indices) -> npt.ND
     return found
 
 
-def _on_surfaces(outline: _Outline, contacts: Sequence[Any]) -> npt.NDArray[np.bool_]:
+def _on_surfaces(outline: _Outline, contacts: Sequence[Interface]) -> npt.NDArray[np.bool_]:
     """Whether facets of the outline belong to a surface of a pair, (n,) (local)."""
     sides = [side for contact in contacts for side in (contact.slave, contact.master)]
     known = [side.X[side.facets[:, [0, -1]]].mean(axis=1) for side in sides if len(side.facets)]

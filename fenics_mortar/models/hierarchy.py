@@ -45,8 +45,6 @@ from fenics_mortar.utils.errors import going_on
 MAX_ERROR = 0.5
 # Factor between deviations of a state and of the last checked state from which it is checked.
 CHECK_FACTOR = 2.0
-# Number of deviations of a model with both assumptions, the size of their array in a file.
-NUM_DEVIATIONS = 4
 
 
 @dataclass(frozen=True)
@@ -148,9 +146,7 @@ class ModelHierarchy:
         ``Contact.reference_place``.
         """
         before, errors = self._checked
-        checked = np.full(NUM_DEVIATIONS + len(QUANTITIES), np.nan)
-        checked[: before.size] = before
-        checked[NUM_DEVIATIONS:] = [errors.get(name, np.nan) for name in QUANTITIES]
+        checked = np.concatenate([before, [errors.get(name, np.nan) for name in QUANTITIES]])
         places = np.full((len(self._problem.contacts), 3), np.nan)
         contacts = [] if self._model is None else list(self._model.problem.contacts)
         for i, contact in enumerate(contacts):
@@ -175,10 +171,9 @@ class ModelHierarchy:
         self._skips_rest = bool(skips_rest)
         if self._model is None:
             return
-        before, errors = np.split(data["hierarchy_checked"], [NUM_DEVIATIONS])
+        before, errors = np.split(data["hierarchy_checked"], [-len(QUANTITIES)])
         if np.isfinite(before).any():
-            count = 2 * (self._model.is_linear + self._model.is_small)
-            self._checked = before[:count], dict(zip(QUANTITIES, errors.tolist(), strict=True))
+            self._checked = before, dict(zip(QUANTITIES, errors.tolist(), strict=True))
         model = self._model.problem
         for contact, mine, reference in zip(
             model.contacts, self._problem.contacts, data["hierarchy_places"], strict=True

@@ -27,7 +27,7 @@ from fenics_mortar.utils.rounding import EPSILON
 from fenics_mortar.verify.matrices import OperatorMatrices
 
 # Relative remainders below this are rounding and define no slope: sums of some hundred terms.
-ROUNDING = 500.0 * EPSILON
+SMALLEST_REMAINDER = 500.0 * EPSILON
 
 
 class Checkable(Protocol):
@@ -63,7 +63,7 @@ class TangentCheck:
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
-        seen = values > ROUNDING
+        seen = values > SMALLEST_REMAINDER
         if seen.sum() < 2:
             return np.inf
         return float(np.polyfit(np.log(self.steps[seen]), np.log(values[seen]), 1)[0])
