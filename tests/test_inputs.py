@@ -867,7 +867,7 @@ def test_residual_without_the_unknown_is_refused():
             r"options=0.1: expected an instance of SteppingOptions, as SteppingOptions\(step=0.1\)",
         ),
         ({"step": 0.1}, {}, "options=.*: expected an instance of SteppingOptions"),
-        (None, {"start": 1.0, "stop": 0.0}, "start=1.0 is beyond stop=0.0: times grow"),
+        (None, {"start": 1.0, "stop": 0.0}, "start=1.0 is beyond stop=0.0: times increase"),
         (None, {"stop": np.nan}, "stop=nan: expected a finite number"),
         (None, {"stop": np.inf}, "stop=inf: expected a finite number"),
         (None, {"start": "0"}, "start='0': expected a finite number"),
@@ -983,7 +983,10 @@ def refused_words(kind, words):
 @pytest.mark.parametrize(
     "call, words",
     [
-        (lambda d, V: fm.dirichlet(V, None, "base", (0.0, 0.0)), "data=None: the MeshData"),
+        (
+            lambda d, V: fm.dirichlet(V, None, "base", (0.0, 0.0)),
+            "data=None: expected the MeshData",
+        ),
         (
             lambda d, V: fm.dirichlet(None, d, "base", (0.0, 0.0)),
             "V=None: expected a space of dolfinx",
@@ -1016,7 +1019,7 @@ def test_argument_of_a_wrong_kind_is_refused_in_words(call, words):
     [
         ({"petsc_options": {3: 1}}, "petsc_options with 3: right is e.g. 'ksp_rtol'"),
         ({"petsc_options": {"-ksp_rtol": 1}}, "petsc_options with '-ksp_rtol': right is"),
-        ({"displacement": "u"}, "displacement='u': the number of a sub-space"),
+        ({"displacement": "u"}, "displacement='u': expected the number of a sub-space"),
         ({"displacement": 3}, "displacement=3: the function u is not mixed"),
         ({"adequacy": fm.AdequacyCheck}, "adequacy=.*: expected an instance of AdequacyCheck"),
     ],
@@ -1031,7 +1034,7 @@ def test_option_of_a_problem_of_a_wrong_kind_is_refused(options, words):
 
 def test_results_of_a_wrong_kind_are_refused(shared_path):
     problem = small_blocks().problem
-    with refused(ValueError, "path=None: the name of a file"):
+    with refused(ValueError, "path=None: expected the name of a file"):
         fm.ResultsWriter(None, problem)
     with refused(ValueError, "fields=3: expected a dictionary of UFL expressions"):
         fm.ResultsWriter(shared_path / "a", problem, 3)
