@@ -9,7 +9,7 @@ if __name__ != "fenics_mortar":
 
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied import TiedPair
+from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.io.checkpoint import load_state, save_state
 from fenics_mortar.io.paraview import ResultsWriter
 from fenics_mortar.io.picture import plot

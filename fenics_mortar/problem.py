@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -26,9 +26,12 @@ from fenics_mortar.bulk.checks import (
 )
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, prescribed_dofs
+from fenics_mortar.contact.binding import bind
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied import Tie, TiedPair, bind
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.contact.words import describe_start
 from fenics_mortar.equations.general import SLIGHT, ContactEquations
 from fenics_mortar.equations.inputs import Inputs, check_roles
 from fenics_mortar.equations.reduced import LinearBulk
@@ -41,6 +44,7 @@ from fenics_mortar.la.system import (
     MANY,
     SYSTEMS,
     Algorithm,
+    LinearSystem,
     Solver,
     obstacle_to_condensation,
 )
@@ -165,7 +169,7 @@ class ContactProblem(ContactEquations):
             solver = "direct"
         defaults: dict[str, Any] = DIRECT if solver == "direct" else ITERATIVE
         solving = defaults | (petsc_options or {})
-        system = SYSTEMS[algorithm]
+        system: Callable[..., LinearSystem] = SYSTEMS[algorithm]
         self._create_system = partial(system, bulk, contacts, petsc_options_prefix, solving)
         self._may_factor = automatic and solver == "auto"
         self._renew_system()
@@ -194,7 +198,7 @@ class ContactProblem(ContactEquations):
             contact.set_initial_gap()
         self._evaluate_operators()
         self.accept()
-        self._starts = [contact.describe_start() for contact in self.contacts]
+        self._starts = [describe_start(contact) for contact in self.contacts]
 
     def _renew_system(self) -> None:
         """Make the linear system and its solver, as they were at the start."""
@@ -295,7 +299,7 @@ class ContactProblem(ContactEquations):
         if violations and not accept_violations:
             self._last_converged = False
             for contact, before in zip(self.contacts, accepted, strict=True):
-                contact.accepted = before
+                contact.change(accepted=before)
             self.crossings.leave()
             raise _wrong_state(report, violations)
         self.crossings.accept(self.tools.places)

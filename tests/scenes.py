@@ -163,7 +163,7 @@ def disturbed(scene: Scene) -> Scene:
     scene.u.x.array[: bulk.num_owned] = noise[bulk.first :][: bulk.num_owned]
     scene.u.x.scatter_forward()
     scene.contact.evaluate(scene.u.x.array, scene.problem.linearization)
-    scene.contact.active[:] = scene.contact.covered
+    scene.contact.change(active=scene.contact.covered)
     return scene
 
 

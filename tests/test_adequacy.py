@@ -75,8 +75,10 @@ def test_a_check_leaves_the_state_and_later_steps_as_they_are():
     before = problem.state()
     problem._adequacy.assess(problem)
     after = problem.state()
-    assert np.array_equal(before.u, after.u) and np.array_equal(before.z[0], after.z[0])
-    assert np.array_equal(before.active[0], after.active[0])
+    assert np.array_equal(before.u, after.u) and np.array_equal(
+        before.interfaces[0].z, after.interfaces[0].z
+    )
+    assert np.array_equal(before.interfaces[0].active, after.interfaces[0].active)
     assert problem.contacts[0].operators.linearization.frozen
     one, other = problem.solve(), alone.solve()
     assert other.adequacy is None and one.num_iterations == other.num_iterations

@@ -121,10 +121,11 @@ def test_tangent_has_slope_two(degree, law):
     problem.solve()
     push.value[:] = (0.01, 0.03)
     problem.solve()
-    contact.active[: contact.active.size // 2] = False
+    first = np.arange(contact.active.size) < contact.active.size // 2
+    contact.change(active=contact.active & ~first)
     assert contact.active.any() and contact.attracted.any()
     for pieces in ([0], [1, 0, -1]):
-        contact.piece = np.resize(pieces, contact.piece.size)
+        contact.change(piece=np.resize(pieces, contact.piece.size))
         assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(
             2.0, abs=0.02
         )

@@ -22,7 +22,7 @@ def test_touching_nodes_are_active_at_the_start_and_open_ones_are_not():
 
 def test_node_without_partner_has_no_gap_and_is_never_active():
     scene = pressed_blocks(slave="lower", **MESH)
-    scene.contact.z[:] = [0.0, 1e3]
+    scene.contact.change(z=np.tile([0.0, 1e3], (len(scene.contact.z), 1)))
     scene.problem.evaluate(start=True)
     alone = ~scene.contact.covered
     assert alone.any() and np.isnan(scene.contact.gap[alone]).all()
@@ -62,8 +62,8 @@ def test_merged_sets_hold_all_nodes_of_the_cycle():
     problem, contact = scene.problem, scene.contact
     problem.evaluate(start=True)
     for node in (1, 2):
-        contact.z[:] = 0.0
-        contact.z[node] = 1e6 * contact.operators.n[node]
+        at = np.arange(len(contact.z))[:, None] == node
+        contact.change(z=np.where(at, 1e6 * contact.operators.n, 0.0))
         problem.evaluate(start=False)
     assert contact.active_nodes.tolist() == [2]
     assert "last 2 iterations" in problem.merge_sets(2)

@@ -415,8 +415,10 @@ def test_offset_that_is_refused_says_what_is_allowed_and_leaves_the_old_one(offs
 
 def test_offset_that_is_not_finite_since_it_was_set_is_refused_by_solve():
     scene = small_blocks()
-    scene.contact.offset[3] = np.nan
-    with refused(ValueError, r"offset of 'upper/bottom'\[3\]=nan: expected finite lengths"):
+    with refused(ValueError, "read-only"):
+        scene.contact.offset[3] = np.nan
+    scene.contact.change(offset=np.full(scene.contact.slave.num_nodes, np.nan))
+    with refused(ValueError, r"offset of 'upper/bottom'\[0\]=nan: expected finite lengths"):
         scene.problem.solve()
 
 

@@ -119,7 +119,7 @@ def test_facets_that_are_covered_in_part_bear_the_force_on_that_part(degree, sla
     problem = column(scenes.linear_elastic, degree, 0.0, slave=slave, **wide)
     (contact,), rule = problem.contacts, gauss_rule(3)
     contact.evaluate(problem.bulk.u.x.array, problem.linearization)
-    contact.z[:] = [1.0, -3.0]
+    contact.change(z=np.tile([1.0, -3.0], (len(contact.z), 1)))
     held = problem.bulk.prescribed.astype(float)
     for surface, tractions in interface_tractions(contact, held, rule):
         ends = np.sort(surface.X[surface.facets[:, [0, -1]], 0])
@@ -135,16 +135,16 @@ def test_every_term_sees_what_is_wrong():
     problem.solve()
     good = problem.estimate()
     (contact,) = problem.contacts
-    contact.z *= 1.1
+    contact.change(z=1.1 * contact.z)
     wrong = problem.estimate()
     assert wrong.parts["contact"] > 0.01 * wrong.size
     assert wrong.parts["sides"] == pytest.approx(good.parts["sides"], abs=EXACT * good.size)
-    contact.z /= 1.1
+    contact.change(z=contact.z / 1.1)
     contact.offset = np.full(contact.slave.num_nodes, 0.01)
     wrong = problem.estimate()
     # on the length 1 of the surface: half of (E / height of a layer) times the gap squared
     assert wrong.parts["gap"] == pytest.approx(np.sqrt(0.5 * 100.0 / 0.5) * 0.01, rel=1e-9)
-    contact.offset[:] = 0.0
+    contact.offset = np.zeros(contact.slave.num_nodes)
     u = problem.bulk.u.x.array
     u[problem.bulk.space.dofs] += 1e-3 * np.sin(9 * problem.bulk.positions())
     wrong = problem.estimate()
@@ -161,7 +161,7 @@ def test_gap_is_that_of_the_model(sliding, gap, degree):
     )
     problem.solve()
     (contact,) = problem.contacts
-    contact.active[:] = True
+    contact.change(active=np.ones_like(contact.active))
     u, dofs = problem.bulk.u.x.array, problem.bulk.space.dofs
     u[dofs[:, 1]] += 0.1 * problem.bulk.positions().reshape(-1, 2)[:, 0]
     move_upper(problem, (0.01, 0.0))
@@ -187,7 +187,7 @@ def test_shear_below_the_bound_in_sliding_is_seen():
     problem = column(scenes.linear_elastic, 1, 0.0, pair=rubbing)
     problem.solve()
     (contact,) = problem.contacts
-    contact.piece[:] = 1
+    contact.change(piece=np.ones_like(contact.piece))
     move_upper(problem, (0.01, 0.0))
     wrong = problem.estimate()
     assert wrong.parts["slip"] == pytest.approx(np.sqrt(0.3 * 3.0 * 0.01), rel=1e-9)

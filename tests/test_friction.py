@@ -104,7 +104,7 @@ def block_on(obstacle, *, degree=1, law=None, angle=0.0, weight=0.0):
 def slopes(problem, pieces=None):
     """Slopes of the whole system; 1 where a term is missing."""
     if pieces is not None:
-        problem.contacts[0].piece = np.resize(pieces, problem.contacts[0].piece.size)
+        problem.contacts[0].change(piece=np.resize(pieces, problem.contacts[0].piece.size))
     return problem.check_tangent(print_table=False).slopes["whole"]
 
 

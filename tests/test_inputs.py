@@ -185,7 +185,7 @@ def test_distance_that_is_not_finite_far_from_a_start_is_a_failure_that_holds_th
     # The block is not held against the floor at first: the prescribed push moves it through.
     bcs = bcs_of(data, u.function_space, push=-0.3)
     problem = problem_on(data, [fm.ContactPair(data, "slave", deep.obstacle)], bcs=bcs, u=u)
-    problem.contacts[0].active[:] = False
+    problem.contacts[0].change(active=np.zeros_like(problem.contacts[0].active))
     problem._last_converged = True
     with refused(fm.NotConvergedError, "iteration 1: the distance of 'floor'.* is not finite"):
         problem.solve()
@@ -516,7 +516,7 @@ def test_weight_of_the_gap_that_is_set_later_is_checked(value):
 @pytest.mark.parametrize("name, shape", [("z", (2, 2)), ("active", (2,)), ("piece", (7,))])
 def test_state_of_a_contact_of_another_shape_is_refused(name, shape):
     scene = small_blocks()
-    setattr(scene.contact, name, np.zeros(shape))
+    scene.contact.change(**{name: np.zeros(shape)})
     with refused(fm.MortarError, f"{name} of ContactPair.* has shape"):
         scene.problem.solve()
 
@@ -524,7 +524,7 @@ def test_state_of_a_contact_of_another_shape_is_refused(name, shape):
 @pytest.mark.parametrize("value", [[[0.0, 0.0]] * 5, np.zeros((5, 2), complex)])
 def test_multipliers_of_another_kind_are_refused(value):
     scene = small_blocks()
-    scene.contact.z = value
+    scene.contact.change(z=value)
     with pytest.raises((ValueError, fm.MortarError), match="z of ContactPair"):
         scene.problem.solve()
 

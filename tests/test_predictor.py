@@ -70,8 +70,10 @@ def test_states_travel_with_the_contact(degree):
 
     def state(time):
         found = problem.state()
-        found.u[dofs] = wave(X, time)
-        return replace(found, z=[wave(contact.slave.X, time)])
+        u = found.u.copy()
+        u[dofs] = wave(X, time)
+        interface = replace(contact.state, z=wave(contact.slave.X, time))
+        return replace(found, u=u, interfaces=(interface,))
 
     frame = MovingFrame(problem)
     moved = np.where(np.array([side.is_slave for side in frame._sides])[:, None], s, 0.0)
@@ -83,7 +85,7 @@ def test_states_travel_with_the_contact(degree):
     for stays in (~lower, lower & outside):
         assert np.array_equal(guess.u[dofs[stays]], line.u[dofs[stays]])
     inside = contact.slave.X[:, 0] > left - 0.1 * s[0]
-    assert np.abs((guess.z[0] - right.z[0])[inside]).max() < 1e-10
+    assert np.abs((guess.interfaces[0].z - right.interfaces[0].z)[inside]).max() < 1e-10
     assert frame.guess(last, before, 0.1 * moved, 2.0) is None
     assert frame.guess(last, before, np.nan * moved, 2.0) is None
 
@@ -122,7 +124,8 @@ def test_guess_is_where_the_last_two_states_lead():
 
     press(2.5, solve)
     assert np.abs(starts[0].u - (1.5 * last.u - 0.5 * before.u)).max() < 1e-14
-    assert np.abs(starts[0].z[0] - (1.5 * last.z[0] - 0.5 * before.z[0])).max() < 1e-12
+    z, z_last, z_before = (state.interfaces[0].z for state in (starts[0], last, before))
+    assert np.abs(z - (1.5 * z_last - 0.5 * z_before)).max() < 1e-12
 
 
 def test_guess_in_vain_is_taken_back_and_then_made_more_rarely():
@@ -140,7 +143,9 @@ def test_guess_in_vain_is_taken_back_and_then_made_more_rarely():
 
     last, report = predictor.last, press(3.0, solve)
     assert tentative == [True, False] and problem.newton == options
-    assert np.array_equal(starts[1].u, last.u) and np.array_equal(starts[1].z[0], last.z[0])
+    assert np.array_equal(starts[1].u, last.u) and np.array_equal(
+        starts[1].interfaces[0].z, last.interfaces[0].z
+    )
     assert report.converged and any("guess abandoned: no good" in note for note in report.notes)
     for time in np.arange(4.0, 9.0):
         press(time, solve)
@@ -191,5 +196,5 @@ def test_no_guess_takes_the_pressure_away():
     for time, force in enumerate([0.4, 0.15, 1e-5], start=1):
         lid.push(y=-force, moment=0.0)
         notes += predictor.solve(float(time), solve).notes
-    assert np.array_equal(starts[2], predictor._before[1].z[0])
+    assert np.array_equal(starts[2], predictor._before[1].interfaces[0].z)
     assert sum("until contact stopped it" in note for note in notes) == 1  # before the first solve

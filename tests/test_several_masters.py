@@ -91,7 +91,7 @@ def test_tangent_and_the_form_of_the_system():
     """Taylor slopes with nodes active against both; what cannot be condensed says why."""
     problem, _ = disk(np.pi / 3, 0.02)
     for contact in problem.contacts:
-        contact.active[:] = contact.covered
+        contact.change(active=contact.covered)
     assert (problem.contacts[0].active & problem.contacts[1].active).sum() > 10
     check = problem.check_tangent(print_table=False)
     assert all(slope > 1.9 for slope in check.slopes.values()), check.slopes

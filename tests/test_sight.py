@@ -306,7 +306,7 @@ def test_deep_overlap_of_an_active_node_is_named_with_the_reach():
     scene.u.x.array[:] = 0.0
     contact = scene.contact
     contact.evaluate(scene.u.x.array, scene.problem.linearization)
-    contact.active[:] = contact.covered
+    contact.change(active=contact.covered)
     assert re.search(words, contact.describe_overlap())
     assert re.search(words, scene.problem.diagnose())
     (certificate,) = scene.problem.certificate().pairs

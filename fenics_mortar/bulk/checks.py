@@ -13,7 +13,7 @@ import ufl
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied import TiedPair
+from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.mesh.data import check_plane
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind

@@ -4,18 +4,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fenics_mortar.contact.fields import InterfaceFields
+from fenics_mortar.contact.rows import Rows
+from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import AT_VERTICES, Block, Linearization, MortarOperators
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
@@ -23,42 +26,47 @@ NO_WELDS: Indices = np.empty((0, 2), np.int64)
 POINTS = 5
 
 
-@dataclass(frozen=True)
-class Rows:
-    """The rows of the multipliers: blocks . dd + A_z z = rhs, in force units.
-
-    Attributes:
-        blocks: Blocks with rows 2 j + component and displacement dofs as columns.
-        A_z: Shape (slave nodes, 2, 2) [length].
-        rhs: Shape (slave nodes, 2) [stress length].
-    """
-
-    blocks: list[Block]
-    A_z: Array
-    rhs: Array
+def read_only(name: str) -> Any:
+    """A read-only attribute of an interface: the one of its state or of its present fields."""
+    return property(attrgetter(name))
 
 
 class Interface(ABC):
     """Two surfaces with multipliers on the slave, which make the force D^T z and -M^T z.
 
+    Its state is a value, replaced by ``put`` alone. All that can be computed from state and
+    operators are its fields, ``now``; the most used of both are attributes here, to be read.
+
     Attributes:
         slave, master: The surfaces.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
-        z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
-        active: Whether the sides of a slave node stay together, shape (slave nodes,), bool.
-        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress].
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it still carries a multiplier, shape (slave nodes,), bool.
-        piece: Piece of its law that each slave node is on, shape (slave nodes,).
-        stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress].
-        operators: D, M and what follows from them at the last evaluated state.
+        now: Fields at the last evaluated displacement and the present state.
     """
+
+    now: InterfaceFields
+
+    z, active, piece = read_only("_state.z"), read_only("_state.active"), read_only("_state.piece")
+    carries, overheld = read_only("_state.carries"), read_only("_state.overheld")
+    partners, accepted = read_only("_state.partners"), read_only("_state.accepted")
+    operators, covered, acts = (
+        read_only("now.operators"),
+        read_only("now.covered"),
+        read_only("now.acts"),
+    )
+    sticking, active_nodes = read_only("now.sticking"), read_only("now.active_nodes")
+    pressure, slip, z_tau = read_only("now.pressure"), read_only("now.slip"), read_only("now.z_tau")
+    shear, shear_force = read_only("now.shear"), read_only("now.shear_force")
+    total_force, steepness = read_only("now.total_force"), read_only("now.steepness")
+    gap = read_only("now.gap")
 
     def __init__(
         self,
         pair: Any,
         space: DisplacementSpace,
-        prescribed: npt.NDArray[np.bool_],
+        prescribed: Flags,
         welds: Indices = NO_WELDS,
     ) -> None:
         """Extract the surfaces (collective).
@@ -75,16 +83,55 @@ class Interface(ABC):
         self.slave: Surface = slave.welded(welds)
         self.master: Surface = self._master_surface(space).welded(welds)
         self._check_sides()
+        count = self.slave.num_nodes
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
-        self.z: Array = np.zeros((self.slave.num_nodes, 2))
-        self.active = np.zeros(self.slave.num_nodes, bool)
-        self.stiffness: Array = np.ones(self.slave.num_nodes)
-        self.carries = self._may_carry = ~self.active
-        self.oblique = self.active.copy()
-        self.piece = np.zeros(self.slave.num_nodes, np.int64)
-        self.partners: Any = None
-        self.accepted: Any = None
-        self.operators: MortarOperators
+        self.stiffness: Array = np.ones(count)
+        self._may_carry = np.ones(count, bool)
+        self.oblique = np.zeros(count, bool)
+        self.at_vertices: bool = pair.basis in AT_VERTICES and pair.integration != "nodes"
+        none = np.zeros(count, bool)
+        self._state = InterfaceState(
+            z=np.zeros((count, 2)), active=none, piece=np.zeros(count, np.int64),
+            carries=self._may_carry, overheld=none, offset=np.zeros(count),
+        )  # fmt: skip
+
+    @property
+    def state(self) -> InterfaceState:
+        """The present state."""
+        return self._state
+
+    def put(self, state: InterfaceState) -> None:
+        """Go to a state; operators stay those of the last evaluated displacement (local)."""
+        self._state = state
+        if hasattr(self, "now"):
+            self.now = self.now.after(state)
+
+    def change(self, **values: Any) -> None:
+        """Go to a state that has other ``values`` (local); see ``put``."""
+        self.put(replace(self._state, **values))
+
+    def show(self, operators: MortarOperators) -> None:
+        """Take operators for those of the present displacement (local)."""
+        self.now = self._fields(operators)
+
+    @abstractmethod
+    def _fields(self, operators: MortarOperators) -> InterfaceFields:
+        """The fields of the present state with these operators."""
+
+    def set_stiffness(self, stiffness: Array) -> None:
+        """Set ``stiffness``, when the bulk tangent is known."""
+        self.stiffness = stiffness
+        if hasattr(self, "now"):
+            self.show(self.operators)
+
+    @property
+    def c_n(self) -> float:
+        """Weight of the gap at present. May be set."""
+        return self._state.c_n
+
+    @c_n.setter
+    def c_n(self, weight: float) -> None:
+        self.change(c_n=weight)
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side (collective)."""
@@ -134,16 +181,7 @@ class Interface(ABC):
             part: How much of it.
             step: All of the displacements that go with them, owned dofs [length].
         """
-        self.z = self.z + part * (z - self.z) if part < 1.0 else z
-
-    @property
-    def steepness(self) -> float:
-        """Largest force by slip of a node, where that may be more than the bulk's [stress]."""
-        return 0.0
-
-    def take(self, z: Array) -> None:
-        """Go to the multipliers of a state, shape (slave nodes, 2) [stress]."""
-        self.z = z.copy()
+        self.change(z=self.z + part * (z - self.z) if part < 1.0 else z)
 
     @property
     @abstractmethod
@@ -183,26 +221,6 @@ class Interface(ABC):
         return np.empty(0, np.int64), np.empty(0, np.int64)
 
     @property
-    def slip(self) -> Array:
-        """Slip along tau since the last accepted step, shape (slave nodes,) [length]."""
-        return np.zeros(self.slave.num_nodes)
-
-    @property
-    def z_tau(self) -> Array:
-        """Tangential part of the multipliers, shape (slave nodes,) [stress]."""
-        return np.asarray(np.einsum("ja,ja->j", self.operators.tau, self.z))
-
-    @property
-    def shear_force(self) -> Array:
-        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length]."""
-        return self.operators.weight * self.z_tau
-
-    @property
-    def shear(self) -> Array:
-        """The multipliers without the pressure, shape (slave nodes, 2) [stress]."""
-        return self.operators.tau * self.z_tau[:, None]
-
-    @property
     def nodal_lengths(self) -> Array:
         """Length of slave surface that belongs to each node, shape (slave nodes,) [length]."""
         return self.slave.nodal_lengths
@@ -225,43 +243,6 @@ class Interface(ABC):
     def idle_nodes(self) -> Indices:
         """Global numbers of the other slave nodes: they bear forces of their neighbours."""
         return self.slave.nodes[~self._may_carry]
-
-    @property
-    def pressure(self) -> Array:
-        """Normal part z_n of the multiplier of every slave node, shape (slave nodes,) [stress]."""
-        return self._fill_inside(np.einsum("jc,jc->j", self.operators.n, self.z))
-
-    @property
-    def _at_vertices(self) -> bool:
-        """Whether nodes inside facets have no multipliers."""
-        return self.pair.basis in AT_VERTICES and self.pair.integration != "nodes"
-
-    def _fill_inside(self, values: Array) -> Array:
-        """Set nodes inside facets to the mean of the ends, if only these have multipliers."""
-        if self._at_vertices:
-            facets = self.slave.facets
-            values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
-        return values
-
-    @property
-    def sticking(self) -> npt.NDArray[np.bool_]:
-        """Whether an active node sticks, shape (slave nodes,), bool."""
-        return self.active
-
-    @property
-    def acts(self) -> npt.NDArray[np.bool_]:
-        """Whether a node has a multiplier that may not be zero, shape (slave nodes,), bool."""
-        return self.active
-
-    @property
-    def active_nodes(self) -> Indices:
-        """Numbers of the active slave nodes along the surface."""
-        return np.flatnonzero(self.active)
-
-    @property
-    def total_force(self) -> Array:
-        """Total force that acts on the slave body, shape (2,) [stress length]."""
-        return -self.operators.weight @ self.z
 
     def force_blocks(self) -> list[Block]:
         """B^T: force by the multipliers that act; columns 2 j + component.

@@ -80,7 +80,7 @@ class Redundancy:
         if not self._shared.size:
             return
         for contact in self._contacts:
-            contact.overheld = contact.overheld & contact.sticking
+            contact.change(overheld=contact.overheld & contact.sticking)
         if not any(map(self._sticks_at_shared, self._contacts)):
             return
         parts = [self._entries(contact) for contact in self._contacts]
@@ -96,13 +96,15 @@ class Redundancy:
         np.add.at(matrix, (place.ravel(), column.ravel()), value)
         sticks, pair, slave_node = rows
         redundant = dependent(matrix.reshape(len(matrix), -1)) & (sticks == 1)
-        for i, j in zip(pair[redundant], slave_node[redundant], strict=True):
-            self._contacts[i].overheld[j] = True
+        for i in np.unique(pair[redundant]):
+            marks = self._contacts[i].overheld.copy()
+            marks[slave_node[redundant & (pair == i)]] = True
+            self._contacts[i].change(overheld=marks)
 
     def begin(self) -> None:
         """Forget the marks of the last solve."""
         for contact in self._contacts:
-            contact.overheld = np.zeros(contact.slave.num_nodes, bool)
+            contact.change(overheld=np.zeros(contact.slave.num_nodes, bool))
 
     def _sticks_at_shared(self, contact: Contact) -> bool:
         """Whether a node sticks where another pair has a node as well."""

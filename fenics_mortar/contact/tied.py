@@ -25,20 +25,18 @@ the master's: contact sees a surface that goes on across the joint.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
-from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import NO_WELDS, Interface, Rows
-from fenics_mortar.contact.pair import ContactPair, check_reach
+from fenics_mortar.contact.fields import InterfaceFields
+from fenics_mortar.contact.interface import Interface, read_only
+from fenics_mortar.contact.rows import Rows
+from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.interface.mortar import (
-    Basis,
     Block,
     Linearization,
     MortarOperators,
@@ -46,16 +44,13 @@ from fenics_mortar.interface.mortar import (
     evaluate_mortar,
     evaluate_normals,
 )
-from fenics_mortar.interface.segments import Integration, Segments
+from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
-from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import SurfaceError, check_same_words, place, together
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import SurfaceError, place
 
-Gap = Literal["removed", "kept"]
 # A slave node of which less than this part is covered hands its function to its neighbours.
 LEAST_COVER = 0.05
 # Partners are looked for within this part of the longest facet, unless a radius is given.
@@ -66,88 +61,41 @@ SAME_PLACE = 1e-6
 CLOSED = 1e-14
 
 
-class TiedPair:
-    """Joins a slave to a master surface, whose meshes need not match.
-
-    Args:
-        data: Mesh, tags and names.
-        slave: Name or tag of the side that carries the multiplier; either side will do, the finer
-            or softer one gives smoother tractions.
-        master: Name or tag of the other side.
-        basis: "dual" (diagonal D, can be condensed), "standard", or of quadratic facets multipliers
-            at their vertices only, "vertices" or "linear"; see ``ContactPair``.
-        gap: What becomes of the gap that the facets of a curved interface leave. "removed": when
-            the problem is set up, slave nodes move onto the master in the mesh itself, which
-            is then free of stress; so make the problem before you interpolate anything. A
-            displacement of degree 2 needs cells of second order for that, unless the interface is
-            straight. "kept": the mesh stays, and so does the gap vector. It does not turn with
-            the bodies: right for small rotations only, unless there is no gap.
-        points: Gauss points per segment.
-        search_radius: Farthest distance along the slave normal at which a partner is looked for
-            [length]; half the longest facet of the two sides by default. What has no partner stays
-            free.
-        max_angle: Largest angle between the slave normal and the reversed master normal [degree].
-
-    Raises:
-        ValueError: If an option is not one of those named.
-        MeshError: If a name or tag is unknown or has no facets.
-
-    Note:
-        Collective.
-    """
-
-    integration: Integration = "segments"
-
-    def __init__(
-        self,
-        data: MeshData,
-        slave: str | int,
-        master: str | int,
-        *,
-        basis: Basis = "dual",
-        gap: Gap = "removed",
-        points: int = 5,
-        search_radius: float | None = None,
-        max_angle: float = 70.0,
-    ) -> None:
-        check_kind("data", data, MeshData, "the MeshData of the mesh")
-        self.data = data
-        self.slave_name, self.master_name = str(slave), str(master)
-        self.master = master
-        self.basis, self.gap, self.points = basis, gap, points
-        self.search_radius, self.max_angle = search_radius, max_angle
-        with together(data.mesh.comm, "TiedPair"):
-            self.check()
-            self.slave_tag = data.boundary_tag(slave)
-            data.boundary_tag(master)
-        check_same_words(data.mesh.comm, "TiedPair", vars(self))
-        for name in (slave, master):
-            data.boundary_facets(name)
-
-    def check(self) -> None:
-        """Refuse options that are not allowed (local).
-
-        Raises:
-            ValueError: If an option is not one of those named.
-        """
-        check_choice("basis", self.basis, get_args(Basis))
-        check_choice("gap", self.gap, get_args(Gap))
-        right = "a whole number, at least 2 per segment"
-        check_number("points", self.points, right, lambda n: n >= 2, whole=True)
-        check_reach(self.search_radius, self.max_angle)
-
-    def __repr__(self) -> str:
-        """The two sides."""
-        return f"TiedPair({self.slave_name!r}, {self.master_name!r})"
-
-
 @dataclass(frozen=True)
 class TiedOperators(MortarOperators):
-    """D and M of the reference configuration; only positions and normals are the current ones."""
+    """D and M of the reference configuration; only positions and normals are the current ones.
+
+    Attributes:
+        apart: D u_s - M u_m, shape (slave nodes, 2) [length^2].
+    """
+
+    apart: Array
 
     def gap_derivative(self) -> list[Block]:
         """Nothing: there is no weighted gap."""
         return []
+
+
+class TiedFields(InterfaceFields):
+    """Fields of a tie.
+
+    Attributes:
+        jump: D u_s - M u_m at the evaluated displacement, shape (slave nodes, 2) [length^2].
+    """
+
+    operators: TiedOperators
+
+    @property
+    def jump(self) -> Array:
+        """See the class."""
+        return self.operators.apart
+
+    @property
+    def gap(self) -> Array:
+        """Mean distance that the two sides have moved apart, nan without multiplier [length]."""
+        on = self.state.active
+        weight = np.where(on, self.operators.weight, 1.0)
+        return np.where(on, np.linalg.norm(self.jump, axis=1) / weight, np.nan)
 
 
 class Tie(Interface):
@@ -156,25 +104,26 @@ class Tie(Interface):
     Attributes:
         D: Slave matrix, rows of nodes that carry only, (slave nodes, slave nodes) [length].
         M: Master matrix, likewise, shape (slave nodes, master nodes) [length].
-        jump: D u_s - M u_m at the last evaluated state, shape (slave nodes, 2) [length^2].
+        jump: D u_s - M u_m at the last evaluated displacement, shape (slave nodes, 2) [length^2].
     """
 
-    def __init__(
-        self, pair: TiedPair, space: DisplacementSpace, prescribed: npt.NDArray[np.bool_]
-    ) -> None:
+    now: TiedFields
+
+    jump = read_only("now.jump")
+
+    def __init__(self, pair: TiedPair, space: DisplacementSpace, prescribed: Flags) -> None:
         """Extract the surfaces and integrate D and M (collective)."""
         super().__init__(pair, space, prescribed)
-        count = self.slave.num_nodes
-        self.obstacle, self.arm, self.c_n = None, 0.0, 1.0
-        self.offset: Array = np.zeros(count)
+        self.obstacle, self.arm = None, 0.0
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
         self.options = MortarOptions(
             pair.basis, "opposite", "basis", pair.integration, self._points(),
             pair.search_radius or NEAR * longest, float(np.cos(np.radians(pair.max_angle))),
         )  # fmt: skip
-        self.carries = self.free.sum(axis=1) == 2.0
-        if self._at_vertices:
-            self.carries &= ~self.slave.inner
+        carries = self.free.sum(axis=1) == 2.0
+        if self.at_vertices:
+            carries &= ~self.slave.inner
+        self.change(carries=carries)
         self._check_carriers(~self.carries)
         self._integrate()
         if not (self.operators.cover > 0.0).any():
@@ -184,14 +133,14 @@ class Tie(Interface):
             )
         self.release(self.operators.cover < LEAST_COVER * self.nodal_lengths)
 
-    def release(self, nodes: npt.NDArray[np.bool_]) -> None:
+    def release(self, nodes: Flags) -> None:
         """Let the neighbours take over the functions of ``nodes`` (slave nodes,) (collective)."""
         if (nodes & self.carries).any():
-            self.carries = self.carries & ~nodes
+            self.change(carries=self.carries & ~nodes)
             self._check_carriers(nodes)
             self._integrate()
 
-    def _check_carriers(self, released: npt.NDArray[np.bool_]) -> None:
+    def _check_carriers(self, released: Flags) -> None:
         if not self.carries.any():
             where = place(self.slave.X[np.flatnonzero(released)[0]])
             raise SurfaceError(
@@ -213,9 +162,9 @@ class Tie(Interface):
         )
         constant = {name: np.zeros_like(getattr(o, name)) for name in ("dD", "dM", "dgap", "gap")}
         values = vars(o) | constant | {"linearization": Linearization(False, False, frozen=True)}
-        self.operators = TiedOperators(**values)
-        self.active = self.carries & (o.diagonal > 0.0)
-        self._may_carry = self.active
+        self.show(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
+        self._may_carry = self.carries & (o.diagonal > 0.0)
+        self.change(active=self._may_carry)
         s, shape = o.segments, (slave.num_nodes, master.num_nodes)
         self.D = self._replicate(o.facet_nodes, o.facet_nodes, o.D, shape[:1] * 2)
         self.M = self._replicate(s.slave, s.master, o.M, shape)
@@ -234,9 +183,12 @@ class Tie(Interface):
         return matrix
 
     @property
-    def covered(self) -> npt.NDArray[np.bool_]:
-        """Whether a slave node carries a multiplier."""
-        return self.active
+    def offset(self) -> Array:
+        """Zero: there is no gap to take it off."""
+        return self._state.offset
+
+    def _fields(self, operators: Any) -> TiedFields:
+        return TiedFields(self, self._state, operators)
 
     @property
     def nodes(self) -> Indices:
@@ -258,20 +210,13 @@ class Tie(Interface):
     def _sides(self) -> tuple[Surface, Surface]:
         return self.slave, self.master
 
-    @property
-    def gap(self) -> Array:
-        """Mean distance that the two sides have moved apart, nan without multiplier [length]."""
-        gap, on = np.full(self.slave.num_nodes, np.nan), self.active
-        gap[on] = np.linalg.norm(self.jump[on], axis=1) / self.operators.weight[on]
-        return gap
-
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate jump, positions and normals at ``u``, a local array (collective)."""
         on_slave, on_master = self.slave.gather(u), self.master.gather(u)
         x, m = self.slave.X + on_slave, self.master.X + on_master
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
-        self.operators = replace(self.operators, x=x, m=m, n=n, dn=dn)
-        self.jump: Array = self.D @ on_slave - self.M @ on_master
+        apart = self.D @ on_slave - self.M @ on_master
+        self.show(replace(self.operators, x=x, m=m, n=n, dn=dn, apart=apart))
 
     @property
     def as_faced(self) -> MortarOperators:
@@ -359,74 +304,8 @@ class Tie(Interface):
     def update_active(self, *, start: bool = False) -> int:
         """No node changes; with ``start`` multipliers that a failed solve left are forgotten."""
         if start:
-            self.z[~np.isfinite(self.z)] = 0.0
+            self.change(z=np.where(np.isfinite(self.z), self.z, 0.0))
         return 0
 
     def set_initial_gap(self) -> None:
         """There is none to set."""
-
-    def describe_start(self) -> str:
-        """What is tied does not overlap."""
-        return ""
-
-
-def bind(
-    pairs: Sequence[ContactPair | TiedPair],
-    space: DisplacementSpace,
-    prescribed: npt.NDArray[np.bool_],
-) -> list[Contact | Tie]:
-    """Bind all pairs; remove the gaps of tied ones from the mesh (collective).
-
-    Args:
-        pairs: The pairs.
-        space: The displacement's space; nodes of its mesh may move.
-        prescribed: Local dofs with Dirichlet values.
-
-    Raises:
-        SurfaceError: If a surface is of no use, or a gap cannot be removed; on all ranks.
-    """
-    ties = {pair: Tie(pair, space, prescribed) for pair in pairs if isinstance(pair, TiedPair)}
-    welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in ties.values())])
-
-    def all_bound() -> list[Contact | Tie]:
-        return [
-            ties[pair] if isinstance(pair, TiedPair) else Contact(pair, space, prescribed, welds)
-            for pair in pairs
-        ]
-
-    bound = all_bound()
-    give_way(list(ties.values()), bound)
-    return all_bound() if close_gaps(list(ties.values()), space) else bound
-
-
-def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
-    """Ties release the nodes that other pairs constrain or bear (collective)."""
-    used = [c.nodes for c in bound]
-    for tie in ties:
-        others = [nodes for nodes, c in zip(used, bound, strict=True) if c is not tie]
-        tie.release(np.isin(tie.slave.nodes, np.concatenate([np.empty(0, np.int64), *others])))
-
-
-def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:
-    """Move slave nodes onto their masters where that is wanted (collective).
-
-    D and M stay those of the places before: what they ask for is then met by the new places. A
-    master that is itself a slave moves, too, hence the sweeps.
-
-    Returns:
-        Whether anything moved.
-
-    Raises:
-        SurfaceError: If the mesh cannot follow.
-    """
-    closing = [tie for tie in ties if tie.pair.gap == "removed"]
-    for sweep in range(len(closing) + 2):
-        open_ties = [tie for tie in closing if tie.close_gap(space)]
-        if not open_ties:
-            return sweep > 0
-        for tie in ties:
-            tie.look_at(space)
-    raise SurfaceError(
-        f"the gap of {open_ties[0].pair} cannot be removed: a displacement of degree 2 on straight "
-        "cells does not follow a curved interface; use a mesh of second order, or gap='kept'"
-    )

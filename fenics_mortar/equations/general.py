@@ -23,15 +23,16 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_noted
 from fenics_mortar.contact.laws import STICK, Pieces
 from fenics_mortar.contact.redundancy import Redundancy
-from fenics_mortar.contact.slip import Partners
+from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.words import describe_overlap
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arguments import check_kind
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, freeze
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, place, together
 from fenics_mortar.verify.crossing import Crossings, Standing
@@ -51,28 +52,58 @@ ALIKE = 1e-6
 
 @dataclass(frozen=True)
 class State:
-    """Displacement, multipliers, active sets and places of obstacles, as copies.
+    """All that a solve begins from: a value, ``dataclasses.replace`` makes another one.
 
-    The displacement is the part of this rank. Of each contact there are the partners that its slip
-    counts from, and those at the last accepted state; of outlines and obstacles their places then.
+    Attributes:
+        u: Displacement and other unknowns of the bulk, the part of this rank.
+        interfaces: State of each pair.
+        places: Places of the obstacles, shape (obstacles, 3).
+        standing: Places of outlines and obstacles at the last accepted state.
+        converged: Whether the last solve ended in this state.
     """
 
     u: Array
-    z: list[Array]
-    active: list[npt.NDArray[np.bool_]]
-    carries: list[npt.NDArray[np.bool_]]
-    piece: list[Pieces]
-    partners: list[tuple[Partners, Partners]]
+    interfaces: tuple[InterfaceState, ...]
     places: Array
     standing: Standing
     converged: bool
 
+    def __post_init__(self) -> None:
+        """Take copies of arrays that can be written to."""
+        freeze(self)
+
+    def with_settings_of(self, other: State) -> State:
+        """This state with the offsets, weights of gaps and undeformed operators of another one.
+
+        These are set by users and kept by a problem, where this state may be a guess from earlier
+        ones, or that of another model.
+        """
+        pairs = zip(self.interfaces, other.interfaces, strict=True)
+        return replace(
+            self,
+            interfaces=tuple(
+                replace(a, offset=b.offset, c_n=b.c_n, reference=b.reference) for a, b in pairs
+            ),
+        )
+
+    def counting_slip_from(self, other: State) -> State:
+        """This state with the partners and ways of another one."""
+        pairs = zip(self.interfaces, other.interfaces, strict=True)
+        return replace(
+            self,
+            interfaces=tuple(
+                replace(a, partners=b.partners, accepted=b.accepted) for a, b in pairs
+            ),
+            standing=other.standing,
+        )
+
     def towards(self, other: State, part: float) -> State:
         """Part of the way to another state, with the sets of this one."""
+        pairs = zip(self.interfaces, other.interfaces, strict=True)
         return replace(
             self,
             u=self.u + part * (other.u - self.u),
-            z=[mine + part * (z - mine) for mine, z in zip(self.z, other.z, strict=True)],
+            interfaces=tuple(replace(a, z=a.z + part * (b.z - a.z)) for a, b in pairs),
             places=self.places + part * (other.places - self.places),
         )
 
@@ -127,7 +158,7 @@ class ContactEquations:
         self.stiffest: float = self.comm.allreduce(largest, MPI.MAX)
         self.bulk.set_units(self.stiffest)
         for contact in self.contacts:
-            contact.stiffness = np.abs(contact.slave.gather(diagonal)).mean(axis=1)
+            contact.set_stiffness(np.abs(contact.slave.gather(diagonal)).mean(axis=1))
 
     def _check_diagonal(self, diagonal: Array) -> None:
         """Refuse a bulk tangent with this diagonal (owned dofs,) if a node has no stiffness."""
@@ -172,7 +203,7 @@ class ContactEquations:
         self._residuals.append(residual)
         gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
         active = sum(int(c.active.sum()) for c in self.contacts)
-        self._recent_sets.append([(c.active.copy(), c.piece.copy()) for c in self.contacts])
+        self._recent_sets.append([(c.active, c.piece) for c in self.contacts])
         sets = b"".join(
             np.packbits([c.active, c.carries]).tobytes() + (c.active * c.piece).tobytes()
             for c in self.contacts
@@ -272,7 +303,7 @@ class ContactEquations:
 
     def diagnose(self) -> str:
         """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
-        deep = [c.describe_overlap() for c in self.contacts if isinstance(c, Contact)]
+        deep = [describe_overlap(contact) for contact in self.contacts]
         return "; ".join(filter(None, (self._describe_loose(), *deep)))
 
     def _describe_loose(self) -> str:
@@ -361,10 +392,13 @@ class ContactEquations:
         for i, contact in enumerate(self.contacts):
             recent = [sets[i] for sets in self._recent_sets[-period:]]
             active, pieces = (np.array(sets) for sets in zip(*recent, strict=True))
-            contact.active = active.any(axis=0) & contact.covered
-            contact.c_n = min(contact.c_n, LESS_WEIGHT)
-            wavers = contact.active & (pieces != pieces[-1]).any(axis=0)
-            contact.piece = np.where(wavers, STICK, contact.piece)
+            merged = active.any(axis=0) & contact.covered
+            wavers = merged & (pieces != pieces[-1]).any(axis=0)
+            contact.change(
+                active=merged,
+                c_n=min(contact.c_n, LESS_WEIGHT),
+                piece=np.where(wavers, STICK, contact.piece),
+            )
             wavering += int(wavers.sum())
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
@@ -404,12 +438,8 @@ class ContactEquations:
     def state(self) -> State:
         """Copy the present state."""
         return State(
-            self.bulk.u.x.array.copy(),
-            [contact.z.copy() for contact in self.contacts],
-            [contact.active.copy() for contact in self.contacts],
-            [contact.carries.copy() for contact in self.contacts],
-            [contact.piece.copy() for contact in self.contacts],
-            [(contact.partners, contact.accepted) for contact in self.contacts],
+            self.bulk.u.x.array,
+            tuple(contact.state for contact in self.contacts),
             self.tools.places,
             self.crossings.accepted,
             self._last_converged,
@@ -431,20 +461,16 @@ class ContactEquations:
         self.bulk.u.x.array[:] = state.u
         self.tools.places = state.places
         self.crossings.restore(state.standing, state.u)
-        for i, contact in enumerate(self.contacts):
-            contact.take(state.z[i])
-            contact.active, contact.piece = state.active[i].copy(), state.piece[i].copy()
-            contact.carries = state.carries[i].copy()
-            contact.partners, contact.accepted = state.partners[i]
+        for contact, interface in zip(self.contacts, state.interfaces, strict=True):
+            contact.put(interface)
         self._last_converged = state.converged
 
     def _check_state(self, state: State) -> None:
         """Refuse what is no state of these equations (local)."""
         check_kind("state", state, State, "what state() of the same problem returned")
-        same = state.u.shape == self.bulk.u.x.array.shape and len(state.z) == len(self.contacts)
-        if not same or any(
-            z.shape != contact.z.shape for z, contact in zip(state.z, self.contacts, strict=True)
-        ):
+        shapes = [interface.z.shape for interface in state.interfaces]
+        own = [contact.z.shape for contact in self.contacts]
+        if state.u.shape != self.bulk.u.x.array.shape or shapes != own:
             raise MortarError("the state is one of another problem: right is what state() returned")
 
     def interface_motion(self, before: State) -> float:

@@ -43,8 +43,8 @@ from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.interface import Rows
 from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.rows import Rows
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.sparse import SomeRows, flatten, is_symmetric, leave, schur_complement
@@ -540,7 +540,7 @@ class SmallSlidingEquations(ReducedEquations):
         self._balance(self._force)
         for contact, place in self._system.numbered():
             scale = zeta[place] * self._system.scale(contact)
-            contact.z = scale[:, None] * contact.operators.n
+            contact.change(z=scale[:, None] * contact.operators.n)
         return self._problem.step(self._bulk.largest(u - before))
 
     @clock("solve")

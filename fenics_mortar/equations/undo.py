@@ -27,7 +27,7 @@ class Before:
 
     def __init__(self, problem: Any) -> None:
         self._problem, self._state, self._depth = problem, problem.state(), clock.depth
-        self._contacts = [(c.operators, c.c_n, c.offset) for c in problem.contacts]
+        self._operators = [contact.operators for contact in problem.contacts]
         self._springs = problem.floating.springs, problem.tools.springs
         adequacy = problem.adequacy
         self._take_back_adequacy = adequacy.remember() if adequacy is not None else None
@@ -38,10 +38,8 @@ class Before:
         clock.leave(self._depth)
         drop_added_options()
         problem.put(self._state)
-        for contact, kept in zip(problem.contacts, self._contacts, strict=True):
-            contact.operators, contact.c_n, offset = kept
-            if contact.offset is not offset:
-                contact.offset = offset
+        for contact, operators in zip(problem.contacts, self._operators, strict=True):
+            contact.show(operators)
         problem.floating.springs, problem.tools.springs = self._springs
         if self._take_back_adequacy is not None:
             self._take_back_adequacy()

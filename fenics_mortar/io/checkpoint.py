@@ -82,12 +82,13 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
         name: [data[f"{name}{i}"] for i in range(len(problem.contacts))] for name in KEPT
     }
     for i, contact in enumerate(problem.contacts):
-        contact.c_n, contact.offset = float(kept["c_n"][i]), kept["offset"][i]
+        contact.change(c_n=float(kept["c_n"][i]), offset=kept["offset"][i])
         if isinstance(contact, Contact):
             contact.refer_to(kept["reference_place"][i], kept["carries"][i])
-    state: dict[str, Any] = {name: kept[name] for name in ("z", "active", "carries", "piece")}
-    state |= {"places": data["places"], "converged": bool(data["converged"])}
-    problem.restore(replace(problem.state(), **state))
+        sets = {name: kept[name][i] for name in ("z", "active", "carries", "piece")}
+        contact.change(**sets)
+    here = problem.state()
+    problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
     problem.accept()
     if problem.adequacy is not None:
         problem.adequacy.take(problem, data)

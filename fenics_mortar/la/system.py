@@ -40,7 +40,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface, Rows
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.multigrid import OPTIONS, TouchingBodies
 from fenics_mortar.la.reach import Reach, zeros

@@ -178,7 +178,7 @@ class AdequacyCheck:
         found = [*first, *self._assumptions(problem)]
         if used is not None:  # forces and gaps belong to its operators
             for contact, theirs in zip(problem.contacts, used.model.problem.contacts, strict=True):
-                contact.operators = theirs.operators
+                contact.show(theirs.operators)
         mesh_error = self._hierarchy.mesh_error if self._hierarchy else self._discretisation
         return AdequacyReport(found, self._tolerance, self._quantity, mesh_error)
 
@@ -241,7 +241,7 @@ class AdequacyCheck:
             before = self._slips.get(contact, np.zeros(contact.slave.num_nodes))
             self._slips[contact] = np.where(contact.active, before + contact.slip, 0.0)
             partners = contact.partners
-            contact.partners = replace(partners, start=partners.start - before)
+            contact.change(partners=replace(partners, start=partners.start - before))
 
 
 def _is_frictionless(contact: Any) -> bool:

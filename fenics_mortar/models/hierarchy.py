@@ -14,7 +14,7 @@ again: errors grow at most with the square of the deviations.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -130,7 +130,7 @@ class ModelHierarchy:
                 solved = self._model.problem.state()
                 start, self.used = self._judge(self._model, start)
                 if self.used is not None:
-                    problem.restore(solved)
+                    problem.restore(solved.with_settings_of(start))
                     return report
             problem.restore(start)
             self._next_model()
@@ -183,7 +183,8 @@ class ModelHierarchy:
         if on_model:
             model.adopt(self._problem)
             model.accept()
-            self._problem.restore(model.state())
+            here = self._problem.state()
+            self._problem.restore(model.state().with_settings_of(here))
 
     def _next_model(self) -> None:
         self._level += 1
@@ -204,7 +205,7 @@ class ModelHierarchy:
         errors = correct(model.problem, problem)
         self._checked, corrected = (now, errors), problem.state()
         if errors[ENERGY] < MAX_ERROR:
-            start = replace(corrected, partners=start.partners, standing=start.standing)
+            start = corrected.counting_slip_from(start)
         if self._is_enough(errors):
             return start, UsedModel(model, errors, "sufficient")
         if model.is_linear and model.is_small and np.isfinite(errors[ENERGY]):

@@ -79,7 +79,8 @@ def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
         problem: The problem at the new state.
         before: The state at the start of the step.
     """
-    for contact, active in zip(problem.contacts, before.active, strict=True):
+    for contact, then in zip(problem.contacts, before.interfaces, strict=True):
+        active = then.active
         if not (isinstance(contact, Contact) and active.any()) or contact.active.any():
             continue
         o = contact.operators
@@ -131,12 +132,11 @@ def _violated_by(problem: ContactProblem, start: State, sticking: list[Place]) -
         contact.start_step()
     problem.evaluate(start=False)
     contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
-    for i, contact in enumerate(problem.contacts):
-        contact.z, contact.active = start.z[i].copy(), start.active[i].copy()
-        contact.piece = start.piece[i].copy()
-    for contact, j in sticking:
-        contact.piece[j] = STICK
-    assumed = [(contact.active.copy(), contact.piece.copy()) for contact in contacts]
+    for contact, before in zip(problem.contacts, start.interfaces, strict=True):
+        piece = before.piece.copy()
+        piece[[j for other, j in sticking if other is contact]] = STICK
+        contact.change(z=before.z, active=before.active, piece=piece)
+    assumed = [(contact.active, contact.piece) for contact in contacts]
     problem.advance()
     violated = []
     for contact, (active, piece) in zip(contacts, assumed, strict=True):

@@ -21,6 +21,7 @@ and 4.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -92,13 +93,17 @@ class MovingFrame:
         if not motions:
             return None
         guess = last.towards(before, -ratio)
+        interfaces = list(guess.interfaces)
+        u = guess.u.copy()
         for body, s in motions.items():
-            self._shift_body(guess.u, (last.u, before.u), body, s, ratio)
+            self._shift_body(u, (last.u, before.u), body, s, ratio)
         for side in self._sides:
             if side.is_slave and side.body in motions:
                 s, i = motions[side.body], side.contact
-                guess.z[i] = _shifted(side.surface, (last.z[i], before.z[i]), s, ratio)
-        return guess
+                states = last.interfaces[i].z, before.interfaces[i].z
+                z = _shifted(side.surface, states, s, ratio)
+                interfaces[i] = replace(interfaces[i], z=z)
+        return replace(guess, u=u, interfaces=tuple(interfaces))
 
     def _motions(self, moved: Array, ratio: float) -> dict[int, Array]:
         """Motion of the contact on each body where it is half a facet or more (local)."""

@@ -123,7 +123,7 @@ class Predictor:
         residual, presses = self._look()
         for its_kind, guess in guesses:
             places = np.where(problem.tools.driven, guess.places, here.places)
-            guess = replace(guess, places=places)
+            guess = replace(guess, places=places).with_settings_of(here)
             problem.restore(guess)
             guessed, still_presses = self._look()
             if guessed < residual and not (presses & ~still_presses).any():

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -32,6 +33,7 @@ from fenics_mortar.bulk.bodies import (
 )
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.directions import gap_rate, opening_rate, slip_rate
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
@@ -427,9 +429,12 @@ class FloatingBodies:
     def _touching(self, contact: Contact, pressure: float) -> Touching:
         """The active nodes of a pair as the floating bodies meet there; a typical pressure."""
         on, weight = contact.active, contact.operators.weight
-        opening = [self._responses(contact, body, contact.opening_rate) for body in self.bodies]
+        opening = [
+            self._responses(contact, body, partial(opening_rate, contact.now))
+            for body in self.bodies
+        ]
         slip = [self._slipping(contact, body) for body in self.bodies]
-        slope, shear, adhesion = contact.strength(pressure)
+        slope, shear, adhesion = contact.now.strength(pressure)
         return Touching(
             np.concatenate(opening).T[on],
             np.concatenate(slip).T[on],
@@ -502,11 +507,11 @@ class FloatingBodies:
 
     def _closing(self, contact: Contact, body: FloatingBody) -> Array:
         """Change of the mean gaps by the free motions, closing positive: (motions, slave nodes)."""
-        return -self._responses(contact, body, contact.gap_change)
+        return -self._responses(contact, body, partial(gap_rate, contact.now))
 
     def _slipping(self, contact: Contact, body: FloatingBody) -> Array:
         """Slip of the nodes by the free motions, shape (motions, slave nodes)."""
-        return self._responses(contact, body, contact.slip_rate)
+        return self._responses(contact, body, partial(slip_rate, contact.now))
 
     def _contacts_of(self, body: FloatingBody) -> list[Contact]:
         """The pairs that a body takes part in."""

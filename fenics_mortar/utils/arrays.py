@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Types of arrays."""
+"""Types of arrays, and arrays that are values."""
 
 from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -9,3 +12,13 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
+
+
+def freeze(value: Any) -> None:
+    """Replace arrays of a frozen dataclass that can be written to by copies that can not."""
+    for field in fields(value):
+        array = getattr(value, field.name)
+        if isinstance(array, np.ndarray) and array.flags.writeable:
+            array = array.copy()
+            array.flags.writeable = False
+            object.__setattr__(value, field.name, array)

@@ -19,6 +19,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_noted
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.words import describe_reach
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import place
 from fenics_mortar.verify.balance import action_and_reaction, balance_of_bodies
@@ -146,8 +147,8 @@ def _certify_pair(
         shear=max(float(excess.max()), 0.0) / max(largest, float(limit.max())),
         overlap=max(-float(gap.min()), 0.0),
         overlap_at=f"at {place(contact.operators.x[gap.argmin()])}, in facets; partners are "
-        f"searched {contact.reach}",
-        reach=contact.reach,
+        f"searched {describe_reach(contact)}",
+        reach=describe_reach(contact),
         complementarity=float(np.abs(tension * gap).max()) / largest,
         **between_nodes(contact),
         **oblique_forces(contact, pressure),

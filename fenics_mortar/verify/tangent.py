@@ -99,14 +99,14 @@ def check_tangent(
     """
     steps = 1e-3 * 0.5 ** np.arange(6) if steps is None else np.asarray(steps)
     u = problem.bulk.u
-    before = u.x.array.copy(), [(c.z, c.active.copy()) for c in problem.contacts]
+    before = u.x.array.copy(), [contact.state for contact in problem.contacts]
     places = problem.tools.places
     try:
         check = _check(_Probe(problem, seed), steps)
     finally:
         u.x.array[:], problem.tools.places = before[0], places
-        for contact, (z, active) in zip(problem.contacts, before[1], strict=True):
-            contact.z, contact.active = z, active
+        for contact, state in zip(problem.contacts, before[1], strict=True):
+            contact.put(state)
             contact.evaluate(u.x.array, problem.linearization)
         problem.bulk.assemble_residual()
     if print_table and problem.comm.rank == 0:
@@ -141,7 +141,7 @@ class _Probe:
         self.u0 = self.bulk.u.x.array[:size].copy()
         self.tools, self.places = problem.tools, problem.tools.places
         self.dq: Array = rng.uniform(-length, length, self.places.shape)
-        self.active = [contact.active.copy() for contact in self.contacts]
+        self.active = [contact.active for contact in self.contacts]
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
         self.dz = [np.abs(z).max() * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
         self._move(0.0)
@@ -162,7 +162,7 @@ class _Probe:
         for contact, active, z, dz in zip(
             self.contacts, self.active, self.z0, self.dz, strict=True
         ):
-            contact.z, contact.active = z + step * dz, active
+            contact.change(z=z + step * dz, active=active)
             contact.evaluate(u.x.array, self.problem.linearization)
 
     def values(self, step: float) -> dict[str, Array]:
@@ -182,7 +182,7 @@ class _Probe:
             laws.append(contact.law(frame)[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         for contact in self.contacts:  # as in the system
-            contact.z = np.where(contact.acts[:, None], contact.z, 0.0)
+            contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
         pushed = self._mine(self.tools.forces().ravel())
         force = self.bulk.to_force * force
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
@@ -218,7 +218,7 @@ class _Probe:
     def _whole(self) -> Array:
         """The four blocks of the saddle-point system times (du, dz), with motions of obstacles."""
         for contact in self.contacts:  # as in the system
-            contact.z = np.where(contact.acts[:, None], contact.z, 0.0)
+            contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
         system = SaddleSystem(self.bulk, self.contacts, "fenics_mortar_check_tangent_", {})
         K, B_T, C, A_z = system.blocks()
         zeta = A_z.createVecRight()

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""The active set and the branches of the contact law, from the complementarity function."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.utils.arrays import Flags
+
+# A pressure below this fraction of the stiffness, and a gap below this fraction of the largest
+# coordinate, are rounding.
+ROUNDING = 1e-14
+# Before the first solve a node is active if its gap is below this fraction of its length.
+TOUCHING = 1e-8
+
+
+def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
+    """The state with the sets of the complementarity function, and which nodes changed (local).
+
+    Nodes that were noted to press though their multipliers pull get the multipliers of their
+    forces. Multipliers of open nodes become those of the contact law.
+
+    Args:
+        f: Fields of the present state.
+        start: Whether this is before the first solve, where no pressure is known: nodes that touch
+            join the set then, and multipliers that a failed solve left as nan become zero.
+    """
+    state, o = f.state, f.operators
+    z = np.where(np.isfinite(state.z), state.z, 0.0) if start else state.z
+    if state.borne is not None:
+        presses, force = state.borne
+        presses = presses & f.covered
+        z = np.where(presses[:, None], force / np.where(presses, o.weight, 1.0)[:, None], z)
+    if z is not state.z:
+        f = f.after(replace(state, z=z, borne=None))
+    active = _active(f, start=start)
+    open_z = -f.adhesion[0][:, None] * o.n
+    state = replace(f.state, active=active, z=np.where(active[:, None], z, open_z), borne=None)
+    changed = active != f.state.active
+    f = f.after(state)
+    piece = f.sides.asker.piece(f.sides.pair.law, f.nodal, state.piece, o.x)
+    branched = piece != state.piece
+    if branched.any():
+        state = replace(state, piece=piece)
+    return state, changed | (active & f.sides.rubs & branched)
+
+
+def _active(f: ContactFields, *, start: bool) -> Flags:
+    """Nodes with a positive z_n + a - c_n g, the others as they were where all is rounding."""
+    stiffness, on = f.sides.stiffness, f.covered
+    gap = np.where(on, f.gap, 0.0)
+    push = np.where(f.attracted, 0.0, -f.tension)  # what is open bears the adhesion
+    trial = np.where(on, push - f.state.c_n * stiffness / f.nodal_lengths * gap, 0.0)
+    rounding = (np.abs(push) <= ROUNDING * stiffness) & (
+        np.abs(np.nan_to_num(f.gap)) <= ROUNDING * np.abs(f.operators.x).max()
+    )
+    active = np.where(rounding, f.state.active & on, trial > 0.0)
+    if start:
+        active |= on & (np.where(on, gap, np.inf) <= TOUCHING * f.nodal_lengths)
+    return active

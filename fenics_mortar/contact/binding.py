@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: MIT
+"""All pairs bound to the space of the displacement; gaps of tied ones removed from the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import NO_WELDS, Interface
+from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils.arrays import Flags
+from fenics_mortar.utils.errors import SurfaceError
+
+
+def bind(
+    pairs: Sequence[ContactPair | TiedPair],
+    space: DisplacementSpace,
+    prescribed: Flags,
+) -> list[Contact | Tie]:
+    """Bind all pairs; remove the gaps of tied ones from the mesh (collective).
+
+    Args:
+        pairs: The pairs.
+        space: The displacement's space; nodes of its mesh may move.
+        prescribed: Local dofs with Dirichlet values.
+
+    Raises:
+        SurfaceError: If a surface is of no use, or a gap cannot be removed; on all ranks.
+    """
+    ties = {pair: Tie(pair, space, prescribed) for pair in pairs if isinstance(pair, TiedPair)}
+    welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in ties.values())])
+
+    def all_bound() -> list[Contact | Tie]:
+        return [
+            ties[pair] if isinstance(pair, TiedPair) else Contact(pair, space, prescribed, welds)
+            for pair in pairs
+        ]
+
+    bound = all_bound()
+    give_way(list(ties.values()), bound)
+    return all_bound() if close_gaps(list(ties.values()), space) else bound
+
+
+def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
+    """Ties release the nodes that other pairs constrain or bear (collective)."""
+    used = [c.nodes for c in bound]
+    for tie in ties:
+        others = [nodes for nodes, c in zip(used, bound, strict=True) if c is not tie]
+        tie.release(np.isin(tie.slave.nodes, np.concatenate([np.empty(0, np.int64), *others])))
+
+
+def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:
+    """Move slave nodes onto their masters where that is wanted (collective).
+
+    D and M stay those of the places before: what they ask for is then met by the new places. A
+    master that is itself a slave moves, too, hence the sweeps.
+
+    Returns:
+        Whether anything moved.
+
+    Raises:
+        SurfaceError: If the mesh cannot follow.
+    """
+    closing = [tie for tie in ties if tie.pair.gap == "removed"]
+    for sweep in range(len(closing) + 2):
+        open_ties = [tie for tie in closing if tie.close_gap(space)]
+        if not open_ties:
+            return sweep > 0
+        for tie in ties:
+            tie.look_at(space)
+    raise SurfaceError(
+        f"the gap of {open_ties[0].pair} cannot be removed: a displacement of degree 2 on straight "
+        "cells does not follow a curved interface; use a mesh of second order, or gap='kept'"
+    )

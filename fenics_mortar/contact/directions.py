@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""Derivatives of the nodal fields of a contact in one direction, all of them replicated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.contact.fields import ContactFields, InterfaceFields
+from fenics_mortar.interface.mortar import Block
+from fenics_mortar.utils.arrays import Array
+
+
+def change_along(
+    f: InterfaceFields, blocks: Sequence[Block], on_slave: Array, on_master: Array
+) -> Array:
+    """Product of blocks, whose rows are slave nodes, and a direction (collective).
+
+    Args:
+        f: Fields of the pair.
+        blocks: The parts of this rank.
+        on_slave: Displacements of the slave nodes, shape (n, 2) [length].
+        on_master: Displacements of the master nodes, shape (n, 2) [length].
+
+    Returns:
+        Shape (slave nodes,), equal on all ranks.
+    """
+    sides = f.sides.slave, f.sides.master
+    dofs = np.concatenate([side.dofs_of(np.arange(side.num_nodes)) for side in sides])
+    values = np.concatenate([on_slave.ravel(), on_master.ravel()])
+    order = np.argsort(dofs)
+    change = np.zeros(sides[0].num_nodes)
+    for block in blocks:
+        place = order[np.searchsorted(dofs[order], np.maximum(block.columns, dofs.min()))]
+        direction = np.where(block.columns >= 0, values[place], 0.0)
+        np.add.at(change, block.rows, np.einsum("bjq,bq->bj", block.values, direction))
+    sides[0].comm.Allreduce(MPI.IN_PLACE, change)
+    return change
+
+
+def gap_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Change of the mean gaps; zero where not covered (collective); see ``change_along``."""
+    change = change_along(f, f.operators.gap_derivative(), on_slave, on_master)
+    return np.where(f.covered, change / np.where(f.covered, f.operators.weight, 1.0), 0.0)
+
+
+def slip_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Slip of the nodes along their partners (local); see ``change_along``."""
+    partners = f.state.partners
+    relative = partners.D @ on_slave - partners.M @ on_master
+    return np.asarray(np.einsum("ja,ja->j", f.operators.tau, relative))
+
+
+def opening_rate(f: ContactFields, on_slave: Array, on_master: Array) -> Array:
+    """Opening along n, against which the pressure does work (local); see ``change_along``.
+
+    The gap changes at another rate where n is not normal to both sides, as at corners.
+    """
+    partners = f.state.partners
+    relative = partners.D @ on_slave - partners.M @ on_master
+    return -np.asarray(np.einsum("ja,ja->j", f.operators.n, relative))

@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: MIT
+"""Nodal fields of an interface: computed once from its state and its operators.
+
+New operators make new fields. A new state does so, too, but for fields that depend on nothing that
+has changed; each names the parts of the state that it depends on. A field is computed when it is
+first read, and kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields as fields_of
+from functools import cached_property
+from typing import Any, Protocol, Self
+
+import numpy as np
+
+from fenics_mortar.contact.law_calls import Asker
+from fenics_mortar.contact.laws import KINK, STICK, Frictionless, Nodal, Row
+from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+# A node counts as covered if the diagonal of D is above this fraction of its length.
+LEAST_NODE_COVER = 1e-10
+# Stiffness of the elastic stick of overheld nodes over that of the bulk. The slip that curvature
+# leaves is of second order in the strains e: it makes a shear of 1000 e of the pressure.
+ELASTIC = 1e3
+
+
+class _Field(cached_property[Any]):
+    """A field that is kept until one of the named parts of the state changes."""
+
+    names: frozenset[str]
+
+
+def field(*names: str) -> Callable[[Callable[[Any], Any]], Any]:
+    """A field that depends on the operators and on the named parts of the state."""
+
+    def wrap(function: Callable[[Any], Any]) -> _Field:
+        made = _Field(function)
+        made.names = frozenset(names)
+        return made
+
+    return wrap
+
+
+class Sides(Protocol):
+    """What the fields of an interface need to know of it: constants."""
+
+    pair: Any
+    slave: Surface
+    master: Surface
+    stiffness: Array
+    at_vertices: bool
+
+
+class InterfaceFields:
+    """Fields that all interfaces have.
+
+    Args:
+        sides: The interface.
+        state: Its state.
+        operators: D, M and all that follows from them, at the last evaluated displacement.
+    """
+
+    def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
+        self.sides, self.state, self.operators = sides, state, operators
+        self.nodal_lengths: Array = sides.slave.nodal_lengths
+
+    def after(self, state: InterfaceState) -> Self:
+        """The fields at another state and the same operators."""
+        changed = {
+            part.name
+            for part in fields_of(state)
+            if getattr(state, part.name) is not getattr(self.state, part.name)
+        }
+        new = type(self)(self.sides, state, self.operators)
+        for name, value in vars(self).items():
+            of_class = getattr(type(self), name, None)
+            if isinstance(of_class, _Field) and not changed & of_class.names:
+                vars(new)[name] = value
+        return new
+
+    @property
+    def covered(self) -> Flags:
+        """Whether a slave node has a multiplier and a partner, shape (slave nodes,), bool."""
+        return self.state.active
+
+    @property
+    def acts(self) -> Flags:
+        """Whether a node has a multiplier that may not be zero, shape (slave nodes,), bool."""
+        return self.state.active
+
+    @property
+    def sticking(self) -> Flags:
+        """Whether an active node sticks, shape (slave nodes,), bool."""
+        return self.state.active
+
+    @property
+    def active_nodes(self) -> Indices:
+        """Numbers of the active slave nodes along the surface."""
+        return np.flatnonzero(self.state.active)
+
+    @field("z")
+    def z_n(self) -> Array:
+        """Normal part of the multipliers, shape (slave nodes,) [stress]."""
+        return np.asarray(np.einsum("ja,ja->j", self.operators.n, self.state.z))
+
+    @field("z")
+    def z_tau(self) -> Array:
+        """Tangential part of the multipliers, shape (slave nodes,) [stress]."""
+        return np.asarray(np.einsum("ja,ja->j", self.operators.tau, self.state.z))
+
+    @property
+    def slip(self) -> Array:
+        """Slip along tau since the last accepted step, shape (slave nodes,) [length]."""
+        return np.zeros(len(self.state.z))
+
+    @property
+    def steepness(self) -> float:
+        """Largest force by slip of a node, where that may be more than the bulk's [stress]."""
+        return 0.0
+
+    @property
+    def pressure(self) -> Array:
+        """Normal part z_n of the multiplier of every slave node, shape (slave nodes,) [stress]."""
+        return self.fill_inside(self.z_n.copy())
+
+    @property
+    def shear_force(self) -> Array:
+        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length]."""
+        return self.operators.weight * self.z_tau
+
+    @property
+    def shear(self) -> Array:
+        """The multipliers without the pressure, shape (slave nodes, 2) [stress]."""
+        return self.operators.tau * self.z_tau[:, None]
+
+    @property
+    def total_force(self) -> Array:
+        """Total force that acts on the slave body, shape (2,) [stress length]."""
+        return -self.operators.weight @ self.state.z
+
+    def fill_inside(self, values: Array) -> Array:
+        """Set nodes inside facets to the mean of the ends, if only these have multipliers."""
+        if self.sides.at_vertices:
+            facets = self.sides.slave.facets
+            values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
+        return values
+
+
+class ContactSides(Sides, Protocol):
+    """What the fields of a contact need to know of it: constants."""
+
+    asker: Asker
+    rubs: Flags
+    plane_normals: Array
+
+
+class ContactFields(InterfaceFields):
+    """Fields of a contact; see ``contact`` for the complementarity function and the rows."""
+
+    sides: ContactSides
+
+    @field("carries")
+    def covered(self) -> Flags:
+        """See ``InterfaceFields``."""
+        return self.state.carries & (
+            self.operators.diagonal > LEAST_NODE_COVER * self.nodal_lengths
+        )
+
+    @field("carries")
+    def mean_gap(self) -> Array:
+        """Mean gap g_j / w_j of every covered node, zero elsewhere, (slave nodes,) [length]."""
+        o, on = self.operators, self.covered
+        return np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0)
+
+    @field("carries")
+    def gap(self) -> Array:
+        """Mean gap of every covered slave node, nan elsewhere, (slave nodes,) [length]."""
+        return self.fill_inside(np.where(self.covered, self.mean_gap, np.nan))
+
+    @field("carries")
+    def adhesion(self) -> tuple[Array, Array]:
+        """A at the mean gaps of covered nodes [stress], and its derivative; zero elsewhere.
+
+        Overlaps have the straight continuation of a from zero.
+        """
+        law, on, none = self.sides.pair.law, self.covered, np.zeros(len(self.state.z))
+        if not law.attracts:
+            return none, none
+        gap = self.mean_gap
+        pull, by_gap = self.sides.asker.adhesion(law, np.maximum(gap, 0.0), self.operators.x)
+        pull = pull + by_gap * np.minimum(gap, 0.0)
+        return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
+
+    @field("carries", "active")
+    def attracted(self) -> Flags:
+        """Whether an open node bears the adhesion of the contact law, (slave nodes,), bool."""
+        return (self.adhesion[0] > 0.0) & ~self.state.active
+
+    @field("carries", "active")
+    def acts(self) -> Flags:
+        """See ``InterfaceFields``."""
+        return self.state.active | self.attracted
+
+    @property
+    def tension(self) -> Array:
+        """Pull -z_n of each node beyond what the law allows, negative if less, (slave nodes,)."""
+        return -(self.z_n + self.adhesion[0])
+
+    @field("partners")
+    def slip(self) -> Array:
+        """See ``InterfaceFields``.
+
+        Zero on symmetry planes: across them nothing slips, but the partners are on one side.
+        """
+        on_plane = np.isfinite(self.sides.plane_normals[:, 0])
+        return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
+
+    @field("z", "carries", "partners", "c_n")
+    def nodal(self) -> Nodal:
+        """Arguments of the contact law."""
+        stiffness = self.sides.stiffness / self.nodal_lengths
+        c_n = self.state.c_n * stiffness
+        return Nodal(self.mean_gap, self.slip, self.z_n, self.z_tau, stiffness, c_n)
+
+    @property
+    def sticking(self) -> Flags:
+        """See ``InterfaceFields``."""
+        return self.state.active & (self.state.piece == STICK) & self.sides.rubs
+
+    @property
+    def sliding(self) -> Flags:
+        """Whether an active node slides against friction, shape (slave nodes,), bool."""
+        rubs = self.sides.rubs & (self.sides.pair.law.bound(self.pressure) > 0.0)
+        return self.state.active & (self.state.piece != STICK) & rubs
+
+    @property
+    def friction_work(self) -> float:
+        """What friction takes up in a step, by the shear at its end [stress length^2]."""
+        return float(self.shear_force @ np.where(self.state.active, self.slip, 0.0))
+
+    @field("z", "active", "piece", "carries", "overheld", "partners", "c_n")
+    def tangential_row(self) -> Row:
+        """Tangential row of all nodes, open ones as if they were active, each (slave nodes,).
+
+        Overheld nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
+        """
+        state, node = self.state, self.nodal
+        rubs = self.sides.rubs & ~self.attracted
+        law, x = self.sides.pair.law, self.operators.x
+        ours = self.sides.asker.tangential(law, node, state.piece, rubs, x)
+        without = Frictionless().tangential(node, state.piece)
+        row = Row(*(np.where(rubs, a, b) for a, b in zip(ours, without, strict=True)))
+        if not state.overheld.any():
+            return row
+        k, zero = node.stiffness, np.zeros_like(node.slip)
+        shear = (node.z_tau - state.partners.shear) / ELASTIC
+        elastic = Row(shear - k * node.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
+        return Row(*(np.where(state.overheld, a, b) for a, b in zip(elastic, row, strict=True)))
+
+    @field("z", "active", "piece", "carries", "overheld", "partners", "c_n")
+    def law_rows(self) -> tuple[Row, Row]:
+        """The contact law along tau, and along n of open nodes; each (slave nodes,)."""
+        (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
+        return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
+
+    @property
+    def steepness(self) -> float:
+        """See ``InterfaceFields``: laws of the package are no steeper than the bulk is stiff."""
+        if self.sides.pair.law.is_of_package:
+            return 0.0
+        force = self.operators.diagonal * np.abs(self.tangential_row.by_slip)
+        return float(force[self.state.active].max(initial=0.0))
+
+    @property
+    def on_obstacle(self) -> ObstacleOperators:
+        """The operators of a pair with an obstacle."""
+        assert isinstance(self.operators, ObstacleOperators)
+        return self.operators
+
+    def strength(self, pressure: float) -> tuple[Array, Array, Array]:
+        """Contact tractions that the law admits, about a pressure p, each (slave nodes,).
+
+        Returns:
+            Slope mu and shear s_0 of the line |z_tau| <= s_0 + mu z_n through the friction limits
+            at p and 2 p, which bounds a concave limit from above outside of these; mu is inf where
+            there is no limit. Third, the adhesion of a closed gap [stress].
+        """
+        sides = self.sides
+        law, rubs, X = sides.pair.law, sides.rubs, sides.slave.X
+        ones = np.ones(len(self.state.z))
+        at = sides.asker.bound(law, pressure * ones, X)
+        beyond = sides.asker.bound(law, 2.0 * pressure * ones, X)
+        unlimited = np.isinf(at + beyond)
+        at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
+        slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
+        shear = np.maximum(at - slope * pressure, 0.0)
+        shear = np.where(rubs & (shear > KINK * at), shear, 0.0)
+        slope = np.where(rubs, np.where(unlimited, np.inf, slope), 0.0)
+        return slope, shear, sides.asker.adhesion(law, 0.0 * ones, X)[0]

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: MIT
+"""How the operators of one contact are integrated: on a master surface or an obstacle.
+
+With small sliding they are those of the undeformed mesh, with the gap of the present positions.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.interface.mortar import (
+    LINEARIZATIONS,
+    Linearization,
+    MortarOperators,
+    MortarOptions,
+    evaluate_mortar,
+    evaluate_normals,
+)
+from fenics_mortar.interface.on_obstacle import evaluate_obstacle
+from fenics_mortar.interface.segments import Segments, find_segments
+from fenics_mortar.interface.sight import Outline, Sight, View
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.utils.arrays import Array, Flags
+
+# The place of a reference that there is not.
+NO_PLACE = np.full(3, np.nan)
+
+
+class Reference(NamedTuple):
+    """Frozen operators of the undeformed mesh, and what they were evaluated with."""
+
+    operators: Any
+    carries: Flags
+    place: Array
+
+
+class Integration:
+    """Evaluates the operators of one contact; changes no state.
+
+    Args:
+        sides: Slave and master.
+        obstacle: The rigid master, or ``None``.
+        arm: Length by which angles of the obstacle are multiplied [length].
+        planes: Normals of slave nodes on symmetry planes, nan elsewhere, shape (slave nodes, 2).
+        options: Basis, quadrature, search.
+        small: Whether sliding is small.
+    """
+
+    def __init__(
+        self,
+        sides: tuple[Surface, Surface],
+        obstacle: Obstacle | None,
+        arm: float,
+        planes: Array,
+        options: MortarOptions,
+        *,
+        small: bool,
+    ) -> None:
+        self.slave, self.master = sides
+        self.obstacle, self.arm, self.planes = obstacle, arm, planes
+        self.options, self.small = options, small
+        self.sight: Sight | None = None
+        self.view: View | None = None
+
+    def see(self, outline: Outline) -> None:
+        """Let partners lie behind the slave as far as its body is thick (collective).
+
+        Not behind an obstacle: what faces it from outside has it in front.
+        """
+        if self.obstacle is None:
+            normals, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
+            self.sight = Sight(outline, self.slave, self.master, normals)
+
+    def evaluate(
+        self, u: Array, state: InterfaceState, linearization: Linearization
+    ) -> tuple[MortarOperators, Reference | None]:
+        """Operators at the displacement ``u``, a local array (collective).
+
+        Returns:
+            The operators, and those of the undeformed mesh if sliding is small.
+        """
+        view, x, m = self._look(u)
+        if not self.small:
+            return self._integrate(x, m, state.carries, linearization, view), None
+        kept = state.reference
+        if kept is None or not np.array_equal(kept.carries, state.carries):
+            kept = self.refer(state.carries)
+        if self.obstacle is None:
+            return kept.operators.after_small_motion(x, m), kept
+        dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
+        return kept.operators.after_small_motion(x, m, dq), kept
+
+    def refer(self, carries: Flags) -> Reference:
+        """Evaluate the operators of the undeformed mesh (collective)."""
+        view, X, X_master = self._look(None)
+        operators = self._integrate(X, X_master, carries, LINEARIZATIONS["frozen"], view)
+        place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
+        return Reference(operators.freeze(), carries, place)
+
+    def refer_as_at(self, place: Array, carries: Flags) -> Reference | None:
+        """The operators of the undeformed mesh as they once were (collective).
+
+        Args:
+            place: Place of the obstacle of then, shape (3,); nan: there were none.
+            carries: Nodes with multipliers of then, shape (slave nodes,).
+        """
+        if np.isnan(place).any():
+            return None
+        if self.obstacle is None:
+            return self.refer(carries)
+        now, self.obstacle.place = self.obstacle.place, place.copy()
+        try:
+            return self.refer(carries)
+        finally:
+            self.obstacle.place = now
+
+    def intersections(self, o: MortarOperators) -> Segments:
+        """Where the facets of this rank's share meet the master, whatever integrates the pair.
+
+        Args:
+            o: Operators at the places where points of both sides are partners.
+        """
+        if self.options.integration == "segments" or self.obstacle is not None:
+            return o.segments
+        return find_segments(
+            self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
+            radius=self.options.radius, least_cosine=self.options.least_cosine, view=self.view,
+        )  # fmt: skip
+
+    def _look(self, u: Array | None) -> tuple[View | None, Array, Array]:
+        """The view at ``u``, or undeformed, and the places of slave and master (collective)."""
+        sides = self.slave, self.master
+        if self.sight is not None:
+            view, *moved = self.sight.look(u)
+        else:
+            view, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
+        x, m = (side.X + change for side, change in zip(sides, moved, strict=True))
+        return view, x, m
+
+    def _integrate(
+        self, x: Array, m: Array, carries: Flags, linearization: Linearization, view: View | None
+    ) -> MortarOperators:
+        """The operators where the nodes are at ``x`` and ``m`` (collective)."""
+        self.view = view
+        if self.obstacle is None:
+            return evaluate_mortar(
+                self.slave, self.master, x, m, carries, self.planes, self.options, linearization,
+                view,
+            )  # fmt: skip
+        return evaluate_obstacle(
+            self.slave, self.master, self.obstacle, self.arm, x, carries, self.planes,
+            self.options, linearization,
+        )  # fmt: skip

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: MIT
+"""The rows of the multipliers of a contact, linearized: gap and contact law.
+
+The row of the gap is weighted by k_j / D_jj, those of the law by D_jj, so that all read like rows
+of the bulk; the two are then turned back to Cartesian components: n (row of the gap) - tau
+(tangential row), or of an open node - n (normal row) - tau (tangential row).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.laws import Row
+from fenics_mortar.interface.mortar import Block
+from fenics_mortar.utils.arrays import Array
+
+# What weighs gaps, multipliers that do not act, and the two rows of the law: n k / D, the nodes'
+# lengths, tau D, and n D of open nodes, zero for nodes that have no such row. Shapes (slave nodes,
+# 2), (slave nodes,), (slave nodes, 2), (slave nodes, 2).
+Frame = tuple[Array, Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of the multipliers: blocks . dd + A_z z = rhs, in force units.
+
+    Attributes:
+        blocks: Blocks with rows 2 j + component and displacement dofs as columns.
+        A_z: Shape (slave nodes, 2, 2) [length].
+        rhs: Shape (slave nodes, 2) [stress length].
+    """
+
+    blocks: list[Block]
+    A_z: Array
+    rhs: Array
+
+
+def rows_of(f: ContactFields, frame: Frame) -> Rows:
+    """Rows of the multipliers: the gap, and the contact law."""
+    o = f.operators
+    normal, idle, *laws = frame
+    blocks: list[Block] = []
+    rhs, by_gap = -normal * o.gap[:, None], np.zeros_like(normal)
+    A_z = -idle[:, None, None] * np.eye(2)
+    for scaled, row in zip(laws, f.law_rows, strict=True):
+        by_z = row.by_z_tau[:, None] * o.tau + row.by_z_n[:, None] * o.n
+        A_z = A_z - scaled[:, :, None] * by_z[:, None, :]
+        rhs = rhs + scaled * (row.residual - np.einsum("ja,ja->j", by_z, f.state.z))[:, None]
+        if scaled.any():
+            blocks += _nodal_rows(f, scaled, row)
+        by_gap = by_gap + scaled * row.by_gap[:, None]
+    return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
+
+
+def residual_of(f: ContactFields) -> Array:
+    """Left side of the nonlinear rows, as forces: gap and contact law, (slave nodes, 2)."""
+    tangential, opening = (row.residual for row in f.law_rows)
+    D = f.operators.diagonal
+    gap = np.where(f.state.active, f.sides.stiffness * np.nan_to_num(f.gap), 0.0)
+    normal = np.where(f.attracted, D * opening, gap)
+    return np.stack([normal, np.where(f.acts, D * tangential, 0.0)], 1)
+
+
+def frame_of(f: ContactFields) -> Frame:
+    """See ``Frame``."""
+    o = f.operators
+    diagonal = np.where(f.acts, o.diagonal, f.nodal_lengths)
+    closing = np.where(f.state.active, f.sides.stiffness / diagonal, 0.0)
+    idle = np.where(f.acts, 0.0, diagonal)
+    along, opening = diagonal * f.acts, diagonal * f.attracted
+    return o.n * closing[:, None], idle, o.tau * along[:, None], o.n * opening[:, None]
+
+
+def law_of(f: ContactFields, frame: Frame) -> Array:
+    """The two rows of each node that solutions make zero, weighted by ``frame``."""
+    normal, idle, *laws = frame
+    rows = normal * f.operators.gap[:, None] - idle[:, None] * f.state.z
+    for scaled, row in zip(laws, f.law_rows, strict=True):
+        rows = rows - scaled * row.residual[:, None]
+    return rows
+
+
+def motion_rows_of(f: ContactFields, frame: Frame) -> Array:
+    """Derivative of the rows by the motions of the obstacle, (slave nodes, 2, 3)."""
+    o, z = f.on_obstacle, f.state.z
+    normal, _, *laws = frame
+    shear = z[:, 1:] * o.dn_dq[:, 0] - z[:, :1] * o.dn_dq[:, 1]
+    pressure = np.einsum("ja,jam->jm", z, o.dn_dq)
+    slip = f.state.partners.derivative_by_motions(o)
+    rows = np.einsum("ja,jm->jam", normal, o.dgap_dq)
+    for scaled, row in zip(laws, f.law_rows, strict=True):
+        change = (
+            row.by_z_tau[:, None] * shear
+            + row.by_z_n[:, None] * pressure
+            + row.by_slip[:, None] * slip
+            + row.by_gap[:, None] * gap_by_motions(f)
+        )
+        rows = rows - np.einsum("ja,jm->jam", scaled, change)
+    return rows
+
+
+def gap_by_motions(f: ContactFields) -> Array:
+    """Derivative of the mean gaps by the motions, (slave nodes, 3); zero where not covered."""
+    o, on = f.on_obstacle, f.covered[:, None]
+    return np.where(on, o.dgap_dq / np.where(on, o.weight[:, None], 1.0), 0.0)
+
+
+def _gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]:
+    """Rows ``normal`` (slave nodes, 2) dg - ``scaled_tau`` d(g / w)."""
+    o = f.operators
+    per_weight = np.where(f.covered, 1.0 / np.where(f.covered, o.weight, 1.0), 0.0)
+    along = scaled_tau * per_weight[:, None]
+    blocks = [_normal_rows(block, normal - along) for block in o.gap_derivative()]
+    if along.any():
+        mean = along * (o.gap * per_weight)[:, None]
+        blocks += [_normal_rows(block, mean) for block in o.weight_derivative()]
+    return blocks
+
+
+def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> Iterator[Block]:
+    """Rows -``scaled`` (slave nodes, 2) d(rho), but for the gaps in rho.
+
+    The change of n and tau is that of the nodes that this rank owns.
+    """
+    o, slave, z, partners = f.operators, f.sides.slave, f.state.z, f.state.partners
+    j = slave.owned[f.acts[slave.owned]]
+    by_slip = scaled * row.by_slip[:, None]
+    change = (
+        row.by_z_tau[:, None] * o.tangential_derivative(z)
+        + row.by_z_n[:, None] * o.normal_derivative(z)
+        + row.by_slip[:, None] * o.tangential_derivative(partners.apart(o))
+    )
+    rows = 2 * j[:, None] + np.arange(2)
+    yield Block(rows, o.normal_columns()[j], -scaled[j][:, :, None] * change[j][:, None, :])
+    if by_slip.any():
+        for block in partners.derivative(o):
+            yield _normal_rows(block, -by_slip)
+
+
+def _normal_rows(block: Block, direction: Array) -> Block:
+    """Turn rows of the weighted gap into two rows a node, along ``direction`` (slave nodes, 2)."""
+    values = np.einsum("bja,bjq->bjaq", direction[block.rows], block.values)
+    shape = len(block.rows), 2 * block.rows.shape[1]
+    rows = (2 * block.rows[:, :, None] + np.arange(2)).reshape(shape)
+    return Block(rows, block.columns, values.reshape(*shape, block.columns.shape[1]))

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: MIT
+"""The state of an interface: all that a solve moves, or leaves behind for the next one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from fenics_mortar.contact.laws import Pieces
+from fenics_mortar.utils.arrays import Array, Flags, freeze
+
+
+@dataclass(frozen=True, eq=False)
+class InterfaceState:
+    """State of one interface, a value: ``dataclasses.replace`` makes another one.
+
+    Arrays can not be written to. They are equal on all ranks.
+
+    Attributes:
+        z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
+        active: Active set, shape (slave nodes,), bool.
+        piece: Branch of the law that each node is on, 0 where it sticks, shape (slave nodes,).
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool: not if it is
+            held, nor while it is hardly covered.
+        overheld: Whether the stick of a node follows from other constraints, so that it sticks
+            elastically, shape (slave nodes,), bool; see ``redundancy``.
+        partners: Material points that slip is counted from, the ``Partners`` of the slave nodes at
+            the start of the step; ``None`` of a tie.
+        accepted: Partners at the last accepted state, those of the next step.
+        c_n: Weight of the gap in the complementarity function; less than the pair's after a cycle
+            of the active set.
+        offset: Length taken off the pointwise gap, shape (slave nodes,) [length].
+        reference: With small sliding the operators of the undeformed mesh, once evaluated.
+        borne: Nodes that press although their multipliers pull, and the forces of all nodes, noted
+            by the last increment for the next active set; see ``Contact.move``.
+    """
+
+    z: Array
+    active: Flags
+    piece: Pieces
+    carries: Flags
+    overheld: Flags
+    partners: Any = None
+    accepted: Any = None
+    c_n: float = 1.0
+    offset: Any = 0.0
+    reference: Any = None
+    borne: tuple[Flags, Array] | None = None
+
+    def __post_init__(self) -> None:
+        """Take copies of arrays that can be written to."""
+        freeze(self)
