@@ -1,30 +1,52 @@
 # SPDX-License-Identifier: MIT
 """Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D."""
 
+if __name__ != "fenics_mortar":
+    raise ImportError(
+        f"fenics_mortar was imported as {__name__!r}: install it, or put the folder of the clone "
+        "itself, not the folder above it, on PYTHONPATH (. .ci/env.sh in the clone)"
+    )
+
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.io.checkpoint import load_state, save_state
-from fenics_mortar.io.results import ResultsWriter, contact_table, plot
-from fenics_mortar.mesh.reading import MeshData, dirichlet, read_gmsh
+from fenics_mortar.io.paraview import ResultsWriter
+from fenics_mortar.io.picture import plot
+from fenics_mortar.io.table import contact_table
+from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.mesh.dirichlet import dirichlet
+from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.models.adequacy import AdequacyCheck
-from fenics_mortar.models.elastic_tool import ElasticTool
-from fenics_mortar.newton.loop import NewtonOptions
+from fenics_mortar.models.elastic_obstacle import ElasticObstacle
+from fenics_mortar.models.report import AdequacyReport
+from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
 from fenics_mortar.obstacles.shapes import Circle, Plane, Polygon, Spline
-from fenics_mortar.path.stepping import SteppingOptions, follow_path
+from fenics_mortar.path.options import SteppingOptions
+from fenics_mortar.path.report import PathReport
+from fenics_mortar.path.stepping import follow_path
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.compat import mixed_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
+from fenics_mortar.verify.certificate import Certificate
+from fenics_mortar.verify.estimate import ErrorEstimate
+from fenics_mortar.verify.pair_certificate import PairCertificate
+from fenics_mortar.verify.tangent import TangentCheck
+
+__version__ = "0.1.0"  # the only place: pyproject.toml reads it here
 
 __all__ = [
     "AdequacyCheck",
+    "AdequacyReport",
+    "Certificate",
     "Circle",
     "ContactPair",
     "ContactProblem",
     "Coulomb",
-    "ElasticTool",
+    "ElasticObstacle",
+    "ErrorEstimate",
     "Frictionless",
     "Law",
     "LinearVector",
@@ -32,8 +54,11 @@ __all__ = [
     "MeshError",
     "MortarError",
     "NewtonOptions",
+    "NewtonReport",
     "NotConvergedError",
     "Obstacle",
+    "PairCertificate",
+    "PathReport",
     "Plane",
     "Polygon",
     "ResultsWriter",
@@ -41,6 +66,7 @@ __all__ = [
     "Spline",
     "SteppingOptions",
     "SurfaceError",
+    "TangentCheck",
     "TiedPair",
     "Tresca",
     "contact_table",

@@ -16,7 +16,7 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space
-from fenics_mortar.bulk.folds import check_folds
+from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, prescribed_dofs
 from fenics_mortar.contact.binding import bind
 from fenics_mortar.contact.contact import Contact
@@ -140,7 +140,7 @@ class ContactProblem:
         check_slave_nodes(contacts)
         check_roles(contacts)
         check_cells(bulk)
-        check_folds(space.V, contacts)
+        check_mesh_overlap(space.V, contacts)
         bulk.check_input()
         self.equations = ContactEquations(
             bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions()
@@ -189,7 +189,7 @@ class ContactProblem:
     def _show_outlines(self) -> None:
         """Show each contact the bodies that it may look through, tied ones as one."""
         contacts, outline = self.equations.contacts, self.equations.crossings.outline
-        labels = self.equations.bulk.spread(self.equations.floating.labels)
+        labels = self.equations.bulk.space.spread(self.equations.floating.labels)
         bodies = outline.gather(labels)[:, 0].astype(np.int64)
         outline = replace(outline, bodies=bodies)
         ties = [contact for contact in contacts if isinstance(contact, Tie)]
@@ -232,7 +232,7 @@ class ContactProblem:
         self.equations.bulk.check_input()
         remarks = self._inputs.check(self.newton, accept_violations)
         with undone_if_interrupted(self.equations, self._adequacy):
-            report = None if self._adequacy is None else self._adequacy.climb()
+            report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
                 report = self._solver.solve(remarks, accept_violations=accept_violations)
             if self._adequacy is not None:

@@ -60,7 +60,11 @@ ENDS = {
         0.551,
         "'left/top' and 'right/bottom' slip off each other",
     ),
-    "friction": (ironing(2.0), 8.25 / 18, "may stick or slide on breaks the law of friction"),
+    "friction": (
+        ironing(2.0),
+        8.25 / 18,
+        "stick and slip violates the law of friction",
+    ),
 }
 
 

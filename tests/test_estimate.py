@@ -21,7 +21,8 @@ from fenics_mortar.bulk.fluxes import Fluxes
 from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.verify.estimate import ErrorEstimate, interface_tractions
+from fenics_mortar.verify.estimate import ErrorEstimate
+from fenics_mortar.verify.tractions import interface_tractions
 
 # Blocks of unlike material with rollers on the left and below, free on the right
 MESH = {"n_upper": 3, "n_lower": 5, "layers_upper": 2, "layers_lower": 3}

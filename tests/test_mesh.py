@@ -17,7 +17,9 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.mesh.reading import MeshData, dirichlet, read_gmsh
+from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.mesh.dirichlet import dirichlet
+from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MeshError
 
@@ -322,9 +324,9 @@ def with_curve_without_mesh():
         (with_untagged_surface, "surface 2 is in no physical group"),
         (with_curve_without_mesh, r"curve \d of physical group \['later'\] has no elements"),
         (with_mixed_cells, r"mixes \['Quadrilateral 4', 'Triangle 3'\]"),
-        (with_serendipity_cells, r"type \['Quadrilateral 8'\] are not known"),
-        (lambda: None, "source is None; right is"),
-        (lambda: 3.5, "source is 3.5; right is"),
+        (with_serendipity_cells, r"type \['Quadrilateral 8'\] are not supported"),
+        (lambda: None, "source is None; expected"),
+        (lambda: 3.5, "source is 3.5; expected"),
         (lambda: "nowhere.msh", "no file 'nowhere.msh'"),
     ),
     ids=lambda value: value.replace(" ", "_")[:30] if isinstance(value, str) else "",
@@ -347,7 +349,7 @@ def test_file_with_one_name_twice_raises_on_all_ranks(msh_path):
         msh_path.write_text(msh_path.read_text().replace("upper/left", "upper/right"))
 
     on_root(write)
-    match = r"'upper/right' is the name of the physical groups \d+ and \d+"
+    match = r"the physical groups \d+ and \d+ have the same name 'upper/right'"
     raises_on_all_ranks(match, read_gmsh, msh_path, COMM)
 
 
@@ -355,7 +357,7 @@ def test_missing_gmsh_raises_on_all_ranks(msh_path, monkeypatch):
     on_root(msh_path.write_text, "")
     with monkeypatch.context() as patch:
         patch.setitem(__import__("sys").modules, "gmsh", None)
-        raises_on_all_ranks("gmsh's Python module is needed", read_gmsh, msh_path, COMM)
+        raises_on_all_ranks("the Python module gmsh is needed", read_gmsh, msh_path, COMM)
 
 
 def test_rank_that_does_not_exist_cannot_read():
@@ -453,11 +455,11 @@ def test_value_that_does_not_fit_raises_on_all_ranks(blocks):
     def raises(match, *args):
         raises_on_all_ranks(match, dirichlet, V, blocks, "lower/left", *args)
 
-    raises(r"shape \(\); right is \(2,\)", 0.0)
-    raises(r"shape \(\); right is \(2,\)", scalar)
-    raises(r"shape \(2,\); right is \(\)", (0.0, 0.0), 1)
-    raises("component is 2; right is 0, 1 or None", 0.0, 2)
-    raises("of the same space", fem.Function(W))
+    raises(r"shape \(\); expected \(2,\)", 0.0)
+    raises(r"shape \(\); expected \(2,\)", scalar)
+    raises(r"shape \(2,\); expected \(\)", (0.0, 0.0), 1)
+    raises("component is 2; expected 0, 1 or None", 0.0, 2)
+    raises("belong to the same space", fem.Function(W))
     raises("prescribes both components", fem.Function(V), 0)
 
 
@@ -611,7 +613,7 @@ def test_inclusion_and_plate_meet_on_the_circle(order):
 )
 def test_scripts_refuse_what_they_cannot_build(build, options):
     if COMM.rank == 0:
-        with pytest.raises(ValueError, match=r"right is|cannot|only|have to"):
+        with pytest.raises(ValueError, match=r"right is|expected|cannot|only|have to"):
             build(**options)
 
 

@@ -328,7 +328,7 @@ def test_pressure_that_is_not_finite_is_refused():
 def test_part_that_is_not_there_is_refused():
     data = read(two_blocks.build, **GENERIC)
     w = fem.Function(fm.mixed_space(data.mesh, *TAYLOR_HOOD))
-    with pytest.raises(ValueError, match="parts 0 to 1"):
+    with pytest.raises(ValueError, match="sub-spaces 0 to 1"):
         fm.ContactProblem(neo_hookean(w, 0.5), w, [], displacement=2, petsc_options_prefix="test_")
 
 

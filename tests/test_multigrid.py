@@ -178,7 +178,7 @@ def test_rigid_obstacle_is_pressed_into_a_block(options):
 
 
 def test_what_it_cannot_do_is_said():
-    with pytest.raises(ValueError, match="allowed are auto, direct, iterative"):
+    with pytest.raises(ValueError, match="expected one of auto, direct, iterative"):
         pressed_blocks(problem={"solver": "guess"}, **MESH)
 
 

@@ -11,8 +11,8 @@ from test_obstacles import KINDS, block_under
 from test_stepping import MESH, ironing
 
 import fenics_mortar as fm
+from fenics_mortar.path.moving_frame import MovingFrame
 from fenics_mortar.path.predictor import Predictor
-from fenics_mortar.path.travel import Travel
 
 FACET = 1 / 3  # of the block under the tool
 FRICTION = [None, fm.Coulomb(0.1)]
@@ -80,10 +80,10 @@ def test_states_travel_with_the_contact(degree):
         interface = replace(contact.state, z=wave(contact.slave.X, time))
         return replace(found, u=u, interfaces=(interface,))
 
-    travel = Travel(problem)
-    moved = np.where(np.array([side.is_slave for side in travel._sides])[:, None], s, 0.0)
+    frame = MovingFrame(problem)
+    moved = np.where(np.array([side.is_slave for side in frame._sides])[:, None], s, 0.0)
     before, last, right = state(1.0), state(2.0), state(4.0)
-    guess = travel.guess(last, before, moved, 2.0)
+    guess = frame.guess(last, before, moved, 2.0)
     left, line = contact.slave.X[:, 0].min() + 3.0 * s[0], last.towards(before, -2.0)
     inside, outside = X[:, 0] > left + 0.1 * s[0], X[:, 0] < left - 0.1 * s[0]
     assert np.abs((guess.u - right.u)[dofs[lower & inside]]).max(initial=0.0) < 1e-10
@@ -91,8 +91,8 @@ def test_states_travel_with_the_contact(degree):
         assert np.array_equal(guess.u[dofs[stays]], line.u[dofs[stays]])
     inside = contact.slave.X[:, 0] > left - 0.1 * s[0]
     assert np.abs((guess.interfaces[0].z - right.interfaces[0].z)[inside]).max() < 1e-10
-    assert travel.guess(last, before, 0.1 * moved, 2.0) is None
-    assert travel.guess(last, before, np.nan * moved, 2.0) is None
+    assert frame.guess(last, before, 0.1 * moved, 2.0) is None
+    assert frame.guess(last, before, np.nan * moved, 2.0) is None
 
 
 def test_path_that_turns_begins_at_its_last_state():
@@ -151,7 +151,7 @@ def test_guess_in_vain_is_taken_back_and_then_made_more_rarely():
     assert np.array_equal(starts[1].u, last.u) and np.array_equal(
         starts[1].interfaces[0].z, last.interfaces[0].z
     )
-    assert report.converged and any("in vain: no good" in note for note in report.notes)
+    assert report.converged and any("guess abandoned: no good" in note for note in report.notes)
     for time in np.arange(4.0, 9.0):
         press(time, solve)
     assert tentative == [True, False, False, True, False, False, False, True, False]

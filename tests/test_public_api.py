@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: MIT
 """What users import: it exists, is documented, and stays small."""
 
+import dataclasses
 import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -25,7 +30,47 @@ def test_public_call_documents_arguments_and_errors(name):
 
 
 def test_public_names_are_few():
-    assert len(fm.__all__) <= 48
+    assert len(fm.__all__) <= 40
+
+
+RESULTS = [
+    "AdequacyReport",
+    "Certificate",
+    "ErrorEstimate",
+    "NewtonReport",
+    "PairCertificate",
+    "PathReport",
+    "TangentCheck",
+]
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_result_class_documents_each_attribute(name):
+    text = inspect.getdoc(getattr(fm, name))
+    for field in dataclasses.fields(getattr(fm, name)):
+        assert re.search(rf"^ +(\w+, )*{field.name}(, \w+)*:", text, re.M), field.name
+
+
+def test_package_imported_from_above_its_clone_says_what_to_do(tmp_path):
+    """There the folder of the clone is an empty namespace package of the same name."""
+    clone = tmp_path / "fenics_mortar"
+    clone.mkdir()
+    (clone / "fenics_mortar").symlink_to(Path(fm.__file__).parent)
+    with pytest.raises(subprocess.CalledProcessError) as error:
+        subprocess.run(
+            [sys.executable, "-c", "import fenics_mortar.fenics_mortar"],
+            cwd=tmp_path,
+            env={"PATH": "/usr/bin"},
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+    assert "on PYTHONPATH (. .ci/env.sh in the clone)" in error.value.stderr
+
+
+def test_version_is_a_literal_that_pip_can_read():
+    (line,) = re.findall(r'^__version__ = "([^"]+)"', Path(fm.__file__).read_text(), re.M)
+    assert line == fm.__version__
 
 
 @pytest.mark.parametrize(

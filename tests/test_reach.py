@@ -12,7 +12,7 @@ from scenes import internal, neo_hookean, pressed_blocks, read
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.bulk.residual import MOST_GROWTHS
+from fenics_mortar.bulk.residual import MAX_GROWTHS
 from fenics_mortar.la.reach import MARGIN, Reach
 
 comm = MPI.COMM_WORLD
@@ -48,7 +48,7 @@ def test_zeros_that_contact_left_behind_go():
     scene.loads["push"].value[:] = (-1.2, -0.01)
     scene.problem.solve()
     matrices, sizes = scene.problem.equations.bulk.num_patterns, []
-    for _ in range(2 * MOST_GROWTHS):
+    for _ in range(2 * MAX_GROWTHS):
         slide(scene, 0.6 * MARGIN)
         sizes.append(entries(scene))
     assert scene.problem.equations.bulk.num_patterns == matrices + 1

@@ -16,7 +16,9 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.io.results import ResultsWriter, contact_table, plot
+from fenics_mortar.io.paraview import ResultsWriter
+from fenics_mortar.io.picture import plot
+from fenics_mortar.io.table import contact_table
 from fenics_mortar.utils import compat
 
 COMM = MPI.COMM_WORLD
@@ -217,7 +219,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
     ("fields", "message"),
     [
         ({"displacement": 1}, "'displacement'"),
-        ({"": 1}, "not empty"),
+        ({"": 1}, "non-empty text"),
         ({"number": 1.0}, "field 'number'"),
         ({"rank 3": "third"}, r"shape is \(2, 2, 2\)"),
         ({"test": "test"}, "test or trial function"),
@@ -319,18 +321,18 @@ def test_plot_draws_a_picture(shared_path, cell, solved, degree):
 
 def test_plot_refuses_what_is_not_a_scalar(shared_path):
     scene = pressed()
-    with pytest.raises(fm.MortarError, match="right is a scalar"):
+    with pytest.raises(fm.MortarError, match="expected a scalar"):
         plot(scene.problem, shared_path / "picture", stress=ufl.grad(scene.u))
 
 
 def test_plot_shows_every_cell_once(shared_path, monkeypatch):
     """Also on several ranks, where ghost cells must not be drawn twice."""
-    from fenics_mortar.io import results
+    from fenics_mortar.io import picture
 
     drawn = []
-    original = results._draw_bodies
+    original = picture._draw_bodies
     monkeypatch.setattr(
-        results, "_draw_bodies", lambda *args: drawn.append(args) or original(*args)
+        picture, "_draw_bodies", lambda *args: drawn.append(args) or original(*args)
     )
     scene = pressed()
     x = ufl.SpatialCoordinate(scene.data.mesh)

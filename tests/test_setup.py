@@ -89,10 +89,13 @@ def test_pip_installs_the_package_beside_debians_dolfinx(tmp_path):
     installed = run(*pip, source, cwd=tmp_path)
     assert installed.returncode == 0, installed.stdout + installed.stderr
 
-    code = "import fenics_mortar as fm; print(fm.__file__)"
+    code = "import fenics_mortar as fm; print(fm.__version__, fm.__file__)"
     imported = run(venv / "bin/python", "-c", code, cwd=tmp_path)
     assert imported.returncode == 0, imported.stderr
-    folder = Path(imported.stdout.split()[-1]).parent
+    version, file = imported.stdout.split()
+    shown = run(venv / "bin/python", "-m", "pip", "show", "fenics_mortar", cwd=tmp_path).stdout
+    assert f"Version: {version}\n" in shown
+    folder = Path(file).parent
     assert venv in folder.parents
     for path in (source / "fenics_mortar").rglob("*.py"):
         assert (folder / path.relative_to(source / "fenics_mortar")).is_file(), f"no {path}"

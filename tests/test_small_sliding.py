@@ -152,5 +152,5 @@ def test_friction_on_undeformed_operators():
 
 
 def test_word_is_checked():
-    with pytest.raises(ValueError, match="sliding='none': allowed are finite, small"):
+    with pytest.raises(ValueError, match="sliding='none': expected one of finite, small"):
         small_blocks(pair={"sliding": "none"})

@@ -40,7 +40,7 @@ from scenes_ladder import (
 from scipy.spatial import cKDTree
 
 import fenics_mortar as fm
-from fenics_mortar.models.adequacy import touching_tool
+from fenics_mortar.models.indicators import contacts_of
 from fenics_mortar.models.model_error import (
     ENERGY,
     FORCE,
@@ -196,8 +196,8 @@ def by_meshed_tool(scene: Scene, load: float, posed: Posed) -> Errors:
     """What it is worth that a circle neither gives way nor has the facets of a mesh."""
     (circle,) = posed.problem.equations.tools.obstacles
     tool = elastic_tool(scene, circle, read(scene, load, "tool"))
-    touching = touching_tool(posed.problem, tool)
-    parts = zip(tool.give(touching), tool.flatness(touching), strict=True)
+    touching = contacts_of(posed.problem, tool)
+    parts = zip(tool.displacements(touching), tool.flatness(touching), strict=True)
     return estimate_wider(posed.problem, touching, [a + b for a, b in parts])
 
 

@@ -250,7 +250,7 @@ def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0
     check = None
     if rung.climbs or rung.leaves_out:
         friction_left_out = rung.leaves_out or None
-        check = fm.AdequacyCheck(TOLERANCE, climb=rung.climbs, friction=friction_left_out)
+        check = fm.AdequacyCheck(TOLERANCE, hierarchy=rung.climbs, friction=friction_left_out)
     problem = fm.ContactProblem(
         internal_forces(scene, u, data, rung.strain),
         u,
@@ -276,11 +276,11 @@ def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0
     return Posed(problem, internal_forces(scene, u, data, "finite"), set_time)
 
 
-def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> fm.ElasticTool:
+def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> fm.ElasticObstacle:
     """What the rigid circle stands for, on a mesh of the tool alone."""
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
     gripped = ((scene.grip, None),) if scene.grip else ()
     bcs = hold(V, data, (*scene.symmetry, *gripped))
     residual = internal_forces(scene, u, data, "linear")
-    return fm.ElasticTool(circle, residual, u, data, "tool/bottom", bcs=bcs)
+    return fm.ElasticObstacle(circle, residual, u, data, "tool/bottom", bcs=bcs)

@@ -155,7 +155,7 @@ REMEDIES = {
         "turn_all",
         "45",
         "plain",
-        Method("cells invert", adaptive=False, override=without((bulk, "SMALLEST_STEP", 2.0))),
+        Method("cells invert", adaptive=False, override=without((bulk, "MIN_FRACTION", 2.0))),
     ),
     "no_settling": Remedy(
         "bodies that loads drive are moved until contact stops them",

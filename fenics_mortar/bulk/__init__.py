@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The bodies without contact: residual and tangent from UFL, bodies, stresses, input checks.
 
-In flow UFL forms and Dirichlet conditions; out flow assembled vectors and matrices, separate bodies
-and their rigid motions, tractions and moduli read from the forms.
+Input are UFL forms and Dirichlet conditions. Output are assembled vectors and matrices, the
+separate bodies and their rigid motions, and tractions and moduli extracted from the forms.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The separate bodies of a mesh, and their rigid motions that nothing in the bulk resists."""
+"""The separate bodies of a mesh, and their rigid motions without resistance of the bulk."""
 
 from __future__ import annotations
 
@@ -17,14 +17,12 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import place
-
-# A rigid motion counts as resisted if it meets more than this part of the body's stiffness.
-RESISTED = 1e-9
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @dataclass(frozen=True)
 class FloatingBody:
-    """A body with rigid motions left free by Dirichlet conditions and by the bulk tangent.
+    """A body with rigid motions that neither Dirichlet conditions nor the bulk tangent resist.
 
     Attributes:
         label: Number of the body.
@@ -33,7 +31,7 @@ class FloatingBody:
         motions: Orthonormal combinations of (translation x, translation y, rotation about the
             centre times ``size``), shape (number of free motions, 3).
         stiffest: Largest diagonal entry of K in the body [stress].
-        num_nodes: Its nodes, on all ranks.
+        num_nodes: Number of its nodes on all ranks.
     """
 
     label: int
@@ -44,11 +42,11 @@ class FloatingBody:
     num_nodes: int
 
     def displacement(self, X: Array) -> Array:
-        """Free motions at the points ``X`` (n, 2): shape (motions, n, 2)."""
+        """Free motions at the points ``X`` (n, 2), shape (motions, n, 2) (local)."""
         return np.einsum("fm,mnc->fnc", self.motions, _rigid_motions(X, self.centre, self.size))
 
     def describe(self, motion: Array) -> str:
-        """One free motion in words, its sign apart; ``motion``: coefficients of ``motions``."""
+        """Describe a free motion up to its sign; ``motion``: factors of ``motions`` (local)."""
         x, y, rotation = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
         x, y = (x, y) if (x, y) > (0.0, 0.0) or rotation else (-x, -y)
         if abs(rotation) > 0.1:
@@ -66,36 +64,36 @@ def _rigid_motions(X: Array, centre: Array, size: float) -> Array:
 
 
 def label_bodies(V: Any) -> tuple[Indices, int]:
-    """Number the connected parts of the mesh (collective).
+    """Number the connected components of the mesh (collective).
 
     Returns:
         Body of each local node (ghosts included) of the space ``V``, and the number of bodies.
-        Bodies are numbered by their lowest node, so by an order that may depend on the ranks.
+        Bodies are numbered by their lowest node; the order may depend on the partition.
     """
     comm, index_map, dofs = V.mesh.comm, V.dofmap.index_map, compat.dofmap(V)
     owned, count = index_map.size_local, index_map.size_local + index_map.num_ghosts
     first = np.repeat(dofs[:, :1], dofs.shape[1] - 1, axis=1).ravel()
     links = coo_array((np.ones(first.size), (first, dofs[:, 1:].ravel())), shape=(count, count))
-    parts, part = connected_components(links, directed=False)
-    offsets = np.concatenate([[0], np.cumsum(comm.allgather(parts))])
-    part = part + offsets[comm.rank]
+    count_here, component = connected_components(links, directed=False)
+    offsets = np.concatenate([[0], np.cumsum(comm.allgather(count_here))])
+    component = component + offsets[comm.rank]
     begin, end = index_map.local_range
     ghosts = np.concatenate(comm.allgather(np.asarray(index_map.ghosts)))
-    ghost_part = np.concatenate(comm.allgather(part[owned:]))
+    ghost_component = np.concatenate(comm.allgather(component[owned:]))
     mine = (ghosts >= begin) & (ghosts < end)
-    pairs = np.stack([ghost_part[mine], part[ghosts[mine] - begin]], axis=1)
+    pairs = np.stack([ghost_component[mine], component[ghosts[mine] - begin]], axis=1)
     pairs = np.concatenate(comm.allgather(np.unique(pairs, axis=0)))
     total = int(offsets[-1])
     bridges = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(total, total))
     bodies, body = connected_components(bridges, directed=False)
-    return body[part].astype(np.int64), bodies
+    return body[component].astype(np.int64), bodies
 
 
 def join_bodies(labels: Indices, num_bodies: int, links: Sequence[Indices]) -> tuple[Indices, int]:
-    """Give linked bodies one number: new ``labels`` and number of bodies (local).
+    """Merge linked bodies: new ``labels`` and number of bodies (local).
 
     Args:
-        labels: Body of each local node.
+        labels: Body of each local node, shape (n,).
         num_bodies: Number of bodies.
         links: Pairs of bodies, equal on all ranks, shapes (k, 2).
     """
@@ -106,7 +104,10 @@ def join_bodies(labels: Indices, num_bodies: int, links: Sequence[Indices]) -> t
 
 
 def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[FloatingBody]:
-    """Find bodies with free rigid motions, with ``bulk.K`` as assembled (collective)."""
+    """Find bodies with free rigid motions, with ``bulk.K`` as assembled (collective).
+
+    A motion is free if its resistance is rounding compared with the stiffness of the body.
+    """
     dofs = bulk.space.owned_dofs
     X = bulk.V.tabulate_dof_coordinates()[: len(dofs), :2]
     labels = labels[: len(dofs)]
@@ -123,23 +124,23 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
         stiff = bulk.to_force * _apply(bulk.K, motions) / stiffest
         size, directions = resistance(np.hstack([held, stiff]), bulk.comm)
         num_nodes = bulk.comm.allreduce(int(mine.sum()))
-        free = directions[size < RESISTED * np.sqrt(num_nodes)]
+        free = directions[size < ROUNDING * np.sqrt(num_nodes)]
         if len(free):
             found.append(FloatingBody(label, *body, free, stiffest, num_nodes))
     return found
 
 
 def resistance(answers: Array, comm: MPI.Comm) -> tuple[Array, Array]:
-    """How much motions are resisted, from all that answers to them (collective).
+    """Resistance to motions, from all forces that they cause (collective).
 
     Args:
-        answers: Local answers to each of m motions, shape (m, n).
-        comm: Communicator of the answers.
+        answers: Local forces due to each of m motions, shape (m, n).
+        comm: Communicator of the forces.
 
     Returns:
-        Norms of the answers to m orthonormal combinations of the motions, in descending order, and
-        these combinations, shape (m, m). Unlike an eigenvalue of the Gram matrix, a norm is right
-        to round-off.
+        Norms of the forces due to m orthonormal combinations of the motions, in descending order,
+        and these combinations, shape (m, m). Unlike eigenvalues of the Gram matrix, the norms are
+        accurate to rounding.
     """
     count = len(answers)
     triangle = np.linalg.qr(np.vstack([answers.T, np.zeros((count, count))]), mode="r")
@@ -148,14 +149,14 @@ def resistance(answers: Array, comm: MPI.Comm) -> tuple[Array, Array]:
 
 
 def centre_and_size(X: Array, comm: MPI.Comm) -> tuple[Array, float]:
-    """Mean and radius of gyration of the points ``X`` of all ranks (collective)."""
+    """Mean and radius of gyration [length] of the points ``X`` (n, 2) of all ranks (collective)."""
     count = comm.allreduce(len(X))
     centre = comm.allreduce(X.sum(axis=0)) / count
     return centre, float(np.sqrt(comm.allreduce(((X - centre) ** 2).sum()) / count))
 
 
 def _apply(K: Any, vectors: Array) -> Array:
-    """K times each row of ``vectors`` (local parts)."""
+    """K times each row of ``vectors``, owned entries (collective)."""
     x, y = K.createVecs()
     result = np.empty_like(vectors)
     for row, vector in zip(result, vectors, strict=True):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What is refused when a problem is set up, before anything is computed."""
+"""Checks when a problem is set up: space, mesh, residual and pairs."""
 
 from __future__ import annotations
 
@@ -12,17 +12,25 @@ import ufl
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.mesh.reading import check_plane
+from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.mesh.data import check_plane
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.errors import MeshError, MortarError, SurfaceError, place
 
 
-def check_space(V: Any, pairs: Sequence[Any]) -> None:
-    """Refuse spaces and meshes that the package cannot work on (collective)."""
+def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
+    """Refuse unsupported spaces and meshes (collective).
+
+    Raises:
+        MortarError: On all ranks.
+    """
     mesh = V.mesh
     if compat.scalar_is_complex():
-        raise MortarError("PETSc has complex scalars; install the real build (petsc-real)")
+        raise MortarError(
+            "PETSc has complex scalars; install the build with real scalars (petsc-real)"
+        )
     check_plane(mesh)
     _check_coordinates(mesh)
     corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
@@ -37,8 +45,8 @@ def check_space(V: Any, pairs: Sequence[Any]) -> None:
         )
     if compat.geometry_dofmap(mesh).shape[1] not in (corners, nodes[degrees[0]]):
         raise MeshError(
-            "the mesh has curved cells; contact needs straight ones, of first order, or of second "
-            "order together with a displacement of degree 2"
+            "the mesh has curved cells; contact needs straight ones of first order, or cells of "
+            "second order with a displacement of degree 2"
         )
     for pair in pairs:
         if pair.data.mesh is not mesh:
@@ -48,7 +56,7 @@ def check_space(V: Any, pairs: Sequence[Any]) -> None:
 
 
 def _check_coordinates(mesh: Any) -> None:
-    """Refuse nan and inf; a node without a place is called by its number in the input."""
+    """Refuse coordinates that are nan or inf; names a node by its input number (collective)."""
     bad = ~np.isfinite(mesh.geometry.x).all(axis=1)
     numbers = np.unique(
         np.concatenate(mesh.comm.allgather(np.asarray(mesh.geometry.input_global_indices)[bad]))
@@ -56,12 +64,16 @@ def _check_coordinates(mesh: Any) -> None:
     if numbers.size:
         raise MeshError(
             f"coordinates of {numbers.size} nodes are not finite, e.g. of node {numbers[0]} "
-            "(counted from 0, as given)"
+            "(counted from 0, in the order of the input)"
         )
 
 
 def check_slave_nodes(contacts: Sequence[Interface]) -> None:
-    """Refuse nodes that are slaves of the same master, or of the same obstacle, in two pairs."""
+    """Refuse nodes that are slaves of the same master or obstacle in two pairs (local).
+
+    Raises:
+        SurfaceError: On all ranks.
+    """
     for i, one in enumerate(contacts):
         for other in contacts[i + 1 :]:
             both = np.intersect1d(one.multiplier_nodes, other.multiplier_nodes)
@@ -75,55 +87,59 @@ def check_slave_nodes(contacts: Sequence[Interface]) -> None:
 
 
 def check_residual(name: str, residual: Any, u: Any) -> None:
-    """Refuse what is no residual in the space of ``u`` (local).
+    """Refuse forms that are not residuals in the space of ``u`` (local).
 
     Raises:
-        ValueError: If the form has another number of test functions, one of another space, or does
-            not hold ``u``.
+        ValueError: If the form has not exactly one test function, one of another space, or does
+            not depend on ``u``.
     """
-    right = (
-        "the residual has to hold one test function and no trial function; of an energy, "
-        "it is ufl.derivative(energy, u, v)"
+    expected = (
+        "the residual needs exactly one test function and no trial function; for an energy, "
+        "take ufl.derivative(energy, u, v)"
     )
-    _check_form(name, residual, 1, u, right)
+    _check_form(name, residual, 1, u, expected)
     if u not in residual.coefficients():
-        raise ValueError(f"the {name} does not hold u, the function that is to be solved for")
+        raise ValueError(f"the {name} does not depend on u, the function to be solved for")
 
 
 def check_jacobian(jacobian: Any, u: Any) -> None:
-    """Refuse what is no tangent in the space of ``u`` (local).
+    """Refuse forms that are not tangents in the space of ``u`` (local).
 
     Raises:
-        ValueError: If the form has another number of arguments, or one of another space.
+        ValueError: If the form does not have two arguments of this space.
     """
-    right = "the jacobian has to hold one test and one trial function"
-    _check_form("jacobian", jacobian, 2, u, right)
+    expected = "the jacobian needs one test and one trial function"
+    _check_form("jacobian", jacobian, 2, u, expected)
 
 
-def _check_form(name: str, form: Any, count: int, u: Any, right: str) -> None:
-    """Refuse a form with another number of arguments than ``count``, or of another space."""
+def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None:
+    """Refuse forms without exactly ``count`` arguments of the space of ``u`` (local)."""
     check_kind(name, form, ufl.Form, "a UFL form")
     try:
         arguments = form.arguments()
-    except Exception as error:  # UFL's, of a name that changes
-        raise ValueError(f"the {name} holds test functions of several spaces: {error}") from error
+    except Exception as error:  # of UFL, whose name differs between releases
+        raise ValueError(f"the {name} has test functions of several spaces: {error}") from error
     if len(arguments) != count:
-        raise ValueError(right)
+        raise ValueError(expected)
     V = u.function_space
     for argument in arguments:
         space = argument.ufl_function_space()
         if space.ufl_domain() != V.ufl_domain() or space.ufl_element() != V.ufl_element():
             kind = "test" if argument.number() == 0 else "trial"
             raise ValueError(
-                f"the {kind} function of the {name} is of another space than u: it is of "
-                f"{space.ufl_element()}, u of {V.ufl_element()}"
+                f"the {kind} function of the {name} belongs to another space than u: to "
+                f"{space.ufl_element()}, u to {V.ufl_element()}"
                 + " on another mesh" * (space.ufl_domain() != V.ufl_domain())
-                + f"; right is ufl.{kind.capitalize()}Function(u.function_space)"
+                + f"; expected ufl.{kind.capitalize()}Function(u.function_space)"
             )
 
 
 def check_cells(bulk: Bulk) -> None:
-    """Refuse cells without area (collective)."""
-    count, where = bulk.flat_cells()
+    """Refuse cells without area (collective).
+
+    Raises:
+        MeshError: On all ranks; gives a position.
+    """
+    count, where = bulk.cells.flat()
     if count:
         raise MeshError(f"{count} cells have no area, one at {where}")

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Stress, loads and moduli read from the residual that a user gives, whatever energy is behind it.
+"""Stress, loads and moduli extracted from the UFL residual of a user, for any material.
 
 A residual of first order is linear in v and grad v: P : grad v - f . v in a cell, -t . v on the
-boundary. So its integrand I(v, grad v) tells them by what it makes of single entries,
+boundary. Evaluating its integrand I(v, grad v) for single entries gives
 
     f_i = -I(e_i, 0),    P_iJ = I(0, e_i x e_J),    t_i = -I(e_i, 0) on the boundary,
 
-and the same of its derivative gives the moduli dP_iJ / dF_kL. With the test function q = 1 of
-another unknown, as a pressure, it is a constraint on the displacement: zero in all places.
+and its derivative gives the moduli dP_iJ / dF_kL. With the test function q = 1 of another unknown,
+e.g. a pressure, it is a constraint on the displacement, zero at all points.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-import basix
 import ufl
 from dolfinx import fem
 from ufl.algorithms import expand_derivatives, replace
@@ -28,65 +27,25 @@ from ufl.algorithms.analysis import extract_type
 from ufl.algorithms.map_integrands import map_integrand_dags
 from ufl.corealg.multifunction import MultiFunction
 
+from fenics_mortar.bulk.reference_cell import ReferenceCell
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.rounding import ROUNDING
 
-# Gauss points on a side of a cell, and per direction in it
-POINTS = 3
-# A part of the largest of all values that is rounding
-ROUNDING = 1e-10
 Subdomain = tuple[Any, Any]
 
 
-class ReferenceCell:
-    """A triangle or a square, its sides and quadrature points.
-
-    Attributes:
-        sides: Vertices of each side, shape (sides, 2).
-        edges: From the first to the second of them, shape (sides, 2).
-        normals: Outer normals of the length of the sides, shape (sides, 2).
-        s: Gauss points along a side, from 0 to 1, shape (q,).
-        side_weights: Their weights, of sum 1, shape (q,).
-        side_points: The same in the cell, shape (sides q, 2).
-        points, weights: Of the cell, shapes (p, 2) and (p,).
-        midpoint: Shape (1, 2).
-        fill: Area of a square by that of the cell.
-    """
-
-    def __init__(self, name: str) -> None:
-        kind = getattr(basix.CellType, name)
-        corners = np.asarray(basix.geometry(kind))
-        self.sides: Indices = np.array(basix.topology(kind)[1], np.int64)
-        self.midpoint: Array = corners.mean(axis=0, keepdims=True)
-        starts, ends = corners[self.sides[:, 0]], corners[self.sides[:, 1]]
-        self.edges: Array = ends - starts
-        normals = np.stack([self.edges[:, 1], -self.edges[:, 0]], axis=1)
-        outward = np.sign(np.einsum("kc,kc->k", normals, starts - self.midpoint))
-        self.normals: Array = outward[:, None] * normals
-        x, w = np.polynomial.legendre.leggauss(POINTS)
-        self.s, self.side_weights = (x + 1) / 2, w / 2
-        self.side_points: Array = (starts[:, None] + self.s[:, None] * self.edges[:, None]).reshape(
-            -1, 2
-        )
-        s, t = (a.ravel() for a in np.meshgrid(self.s, self.s, indexing="ij"))
-        weights = np.outer(self.side_weights, self.side_weights).ravel()
-        triangle = len(corners) == 3
-        self.fill = 2.0 if triangle else 1.0
-        self.points: Array = np.stack([s, t * (1 - s) if triangle else t], axis=1)
-        self.weights: Array = weights * (1 - s) if triangle else weights
-
-
 class Values(NamedTuple):
-    """Values at points of cells, of whatever shape (...).
+    """Values at points of cells, shape (...).
 
     Attributes:
         jacobian: dx/dX, shape (..., 2, 2) [length].
         gradient: grad u, shape (..., 2, 2).
         stress: P, shape (..., 2, 2) [stress].
         residual: div P + f, shape (..., 2) [stress / length].
-        constraint: What the constraints ought to make zero, shape (..., constraints).
+        constraint: Residuals of the constraints, shape (..., constraints).
     """
 
     jacobian: Array
@@ -97,7 +56,7 @@ class Values(NamedTuple):
 
 
 class Fluxes:
-    """Compiled fluxes of a residual; values are those of the present displacement.
+    """Compiled fluxes of a residual, evaluated at the present displacement.
 
     Args:
         residual: UFL form, linear in a test function of the space of ``u``.
@@ -105,22 +64,22 @@ class Fluxes:
         space: The displacement's nodes and dofs.
 
     Raises:
-        MortarError: If the form has integrals that this cannot read.
+        MortarError: If the form has integrals of an unsupported kind.
     """
 
     def __init__(self, residual: Any, u: fem.Function, space: DisplacementSpace) -> None:
-        """Read and compile (collective)."""
+        """Extract and compile (collective)."""
         self._mesh = mesh = space.V.mesh
         self.cell = ReferenceCell(compat.cell_name(mesh))
         self._num_cells = mesh.topology.index_map(2).size_local
-        # The form's own test function: with dolfinx 0.5 one made now may hash differently, since
-        # the first compilation changes the mesh's element.
+        # The form's own test function: with dolfinx 0.5 a new one may hash differently, since the
+        # first compilation changes the mesh's element.
         (test,), trial = residual.arguments(), ufl.TrialFunction(space.whole)
         displacement = u if not space.is_mixed else ufl.split(u)[space.part]
         size, first = _unknowns(space)
         motion = first, first + 1
         others = [k for k in range(size) if k not in motion]
-        x = ufl.SpatialCoordinate(mesh)  # heads each list: an expression has to know its mesh
+        x = ufl.SpatialCoordinate(mesh)  # first entry of each list: an expression needs a mesh
         bulk, boundary = _integrands(expand_derivatives(residual))
         self._in_cells, self._on_boundary = list(bulk), list(boundary)
         self._num_constraints = len(others)
@@ -152,10 +111,10 @@ class Fluxes:
         self._loads = self._compile(loads, self.cell.side_points)
 
     def in_cells(self) -> tuple[Values, Values]:
-        """Values in the owned cells: at their points (cells, p), on their sides (cells, s, q).
+        """Values in the owned cells (cells, p) and on their sides (cells, s, q) (collective).
 
         Raises:
-            MortarError: On all ranks, if an unknown beside the displacement has a flux of its own.
+            MortarError: On all ranks, if a gradient of another test function occurs.
         """
         values, count = self._evaluate(self._values), self._num_constraints
         J, H = (values[..., i : i + 4].reshape(*values.shape[:2], 2, 2) for i in (0, 4))
@@ -171,21 +130,21 @@ class Fluxes:
         return inside, Values(*along)
 
     def _refuse_fluxes(self, fluxes: Array, values: Array) -> None:
-        """Raise if these are not rounding beside all values (collective)."""
+        """Raise if fluxes are not rounding compared with all values (collective)."""
         largest = np.array([np.abs(a).max(initial=0.0) for a in (fluxes, values)])
         self._mesh.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
         if largest[0] > ROUNDING * largest[1]:
             raise MortarError(
                 "no error can be estimated with the gradient of another test function than that of "
-                "the displacement; right are constraints without it, as (div(u) - p / kappa) * q"
+                "the displacement; expected constraints without it, as (div(u) - p / kappa) * q"
             )
 
     def moduli(self) -> tuple[Array, Array]:
-        """Derivatives by F at the midpoints of the owned cells.
+        """Derivatives by F at the midpoints of the owned cells (local).
 
         Returns:
-            dP_iJ / dF_kL, shape (cells, 2, 2, 2, 2) [stress], and that of the constraints, shape
-            (cells, constraints, 2, 2).
+            dP_iJ / dF_kL, shape (cells, 2, 2, 2, 2) [stress], and derivatives of the constraints,
+            shape (cells, constraints, 2, 2).
         """
         values = self._evaluate(self._moduli)
         sums = np.zeros((self._num_cells, 4 + self._num_constraints, 2, 2))
@@ -196,15 +155,15 @@ class Fluxes:
         return sums[:, :4].reshape(-1, 2, 2, 2, 2), sums[:, 4:]
 
     def loads(self, cells: Indices, sides: Indices, facets: Indices) -> Array:
-        """Tractions given by the form on sides of cells on the boundary (local).
+        """Tractions of the form on boundary sides of cells (local).
 
         Args:
             cells: Local cells, shape (n,).
-            sides: Which of their sides, shape (n,).
-            facets: Local facets these are, shape (n,).
+            sides: Numbers of their sides, shape (n,).
+            facets: Local facets of these sides, shape (n,).
 
         Returns:
-            Shape (n, q, 2) [stress].
+            Tractions, shape (n, q, 2) [stress].
         """
         q = self.cell.s.size
         t = np.zeros((cells.size, q, 2))
@@ -247,7 +206,7 @@ def _integrands(residual: Any) -> tuple[dict[Subdomain, Any], dict[Subdomain, An
         if kind not in found or number == "otherwise":
             raise MortarError(
                 f"no error can be estimated with an integral of kind {kind!r} over {number!r}; "
-                "right are integrals over cells and boundary"
+                "expected integrals over cells and boundary"
             )
         if number == "everywhere":
             tags = None
@@ -262,7 +221,7 @@ def _integrands(residual: Any) -> tuple[dict[Subdomain, Any], dict[Subdomain, An
 
 
 def _within(subdomain: Subdomain, entities: Indices) -> npt.NDArray[np.bool_]:
-    """Whether each of the local entities belongs to a subdomain."""
+    """Whether local entities (n,) belong to a subdomain, shape (n,) (local)."""
     number, tags = subdomain
     if tags is None:
         return np.ones(entities.size, bool)
@@ -279,23 +238,23 @@ def _unknowns(space: DisplacementSpace) -> tuple[int, int]:
 
 
 class _Entries:
-    """What stands with the components of an argument and of its gradient in an integrand.
+    """Coefficients of the components of an argument and of its gradient in an integrand.
 
     Args:
         integrand: Linear in the argument, derivatives expanded.
         argument: The argument.
-        size: Its components.
+        size: Number of its components.
     """
 
     def __init__(self, integrand: Any, argument: Any, size: int) -> None:
         self._integrand, self._argument, self._size = integrand, argument, size
 
     def of_value(self, components: Sequence[int]) -> list[Any]:
-        """What stands with some components."""
+        """Coefficients of some components."""
         return [self._at((k,), None) for k in components]
 
     def of_gradient(self, components: Sequence[int]) -> list[list[Any]]:
-        """What stands with the gradient of some components, a row each."""
+        """Coefficients of the gradient of some components, one row each."""
         return [[self._at(None, (k, J)) for J in range(2)] for k in components]
 
     def _at(self, value: tuple[int, ...] | None, gradient: tuple[int, ...] | None) -> Any:
@@ -305,7 +264,7 @@ class _Entries:
 
 
 class _Given(MultiFunction):
-    """Puts a value and a gradient in the place of an argument's."""
+    """Replaces an argument and its gradient by given values."""
 
     expr = MultiFunction.reuse_if_untouched
 
@@ -314,16 +273,16 @@ class _Given(MultiFunction):
         self._argument, self._value, self._gradient = argument, value, gradient
 
     def argument(self, o: Any) -> Any:
-        """Its value."""
+        """Replace the argument."""
         return self._value if o == self._argument else o
 
     def grad(self, o: Any) -> Any:
-        """Its gradient; derivatives are of terminals only."""
+        """Replace its gradient; derivatives apply to terminals only."""
         return self._gradient if o.ufl_operands[0] == self._argument else o
 
 
 def _unit(shape: tuple[int, ...], place: tuple[int, ...] | None) -> Any:
-    """A tensor of zeros, but for 1 at a place."""
+    """A tensor of zeros with 1 at one position."""
     if place is None:
         return ufl.zero(*shape)
     entries = np.zeros(shape)
@@ -332,7 +291,7 @@ def _unit(shape: tuple[int, ...], place: tuple[int, ...] | None) -> Any:
 
 
 def _flat(rows: list[list[Any]]) -> list[Any]:
-    """Entries of rows, one after the other."""
+    """Entries of rows in one list."""
     return [entry for row in rows for entry in row]
 
 

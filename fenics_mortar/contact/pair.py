@@ -11,7 +11,7 @@ from fenics_mortar.contact.laws import Frictionless, Law
 from fenics_mortar.contact.slip import Measure
 from fenics_mortar.interface.mortar import Basis, GapWeights, Weighting
 from fenics_mortar.interface.segments import Integration
-from fenics_mortar.mesh.reading import MeshData
+from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.errors import check_same_words, together
@@ -24,7 +24,7 @@ def check_reach(search_radius: Any, max_angle: Any) -> None:
     if search_radius is not None:
         right = "a positive length, or None"
         check_number("search_radius", search_radius, right, lambda r: r > 0.0)
-    right = "between 0 and 90 degrees"
+    right = "a number between 0 and 90 degrees"
     check_number("max_angle", max_angle, right, lambda angle: 0.0 < angle < 90.0)
 
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""What users may set between two solves, looked at before each: refused on all ranks or on none.
+"""Checks before each solve of everything that users may set between two solves.
 
 Laws, obstacles, contacts and options of Newton's method are plain objects whose attributes may be
-set at any time. Instead of guarding every attribute, a solve begins with a look at all of them:
-what has no meaning, what has no effect any more, and what differs between the ranks is refused.
+set at any time. Instead of guarding every attribute, each solve starts with a check of all of them:
+invalid values, changes without effect, and values that differ between ranks raise an error on all
+ranks.
 """
 
 from __future__ import annotations
@@ -33,21 +34,15 @@ from fenics_mortar.utils.errors import (
     in_words,
     together,
 )
-
-# A node lies on an obstacle within this part of its length.
-ON = 1e-6
-# Distances that all ranks compute from the same numbers may differ by this part.
-ALIKE = 1e-9
-# Prescribed values are the same within this part of the largest.
-SAME = 1e-12
+from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
 
 
 class Inputs:
-    """Looks at what was set of a problem.
+    """Checks the values of a problem that users may set.
 
     Args:
-        bulk: Its bodies.
-        contacts: Its pairs, as bound.
+        bulk: The bodies.
+        contacts: The pairs, bound to the mesh.
         obstacles: Their obstacles.
     """
 
@@ -59,11 +54,11 @@ class Inputs:
         self._conflicts = Conflicts(bulk)
 
     def check(self, newton: Any, accept_violations: Any) -> list[str]:
-        """Refuse what cannot be right; remarks on what may be (collective).
+        """Refuse invalid values; return remarks on questionable ones (collective).
 
         Args:
-            newton: Options of the solve to come.
-            accept_violations: Another one of its options.
+            newton: Options of the next solve.
+            accept_violations: Option of the next solve.
 
         Raises:
             MortarError, ValueError: On all ranks.
@@ -86,7 +81,7 @@ class Inputs:
         return self._conflicts.describe()
 
     def _numbers(self) -> Iterator[tuple[str, Any]]:
-        """Arrays that have to be the same on all ranks."""
+        """Arrays that have to be equal on all ranks, by name."""
         for contact in self._contacts:
             yield f"offset of '{contact.slave.name}'", contact.offset
         for obstacle in self._obstacles:
@@ -95,7 +90,7 @@ class Inputs:
             yield f"the pivot of obstacle '{obstacle.name}'", obstacle.pivot
 
     def _words(self, newton: NewtonOptions) -> Iterator[tuple[str, Any]]:
-        """Options and laws that have to be the same on all ranks."""
+        """Options and laws that have to be equal on all ranks, by name."""
         yield "newton", newton
         for number, contact in enumerate(self._contacts):
             yield f"c_n of pair {number}", contact.c_n
@@ -103,7 +98,7 @@ class Inputs:
                 yield f"the law of pair {number}", contact.pair.law
 
     def _check_distances(self) -> None:
-        """Refuse obstacles that the slave lies in, and distances that differ (collective)."""
+        """Refuse slaves inside an obstacle, and distances that differ on ranks (collective)."""
         comm = self._bulk.comm
         contacts = [contact for contact in self._contacts if isinstance(contact, Contact)]
         obstacles = [(c, c.obstacle) for c in contacts if c.obstacle is not None]
@@ -117,15 +112,17 @@ class Inputs:
                 sums.append((float(of_all.sum()), float(np.abs(of_all).sum())))
         for (_, obstacle), (total, size) in zip(obstacles, sums, strict=True):
             low, high = comm.allreduce(total, MPI.MIN), comm.allreduce(total, MPI.MAX)
-            if high - low > ALIKE * comm.allreduce(size, MPI.MAX):
+            if high - low > ROUNDING * comm.allreduce(size, MPI.MAX):
                 raise MortarError(f"the distance of '{obstacle.name}' is not the same on all ranks")
 
 
 class Conflicts:
     """Components for which several Dirichlet conditions prescribe different values.
 
+    The constructor is collective.
+
     Args:
-        bulk: Its conditions; which dofs they have does not change.
+        bulk: Bodies with the conditions, whose dofs do not change.
     """
 
     def __init__(self, bulk: Bulk) -> None:
@@ -133,13 +130,13 @@ class Conflicts:
         dofs = [bc.dof_indices()[0] for bc in bulk.bcs]
         here = sum(map(len, dofs)) > len(np.unique(np.concatenate([*dofs, np.empty(0, np.int32)])))
         self._any_twice = bulk.comm.allreduce(here, MPI.LOR)
-        self._told: set[str] = set()
+        self._described: set[str] = set()
 
     def describe(self) -> list[str]:
-        """The conflicts of the present values, in words, each once (collective)."""
+        """Describe conflicts of the present values, each once in all calls (collective)."""
         found = self._find() if self._any_twice else []
-        new = [words for words in found if words not in self._told]
-        self._told.update(new)
+        new = [words for words in found if words not in self._described]
+        self._described.update(new)
         return new
 
     def _find(self) -> list[str]:
@@ -150,7 +147,7 @@ class Conflicts:
             mine, dofs = np.zeros(first.size), bc.dof_indices()[0]
             compat.set_prescribed(mine, [bc])
             largest = bulk.comm.allreduce(np.abs([*values, *mine[dofs]]).max(initial=0.0), MPI.MAX)
-            differ = (first[dofs] >= 0) & (np.abs(mine[dofs] - values[dofs]) > SAME * largest)
+            differ = (first[dofs] >= 0) & (np.abs(mine[dofs] - values[dofs]) > ROUNDING * largest)
             for other in range(number):
                 marked = np.zeros(first.size, bool)
                 marked[dofs[differ & (first[dofs] == other)]] = True
@@ -158,20 +155,20 @@ class Conflicts:
                 if count:
                     found.append(
                         f"Dirichlet conditions {other} and {number} prescribe different values of "
-                        f"the same component at {count} nodes, one at {where}: that of {number}, "
-                        "the later one, counts"
+                        f"the same component at {count} nodes, one at {where}: the value of "
+                        f"{number}, the later one, is used"
                     )
             first[dofs], values[dofs] = number, mine[dofs]
         return found
 
 
 def _options(pair: Any) -> dict[str, str]:
-    """What a problem takes over from a pair when it is set up; the law is asked at any time."""
+    """Options of a pair that are fixed when a problem is set up: all but the law (local)."""
     return {name: in_words(value) for name, value in vars(pair).items() if name != "law"}
 
 
 def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
-    """Refuse what was set of a pair or of its contact (local)."""
+    """Refuse invalid values of a pair or of its contact (local)."""
     pair = contact.pair
     for name, words in _options(pair).items():
         if as_bound.get(name) != words:
@@ -190,44 +187,49 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
         check_kind(f"{name} of {pair!r}", given, np.ndarray, "an array")
         if given.shape != shape or not np.can_cast(given.dtype, kind, "same_kind"):
             raise MortarError(
-                f"{name} of {pair!r} has shape {given.shape} and type {given.dtype}; right are "
+                f"{name} of {pair!r} has shape {given.shape} and type {given.dtype}; expected "
                 f"{shape} and {kind.__name__}"
             )
     if isinstance(contact, Contact):
-        right = "an instance of Frictionless, Coulomb, Tresca or Law"
-        check_kind(f"law of {pair!r}", pair.law, Law, right)
+        expected = "an instance of Frictionless, Coulomb, Tresca or Law"
+        check_kind(f"law of {pair!r}", pair.law, Law, expected)
         check_number("contact.c_n", contact.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
         pair.law.check()
 
 
 def check_obstacle(obstacle: Obstacle) -> None:
-    """Refuse a place, a push or a pivot that is none (local)."""
+    """Refuse invalid places, loads or pivots of an obstacle (local).
+
+    Raises:
+        MortarError: If a value has another shape or type, or is not finite.
+    """
     name = obstacle.name
     for what, size in (("place", 3), ("load", 3), ("pivot", 2)):
         given = np.asarray(getattr(obstacle, what))
-        right = f"{size} finite numbers" + ", or nan where nothing pushes" * (what == "load")
+        fixed = ", or nan for prescribed motions" if what == "load" else ""
+        expected = f"expected {size} finite numbers{fixed}"
         allowed = np.nan_to_num(given, posinf=np.inf, neginf=-np.inf) if what == "load" else given
         if given.shape != (size,) or given.dtype.kind not in "iuf":
-            raise MortarError(f"{what} of obstacle '{name}' is {given!r}: {right}")
+            raise MortarError(f"{what} of obstacle '{name}' is {given!r}: {expected}")
         if not np.isfinite(allowed).all():
-            raise NotFiniteError(f"{what} of obstacle '{name}' is {given}: {right}")
+            raise NotFiniteError(f"{what} of obstacle '{name}' is {given}: {expected}")
 
 
 def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None:
     """Refuse an obstacle whose solid is on the body's side of the slave surface (local).
 
-    All nodes lie on or in it then, and none of their normals points to it. A body that has only
-    gone too deep still faces it.
+    In this case all nodes lie on or in it, and none of their normals points towards it. The normals
+    of a body with too large a penetration still do.
     """
     normals, _ = evaluate_normals(contact.slave, x, contact.options.weighting)
     along = (normals * gradient).sum(axis=1) / np.linalg.norm(gradient, axis=1)
-    within = phi - contact.offset <= ON * contact.nodal_lengths
+    within = phi - contact.offset <= SAME_PLACE * contact.nodal_lengths
     if (within & (along >= contact.options.least_cosine)).all():
         raise MortarError(
-            f"'{contact.slave.name}' lies in obstacle '{contact.obstacle}', on the far side of its "
-            "surface: the solid is where the body is. Its outward normal, which the distance grows "
-            "along, has to point to the body (of a Plane turn the normal, of a Circle set inside, "
-            "of a Spline turn the order of the points)"
+            f"'{contact.slave.name}' lies inside obstacle '{contact.obstacle}', on the far side of "
+            "its surface: the solid is on the side of the body. The outward normal, along which "
+            "the distance increases, has to point to the body (reverse the normal of a Plane, set "
+            "inside of a Circle, reverse the order of the points of a Spline)"
         )
 
 
@@ -242,11 +244,11 @@ def check_roles(contacts: Sequence[Contact | Tie]) -> None:
             if _shared_facets(one.slave, other.master) and _shared_facets(other.slave, one.master):
                 raise MortarError(
                     f"{one.pair!r} and {other.pair!r} are the same two sides with exchanged roles: "
-                    "their gaps would be constrained twice; leave one of them out"
+                    "their gaps would be constrained twice; omit one of them"
                 )
 
 
 def _shared_facets(one: Any, other: Any) -> bool:
-    """Whether two surfaces have a facet in common."""
+    """Whether two surfaces have a facet in common (local)."""
     ends = [s.nodes[s.facets[:, [0, -1]]].reshape(-1, 2) for s in (one, other)]
     return bool(set(map(tuple, ends[0].tolist())) & set(map(tuple, ends[1].tolist())))

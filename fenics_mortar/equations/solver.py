@@ -108,9 +108,7 @@ class Solver:
             contact.accept()
         e.bulk.free_garbage()
         passages = e.crossings.passages(e.tools.places)
-        report.certificate = replace(
-            self.certificate(), strayed=e.tools.strayed(), passages=passages
-        )
+        report.certificate = replace(self.certificate(), drift=e.tools.strayed(), passages=passages)
         violations = report.certificate.violations()
         told = [f"VIOLATED: {violation}" for violation in violations]
         judged = told or report.certificate.remarks()

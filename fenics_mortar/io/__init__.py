@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Files and pictures: ParaView, tables of forces, plots, checkpoints.
 
-In flow problems and their states; out flow files. A checkpoint gives back all that the next solve
-depends on.
+Input are problems and their states, output are files. A checkpoint restores all data that the next
+solve depends on. Errors of writing are raised on all ranks.
 """

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""Checkpoints: all that the next solve of a problem depends on, in one .npz file.
+"""Checkpoints: all data that the next solve of a problem depends on, in one .npz file.
 
-Beside the state these are what earlier solves have left behind: the weight of gaps after a cycle of
-sets, offsets, the places of obstacles for which the operators of small sliding were evaluated, and
-how far a climb through cheaper models has come. What slave nodes faced follows from the state. A
-run that goes on from a checkpoint is the uninterrupted one, but for the start of its first step:
-``follow_path`` extrapolates the steps that it has taken itself.
+Beside the state these are data of earlier solves: the weight of gaps after a cycle of active sets,
+offsets, the places of obstacles for which the operators of small sliding were evaluated, and the
+progress in the model hierarchy. Partners of slave nodes follow from the state. A run continued from
+a checkpoint equals the uninterrupted one, except for the initial guess of its first step:
+``follow_path`` extrapolates its own steps only.
 
-Whether a checkpoint belongs to a problem is seen from the names of its pairs, a digest of the cells
-and the coordinates of all nodes, none of which depends on the number of ranks.
+A checkpoint is compared with a problem by the names of the pairs, a digest of the cells and the
+coordinates of all nodes, which do not depend on the number of ranks.
 """
 
 from __future__ import annotations
@@ -23,30 +23,32 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.bulk.residual import UNMOVED
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError, place
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
+from fenics_mortar.utils.rounding import ROUNDING
 
 Arrays = dict[str, npt.NDArray[Any]]
-# What of a contact is written to a file.
+# Attributes of a contact in the file.
 KEPT = ("z", "active", "carries", "piece", "c_n", "offset", "reference_place")
-# The place of a reference that there is not.
-NO_PLACE = np.full(3, np.nan)
-# What is refused if it is not finite.
+# Arrays that have to be finite.
 FINITE = ("u", "x", "places", "z", "c_n", "offset")
 
 
 def save_state(problem: ContactProblem, path: str | Path) -> None:
-    """Write all that the next solve depends on as .npz (collective); see ``checkpoint``.
+    """Write all data that the next solve depends on as .npz (collective); see ``checkpoint``.
 
-    It can be read on any number of ranks: nodes are known by their number in the mesh's input. The
-    file replaces an older one only when it is whole.
+    The file can be read on any number of ranks: nodes are named by their number in the mesh input.
+    It replaces an older one only when it is complete.
+
+    Args:
+        problem: The problem.
+        path: Path of the file, used on the first rank; ``.npz`` is appended.
 
     Raises:
-        MortarError: On all ranks, if the file cannot be written; an older one is still there.
+        MortarError: On all ranks, if the file cannot be written; an older one is kept.
     """
     file = _state_file(problem, path)
     make_folder(problem.comm, file.parent)
@@ -58,11 +60,15 @@ def save_state(problem: ContactProblem, path: str | Path) -> None:
 
 
 def load_state(problem: ContactProblem, path: str | Path) -> None:
-    """Read what ``save_state`` wrote into a problem on the same mesh (collective).
+    """Read a file of ``save_state`` into a problem on the same mesh (collective).
+
+    Args:
+        problem: The problem.
+        path: Path of the file, used on the first rank; ``.npz`` is appended.
 
     Raises:
-        MortarError: On all ranks, if there is no such file, if it is that of another problem or
-            mesh, or if something of it is missing.
+        MortarError: On all ranks, if the file cannot be read, belongs to another problem or mesh,
+            or is incomplete.
     """
     file = _state_file(problem, path)
     first, message = problem.comm.rank == 0, f"cannot read '{file}'"
@@ -89,7 +95,7 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
 
 
 def _arrays_of(problem: ContactProblem) -> Arrays:
-    """All that is written of a problem, the same on all ranks (collective)."""
+    """Data of a problem for the file, equal on all ranks (collective)."""
     nodes, values = problem.equations.bulk.by_input_node()
     cells, x = compat.mesh_by_input_node(problem.equations.bulk.V.mesh)
     names = [f"'{c.slave.name}' - '{c.master.name}'" for c in problem.equations.contacts]
@@ -103,47 +109,48 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
         "converged": np.array(problem.state().converged),
     }
     for i, contact in enumerate(problem.equations.contacts):
-        kept = {name: getattr(contact, name, NO_PLACE) for name in KEPT}  # ties have none
+        kept = {name: getattr(contact, name, np.full(3, np.nan)) for name in KEPT}  # ties lack some
         data |= {f"{name}{i}": np.asarray(value) for name, value in kept.items()}
     return data
 
 
 def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
-    """Why what was read cannot be taken for a state of the present problem, in words."""
+    """Describe why data of a file are not a state of the present problem (local)."""
     other = "is the state of a problem with other pairs, or on another mesh or degree"
     missing = sorted(set(mine) - set(data))
     if missing:
-        yield f"is no state of this problem: '{missing[0]}' is missing in it"
+        yield f"is no state of this problem: '{missing[0]}' is missing"
     if not np.array_equal(data["pairs"], mine["pairs"]):
         theirs, ours = (", ".join(map(str, some["pairs"].ravel())) for some in (data, mine))
         yield f"is the state of a problem with other pairs: {theirs}; here are {ours}"
     for name, own in mine.items():
         its = data[name]
         if its.shape != own.shape or not np.can_cast(its.dtype, own.dtype, "same_kind"):
-            yield f"{other}: '{name}' has the shape {its.shape}, here it is {own.shape}"
+            yield f"{other}: '{name}' has shape {its.shape}, expected {own.shape}"
         if name.rstrip("0123456789") in FINITE and not np.isfinite(its).all():
-            yield f"is no state to go on from: '{name}' is not finite"
+            yield f"is no state to continue from: '{name}' is not finite"
     if not np.array_equal(data["nodes"], mine["nodes"]):
         yield f"{other}: its nodes have other numbers"
     apart = np.abs(data["x"] - mine["x"]).max(axis=1, initial=0.0)
-    if not (apart <= UNMOVED * np.abs(mine["x"]).max(initial=0.0)).all():
+    if not (apart <= ROUNDING * np.abs(mine["x"]).max(initial=0.0)).all():
         where = mine["x"][apart.argmax()]
-        yield f"{other}: the node at {place(where)} is {apart.max():.3g} elsewhere in it"
+        yield f"{other}: the node at {place(where)} is {apart.max():.3g} away in it"
     if not np.array_equal(data["cells"], mine["cells"]):
-        yield f"{other}: its cells join other nodes"
+        yield f"{other}: its cells have other nodes"
 
 
 def _state_file(problem: ContactProblem, path: str | Path) -> Path:
-    """Numpy writes to names that end in .npz only (collective)."""
+    """Path with the suffix .npz, which numpy requires (collective)."""
     stem = without_suffix(problem.comm, path, ".npz")
     return stem.with_name(f"{stem.name}.npz")
 
 
 def _write_arrays(data: Arrays, path: Path) -> None:
+    """Write arrays to an .npz file (local)."""
     np.savez(path, **data)
 
 
 def _read_arrays(file: Path) -> Arrays:
-    """All arrays of an .npz file, without pickled objects."""
+    """Read all arrays of an .npz file, without pickled objects (local)."""
     with np.load(file) as arrays:
         return dict(arrays)

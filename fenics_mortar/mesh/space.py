@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where the displacement stands among the unknowns: alone, or as a part of a mixed space."""
+"""The dofs of the displacement: all unknowns, or one sub-space of a mixed space."""
 
 from __future__ import annotations
 
@@ -15,22 +15,25 @@ Indices = npt.NDArray[np.int64]
 
 
 class DisplacementSpace:
-    """The displacement's nodes, and their dofs in the space of all unknowns (made collectively).
+    """The displacement's nodes, and their dofs in the space of all unknowns.
+
+    The constructor is collective.
 
     Args:
         whole: Space of the unknowns: that of the displacement itself, or a mixed one.
         part: Number of the displacement's sub-space in a mixed space.
 
     Attributes:
-        whole, part: The same.
+        whole, part: The arguments.
         V: The space of the displacement alone, which numbers the nodes.
+        block_size: Dofs per node of ``whole``; 1 in a mixed space.
         dofs: Local dofs in ``whole`` of the local nodes, ghosts included, shape (n, 2).
-        num_nodes: Nodes this rank owns, the first ones.
-        num_owned: Dofs of ``whole`` this rank owns, the first ones.
-        first: Global number of the first of them.
+        num_nodes: Number of nodes owned by this rank, the first ones.
+        num_owned: Number of dofs of ``whole`` owned by this rank, the first ones.
+        first: Global number of the first of these dofs.
 
     Raises:
-        ValueError: If the space has no such part.
+        ValueError: If the space has no such sub-space.
     """
 
     def __init__(self, whole: Any, part: int = 0) -> None:
@@ -39,7 +42,7 @@ class DisplacementSpace:
         if self.is_mixed:
             if part not in range(whole.num_sub_spaces):
                 raise ValueError(
-                    f"displacement={part!r}: the space of u has the parts 0 to "
+                    f"displacement={part!r}: the space of u has the sub-spaces 0 to "
                     f"{whole.num_sub_spaces - 1}"
                 )
             self.V, dofs = whole.sub(part).collapse()
@@ -55,28 +58,38 @@ class DisplacementSpace:
 
     @property
     def is_mixed(self) -> bool:
-        """Whether there are unknowns beside the displacement."""
+        """Whether there are unknowns other than the displacement (local)."""
         return self.block_size == 1 and self.whole.num_sub_spaces > 0
 
     @property
     def owned_dofs(self) -> Indices:
-        """Local dofs of the nodes this rank owns, shape (``num_nodes``, 2)."""
+        """Local dofs of the nodes owned by this rank, shape (``num_nodes``, 2) (local)."""
         return self.dofs[: self.num_nodes]
 
     def positions(self) -> Array:
-        """A local array of all dofs with the places of the nodes; zero for other unknowns."""
+        """Positions of the nodes as an array of all local dofs; zero for other unknowns (local)."""
         values = np.zeros(int(self.dofs.max(initial=-1)) + 1)
         values[self.dofs] = self.V.tabulate_dof_coordinates()[:, :2]
+        return values
+
+    def spread(self, nodal: npt.NDArray[Any]) -> Array:
+        """Return values (n,) of the local nodes as an array of all local dofs (local).
+
+        Both components have the value of the node; other unknowns are zero.
+        """
+        index_map = self.whole.dofmap.index_map
+        values = np.zeros(self.block_size * (index_map.size_local + index_map.num_ghosts))
+        values[self.dofs] = nodal[:, None]
         return values
 
     def move_nodes(self, nodes: Indices, X: Array) -> None:
         """Move nodes of the mesh (collective, but without communication).
 
-        Those that the mesh has no place of its own for follow: the ones inside straight edges.
+        Nodes that are not nodes of the geometry, inside straight edges, follow.
 
         Args:
             nodes: Global numbers of nodes of ``V``, equal on all ranks, shape (k,).
-            X: Where to, shape (k, 2) [length].
+            X: New positions, shape (k, 2) [length].
         """
         index_map, mesh = self.V.dofmap.index_map, self.V.mesh
         count = index_map.size_local + index_map.num_ghosts

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The hierarchy of models: cheaper ones to start from, richer ones to measure the error by.
+"""The model hierarchy: cheaper models to start from, richer models to estimate model errors.
 
-In flow a solved problem. Out flow an estimate of what its model leaves out (finite deformation,
-sliding, elasticity of obstacles), and solutions found by way of cheaper models.
+Input is a solved problem. Output are estimates of the errors of its assumptions (linear strain,
+small sliding, rigid obstacles, no friction), and solutions of cheaper models where these suffice.
 """

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""The error of a solved problem's model, from one step of a richer one.
+"""The error of a solved problem's model, from a Newton step of a richer model.
 
-At the solution of a cheap model the equations of a richer one leave a residual; one linear solve
-with the tangent of the richer model turns it into a correction of displacement and multipliers. To
-first order the correction is the model's error, and so is the change of any quantity: it is one
-Newton step of the richer model, at the cost of one step. Where the step leaves more of the residual
-than a linear problem would, the models are far apart, and a few more are taken: until what is left
-of the residual, as a part of the correction, could no longer change any of the quantities by half.
-A peak pressure may be right where the contact is not.
+At the solution of a cheap model the equations of a richer one have a residual; one linear solve
+with the tangent of the richer model gives a correction of displacement and multipliers. To first
+order the correction is the model's error, and so is the change of any quantity: one Newton step of
+the richer model, at the cost of one step. Where the step leaves more of the residual than in a
+nearly linear problem, the models are far apart, and a few more steps follow, until the rest of the
+residual, as a fraction of the correction, cannot change any of the quantities by half. All
+quantities are checked, since a peak pressure may be accurate where the contact area is not.
 
-What a state departs from the assumptions of a model by are indicators: for linear kinematics the
+Indicators are the deviations of a state from the assumptions of a model: for linear kinematics the
 rotation, whose spurious strain is angle^2 / 2, and the strain; for small sliding the slip over a
-facet's length and the turn of the normals.
+facet's length and the rotation of the normals.
 """
 
 from __future__ import annotations
@@ -32,9 +32,12 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 
-# Steps of the richer model at the most; one is enough if it leaves the first part of the residual,
-# and if what that may change is below the second or half of each error.
-MOST_STEPS, LINEAR, SETTLED = 6, 0.1, 1e-3
+# Largest number of steps of the richer model.
+MAX_STEPS = 6
+# Fraction of the residual left by a step above which another one follows.
+LINEAR = 0.1
+# Change of an error by another step that is accepted in any case, relative to the solution.
+SETTLED = 1e-3
 ENERGY, FORCE, PEAK = "energy norm", "total force", "peak pressure"
 QUANTITIES = (ENERGY, FORCE, PEAK)
 Errors = dict[str, float]
@@ -42,10 +45,10 @@ Errors = dict[str, float]
 
 @dataclass
 class Snapshot:
-    """A solution, to be compared with another one on the same mesh.
+    """Quantities of a solution, for comparison with another one on the same mesh.
 
     Attributes:
-        u: Owned displacement dofs.
+        u: Owned dofs [length].
         force: Total force on each slave, shape (pairs, 2) [stress length].
         peak: Largest pressure of each pair, shape (pairs,) [stress].
     """
@@ -56,7 +59,7 @@ class Snapshot:
 
     @classmethod
     def of(cls, problem: ContactProblem) -> Snapshot:
-        """The present state of a problem."""
+        """Copy the quantities of the present state of a problem (collective)."""
         return cls(
             problem.equations.bulk.u.x.array[: problem.equations.bulk.num_owned].copy(),
             np.array([contact.total_force for contact in problem.equations.contacts]),
@@ -65,7 +68,12 @@ class Snapshot:
 
 
 def estimate(problem: ContactProblem, *richer: ContactProblem) -> Errors:
-    """Relative errors of a solved problem by quantity; the state stays as it is (collective)."""
+    """Relative errors of a solved problem by quantity; its state is restored (collective).
+
+    Args:
+        problem: The problem.
+        richer: Richer variants in the order of their steps.
+    """
     state = problem.state()
     try:
         return correct(problem, *richer)
@@ -76,11 +84,10 @@ def estimate(problem: ContactProblem, *richer: ContactProblem) -> Errors:
 
 
 def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
-    """Go on from a solved problem by a step or a few of richer variants in turn (collective).
+    """Continue from a solved problem by steps of richer variants in turn (collective).
 
     Returns:
-        Relative errors of the problem by quantity. What the richer model cannot even begin with is
-        wrong altogether: inf.
+        Relative errors of the problem by quantity; inf where the richer model fails.
     """
     cheap, last = Snapshot.of(problem), problem
     errors = dict.fromkeys(QUANTITIES, 0.0)
@@ -97,13 +104,13 @@ def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
 
 
 def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> Errors:
-    """Take steps of a model until the next one would hardly change any error (collective).
+    """Take steps of a model until another one would hardly change any error (collective).
 
-    A step changes the solution by about the part of the residual that the last one left, times what
-    the steps before have changed.
+    A step changes the solution by about the fraction of the residual left by the last step, times
+    the change by all steps before.
     """
     start = model.equations.evaluate(start=True).residual or np.inf
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         part = model.equations.advance().part
         left = model.equations.evaluate(start=False).residual / start
         errors = differences(problem, cheap, Snapshot.of(model))
@@ -116,7 +123,13 @@ def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> Er
 def estimate_wider(
     problem: ContactProblem, contacts: Sequence[Contact], lengths: Sequence[Array]
 ) -> Errors:
-    """Relative errors by quantity if gaps were wider by lengths, (slave nodes,) (collective)."""
+    """Relative errors by quantity of neglecting an increase of gaps (collective).
+
+    Args:
+        problem: The solved problem; its state is restored.
+        contacts: Pairs whose gaps increase.
+        lengths: Increase for each pair, shape (slave nodes,) [length].
+    """
     kept = [contact.offset for contact in contacts]
     for contact, length in zip(contacts, lengths, strict=True):
         contact.offset = contact.offset - length
@@ -128,7 +141,10 @@ def estimate_wider(
 
 
 def differences(problem: ContactProblem, one: Snapshot, other: Snapshot) -> Errors:
-    """Relative differences of two solutions by quantity; energies by the tangent of ``problem``."""
+    """Relative differences of two solutions by quantity (collective).
+
+    Energies are those of the bulk tangent of ``problem``.
+    """
     bulk = problem.equations.bulk
     bulk.assemble_tangent()
     x, y = bulk.K.createVecs()
@@ -140,21 +156,21 @@ def differences(problem: ContactProblem, one: Snapshot, other: Snapshot) -> Erro
 
     return {
         ENERGY: float(
-            np.sqrt(part_of(energy(one.u - other.u), energy(strained(problem, other.u))))
+            np.sqrt(relative(energy(one.u - other.u), energy(strained(problem, other.u))))
         ),
-        FORCE: part_of(np.linalg.norm(one.force - other.force), np.linalg.norm(other.force)),
-        PEAK: part_of(np.abs(one.peak - other.peak).max(), np.abs(other.peak).max()),
+        FORCE: relative(np.linalg.norm(one.force - other.force), np.linalg.norm(other.force)),
+        PEAK: relative(np.abs(one.peak - other.peak).max(), np.abs(other.peak).max()),
     }
 
 
 def strained(problem: ContactProblem, u: Array) -> Array:
-    """A displacement less the rigid motion of each body that is closest to it (collective).
+    """Subtract from a displacement the closest rigid motion of each body (collective).
 
-    A finite rotation would pass for strain in the energy of a tangent.
+    Otherwise a finite rotation would count as strain in the energy of a tangent.
 
     Args:
-        problem: Knows the bodies.
-        u: Owned dofs.
+        problem: The problem with its bodies.
+        u: Owned dofs [length].
     """
     space, rest = problem.equations.bulk.space, u.copy()
     X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
@@ -174,14 +190,16 @@ def strained(problem: ContactProblem, u: Array) -> Array:
     return rest
 
 
-def part_of(difference: Any, size: Any) -> float:
-    """Difference over size; 0 where both vanish."""
+def relative(difference: Any, size: Any) -> float:
+    """Difference over size; 0 if both vanish, inf if only the size does (local)."""
     return float(difference / size) if size > 0.0 else float(np.inf if difference > 0.0 else 0.0)
 
 
 def largest_strain(problem: ContactProblem) -> tuple[float, float]:
-    """Largest rotation [radian] and principal strain of F = R U of all cells' means."""
-    (a, b), (c, d) = np.moveaxis(problem.equations.bulk.deformation_gradients(), 0, 2)
+    """Largest rotation [radian] and principal strain of F = R U, means of cells (collective)."""
+    (a, b), (c, d) = np.moveaxis(
+        problem.equations.bulk.cells.deformation_gradients(problem.equations.bulk.positions()), 0, 2
+    )
     rotation = np.arctan2(c - b, a + d)
     mean, spread = 0.5 * np.hypot(a + d, c - b), 0.5 * np.hypot(a - d, b + c)
     strains = np.abs(mean - 1.0) + spread  # the larger of the two of mean +- spread
@@ -191,9 +209,9 @@ def largest_strain(problem: ContactProblem) -> tuple[float, float]:
 
 
 def shear_demand(problem: ContactProblem) -> float:
-    """Largest mean |z_tau| / z_n of all pairs whose law is to stick."""
+    """Largest mean |z_tau| / z_n of all pairs with a sticking law (local)."""
     demands = [
-        part_of(np.abs(c.shear_force).sum(), float(np.abs(c.operators.weight * c.pressure).sum()))
+        relative(np.abs(c.shear_force).sum(), float(np.abs(c.operators.weight * c.pressure).sum()))
         for c in problem.equations.contacts
         if isinstance(c.pair, ContactPair) and isinstance(c.pair.law, Stick)
     ]
@@ -201,13 +219,13 @@ def shear_demand(problem: ContactProblem) -> float:
 
 
 def sliding_little(problem: ContactProblem) -> list[Contact]:
-    """The contacts that keep the operators of the undeformed mesh."""
+    """The contacts with small sliding, which keep the operators of the undeformed mesh (local)."""
     contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
     return [contact for contact in contacts if contact.pair.sliding == "small"]
 
 
 def largest_slip(contact: Contact) -> tuple[float, float]:
-    """Largest slip of active nodes over their length, and turn of their normals [radian]."""
+    """Largest slip of active nodes over their length, and rotation of normals [radian] (local)."""
     o, on = contact.operators, contact.active & contact.covered
     jump = o.jump(o.x - contact.slave.X, o.m - contact.master.X)
     slip = np.einsum("jc,jc->j", o.tau, jump)[on] / (o.weight * contact.nodal_lengths)[on]

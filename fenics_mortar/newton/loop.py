@@ -143,11 +143,16 @@ class Iteration:
 
 @dataclass
 class NewtonReport:
-    """What happened in one solve: kept on success and on failure.
+    """Record of one solve, complete on success and on failure; prints as a Markdown table.
 
-    Row 0 is the state before the first linear system. ``notes`` tell of all that was done beside
-    plain Newton steps; ``certificate`` is what the equations measured of a converged state, and
-    ``adequacy`` what they say of their own assumptions, if they were asked.
+    Attributes:
+        iterations: One row per iteration; row 0 is the state before the first linear system.
+        notes: Everything done beside plain Newton steps, in words.
+        certificate: Measured defects of a converged state, a ``Certificate``.
+        adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
+        force: Force that residuals are relative to [stress length].
+        converged: Whether the solve converged.
+        reason: The outcome, in words.
     """
 
     iterations: list[Iteration] = field(default_factory=list)

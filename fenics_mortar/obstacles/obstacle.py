@@ -169,7 +169,7 @@ class SignedDistance(Obstacle):
         """Keep the function."""
         super().__init__(name, pivot)
         if not callable(function):
-            raise ValueError(f"function={function!r}: a function of points (n, 2)")
+            raise ValueError(f"function={function!r}: expected a function of points (n, 2)")
         self._function = function
 
     def local(self, x: Array) -> Fields:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Load paths: adaptive steps, initial guesses, and why a path ends.
 
-In flow a problem and a function that sets loads for a time. Out flow converged states along the
+Input are a problem and a function that sets loads for a time. Output are converged states along the
 path, or the reason for its end.
 """

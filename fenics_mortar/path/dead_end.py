@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Why a path of equilibria ends: what can be told from its last state.
+"""Reasons why a path of equilibria ends, from its last state.
 
-Two ends are sure. Surfaces that slip off each other's edges lose the last of their overlap while a
-force still passes through it. And with much friction the equations of a small step may have no
-solution (Klarbring 1990): near a state in which some nodes slide and no other is about to change,
-each of these can only stick or slide on, so that there are finitely many linear problems to solve.
-If the solution of each breaks the law that it assumes, no state near by obeys it. In both cases a
-body would set off, and only inertia says where it comes to rest.
+Two reasons are certain. Surfaces that slip off each other's edges lose the last of their overlap
+while a force still acts in it. And with large friction the equations of a small step may have no
+solution (Klarbring 1990): near a state in which some nodes slide and no other node is about to
+change, each of these nodes can only stick or continue to slide, so that finitely many linear
+problems are possible. If the solution of each violates its own assumption, no state nearby
+satisfies the law. In both cases a body would accelerate, and only inertia determines its rest.
 """
 
 from __future__ import annotations
@@ -23,23 +23,22 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, place
+from fenics_mortar.verify.limits import HALF_FACET
 
-# Overlap of surfaces that slip off each other, over the shortest facet of both.
+# Overlap below which surfaces slip off each other, over the shortest facet of both.
 SLIVER = 1e-3
-# Points that pressed on each other have passed if they are so far behind each other [facets].
-PASSED = 0.5
-# Sliding nodes whose ways on are all tried, 2^n of them.
-MOST_SLIDING = 8
+# Largest number n of sliding nodes whose 2^n combinations of stick and slip are all tried.
+MAX_SLIDING = 8
 
 # A pair and a slave node of it.
 Place = tuple[Contact, int]
 
 
 def why_path_ends(problem: ContactProblem) -> str:
-    """Say why there is no equilibrium next to a state; "" if that is not sure (collective).
+    """Reason why there is no equilibrium next to a state; "" if uncertain (collective).
 
     Args:
-        problem: At the last equilibrium, with loads that are a little further; it stays there.
+        problem: At the last equilibrium, with slightly advanced loads; its state is restored.
     """
     start = problem.state()
     try:
@@ -53,7 +52,7 @@ def why_path_ends(problem: ContactProblem) -> str:
 
 
 def _slipping_off(problem: ContactProblem) -> Iterator[str]:
-    """Pairs whose last overlap vanishes while it bears a force."""
+    """Describe pairs whose overlap vanishes under a force (local)."""
     for contact in problem.equations.contacts:
         if not (isinstance(contact, Contact) and contact.active.any() and not contact.obstacle):
             continue
@@ -66,15 +65,19 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
             yield (
                 f"'{contact.slave.name}' and '{contact.master.name}' slip off each other at "
                 f"{place(o.x[j])}: their overlap vanishes, it is {overlap:.1e}, with a force of "
-                f"{force:.3g} in it that nothing bears beyond"
+                f"{force:.3g} in it that nothing carries beyond"
             )
 
 
 def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
-    """Say which bodies jumped past each other since a state that they pressed in; "" if none.
+    """Describe a jump of two bodies past each other since a state; "" if none (local).
 
-    Points that pressed on each other at the start of a step are behind each other, and nothing of
-    that contact is left: no way leads there on which each state is in equilibrium.
+    Points that were in contact at the start of a step are behind each other, and nothing of the
+    contact is left: no path of equilibria leads there.
+
+    Args:
+        problem: The problem at the new state.
+        before: The state at the start of the step.
     """
     for contact, then in zip(problem.equations.contacts, before.interfaces, strict=True):
         active = then.active
@@ -83,7 +86,7 @@ def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
         o = contact.operators
         behind = np.einsum("ja,ja->j", o.n, contact.partners.apart(o)) / contact.nodal_lengths
         j = int(np.argmax(np.where(active, behind, -np.inf)))
-        if behind[j] > PASSED:
+        if behind[j] > HALF_FACET:
             return (
                 f"'{contact.slave.name}' and '{contact.master.name}' jumped past each other at "
                 f"{place(o.x[j])}, by {behind[j]:.1f} facets in one step"
@@ -92,12 +95,12 @@ def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
 
 
 def _shortest(facets: Indices, x: Array) -> float:
-    """Length of the shortest facet."""
+    """Length of the shortest facet [length]."""
     return float(np.linalg.norm(x[facets[:, -1]] - x[facets[:, 0]], axis=1).min())
 
 
 def _deadlock(problem: ContactProblem, start: State) -> str:
-    """Whether all ways in which the sliding nodes may go on break the law of friction."""
+    """Describe the case that all combinations of stick and slip violate the friction law."""
     if problem.equations.linearization != LINEARIZATIONS["full"]:
         return ""
     sliding = [
@@ -106,24 +109,24 @@ def _deadlock(problem: ContactProblem, start: State) -> str:
         if isinstance(contact, Contact)
         for j in np.flatnonzero(contact.sliding).tolist()
     ]
-    if not 0 < len(sliding) <= MOST_SLIDING:
+    if not 0 < len(sliding) <= MAX_SLIDING:
         return ""
     fewest = sliding
-    for way in product((False, True), repeat=len(sliding)):
-        broken = _broken_by(problem, start, [s for s, sticks in zip(sliding, way) if sticks])
-        if not broken or not set(broken) <= set(sliding):
+    for choice in product((False, True), repeat=len(sliding)):
+        violated = _violated_by(problem, start, [s for s, sticks in zip(sliding, choice) if sticks])
+        if not violated or not set(violated) <= set(sliding):
             return ""
-        fewest = min(fewest, broken, key=len)
+        fewest = min(fewest, violated, key=len)
     where = ", ".join(f"{place(contact.operators.x[j])}" for contact, j in fewest)
     return (
-        f"{len(sliding)} nodes slide, and each of the {2 ** len(sliding)} ways in which they may "
-        f"stick or slide on breaks the law of friction, at the least at {where}: no state near by "
-        "is in equilibrium, so much friction lets bodies set off"
+        f"{len(sliding)} nodes slide, and each of the {2 ** len(sliding)} combinations of stick "
+        f"and slip violates the law of friction, at best only at {where}: no state nearby is in "
+        "equilibrium; with so much friction bodies accelerate"
     )
 
 
-def _broken_by(problem: ContactProblem, start: State, sticking: list[Place]) -> list[Place]:
-    """Nodes that break the law after a small step in which all but some sliding ones stay."""
+def _violated_by(problem: ContactProblem, start: State, sticking: list[Place]) -> list[Place]:
+    """Nodes that violate the law after a step with fixed branches, ``sticking`` ones changed."""
     problem.restore(start)
     for contact in problem.equations.contacts:
         contact.start_step()
@@ -135,10 +138,10 @@ def _broken_by(problem: ContactProblem, start: State, sticking: list[Place]) -> 
         contact.change(z=before.z, active=before.active, piece=piece)
     assumed = [(contact.active, contact.piece) for contact in contacts]
     problem.equations.advance()
-    broken = []
+    violated = []
     for contact, (active, piece) in zip(contacts, assumed, strict=True):
         contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
         contact.update_active()
         changed = (contact.active != active) | (active & (contact.piece != piece))
-        broken += [(contact, j) for j in np.flatnonzero(changed).tolist()]
-    return broken
+        violated += [(contact, j) for j in np.flatnonzero(changed).tolist()]
+    return violated

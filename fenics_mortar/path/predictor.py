@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Where a load step begins: at the last state, or where the last two lead.
+"""Initial guess of a load step: the last state, or an extrapolation of the last two.
 
-Displacements, multipliers and motions that forces drive are extrapolated: along a line, or, where
-contact goes on along a body by half a facet or more in a step, in a frame that travels with it, see
-``travel``. A parabola saves no more: as nodes pass facets the states have kinks. So most nodes have
-entered or left the contact before the first iteration. While a path goes on straight a line saves
-about one iteration a step. It leads nowhere by whole facets with friction; the travelling frame
-saves two iterations to seven there.
+Displacements, multipliers and motions driven by forces are extrapolated: linearly, or, where
+contact moves along a body by half a facet or more per step, in a frame that moves with it, see
+``moving_frame``. A parabola saves no more, since states have kinks where nodes pass facets. Most
+nodes have then entered or left the contact before the first iteration. On straight parts of a path,
+linear extrapolation saves about one iteration per step. It fails where contact slides by whole
+facets with friction; the moving frame saves two to seven iterations there.
 
-It is no good start where the path turns: the residual there is larger than at the last state. Nor
-is it where states have little to do with each other. The first iteration from a line then leaves
-most of the residual, or there are many. In that case the step begins anew at the last state, and
-the next one, two, four... make no guess of that kind.
+The extrapolation is rejected where the path turns: the residual there is larger than at the last
+state. It is abandoned where consecutive states are unrelated: the first iteration from linear
+extrapolation leaves most of the residual, or iterations are many. In that case the step restarts
+from the last state, and the next one, two, four, ... steps use no guess of that kind.
 """
 
 from __future__ import annotations
@@ -26,22 +26,21 @@ import numpy.typing as npt
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.state import State
 from fenics_mortar.newton.loop import NewtonReport, after
-from fenics_mortar.path.travel import Travel
+from fenics_mortar.path.moving_frame import MovingFrame
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotConvergedError
 
-# A guess that has not led to a solution in so many iterations has cost more than any could save.
-FEW = 8
-# Part of the residual that the first iteration from a line leaves at the most. Measured on 300
-# steps of sliding and rolling: above it such a start costs more than it saves. One that travels
-# with the contact is worth going on from: it leaves 0.06 of the force where the last state leaves
-# 0.5.
-MOST_LEFT = 0.4
+# Iterations after which a guess is abandoned: it has cost more than any guess saves.
+MAX_ITERATIONS = 8
+# Fraction of the residual that the first iteration from linear extrapolation may leave. Measured on
+# 300 steps of sliding and rolling: above it this guess costs more than it saves. The moving frame
+# has no limit: it leaves 0.06 of the force where the last state leaves 0.5.
+MAX_RESIDUAL_LEFT = 0.4
 
 
 class _Point(NamedTuple):
-    """An accepted state of the path: its time, and where its contacts are on the bodies."""
+    """An accepted state of the path, with its time and the positions of contacts on bodies."""
 
     time: float
     state: State
@@ -50,9 +49,9 @@ class _Point(NamedTuple):
 
 @dataclass
 class _Kind:
-    """A kind of guess: what its first iteration may leave, for how many steps it is not made."""
+    """A kind of guess: residual its first iteration may leave, steps for which it is paused."""
 
-    most_left: float
+    max_left: float
     pause: int = 0
     left: int = 0
 
@@ -66,16 +65,16 @@ class Predictor:
 
     Args:
         problem: The problem.
-        time: That of its present state.
-        guesses: Whether to make guesses at all.
+        time: Time of its present state.
+        guesses: Whether guesses are made at all.
     """
 
     def __init__(self, problem: ContactProblem, time: float, *, guesses: bool = True) -> None:
         self._problem, self._guesses = problem, guesses
-        self._travel = Travel(problem)
+        self._frame = MovingFrame(problem)
         self._here = self._point(time)
         self._before: _Point | None = None
-        self._line, self._travelling = _Kind(MOST_LEFT), _Kind(np.inf)
+        self._line, self._moving = _Kind(MAX_RESIDUAL_LEFT), _Kind(np.inf)
 
     @property
     def last(self) -> State:
@@ -83,34 +82,34 @@ class Predictor:
         return self._here.state
 
     def _point(self, time: float) -> _Point:
-        return _Point(time, self._problem.state(), self._travel.places())
+        return _Point(time, self._problem.state(), self._frame.places())
 
     def solve(self, time: float, solve: Callable[[], NewtonReport]) -> NewtonReport:
-        """Solve for a time, from a guess or from the last state, and accept the end (collective).
+        """Solve for a time from a guess or from the last state; accept the result (collective).
 
         Args:
-            time: That of the present loads and prescribed values.
+            time: Time of the present loads and prescribed values.
             solve: Solves from the present state.
 
         Returns:
-            The record, with the iterations from a guess that came to nothing.
+            The record, including iterations from an abandoned guess.
 
         Raises:
-            NotConvergedError: On all ranks, if it fails from the last state, too.
+            NotConvergedError: On all ranks, if the solve from the last state fails, too.
         """
         here = self._problem.state()
         kind = self._go_to_guess(time, here)
-        for other in (self._line, self._travelling):
+        for other in (self._line, self._moving):
             other.left = max(other.left - (other is not kind), 0)
         report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
         self._before, self._here = self._here, self._point(time)
         return report
 
     def _go_to_guess(self, time: float, here: State) -> _Kind | None:
-        """Go to where the last two states lead if the equations are violated less there.
+        """Set the guess with the smallest residual, if smaller than at the present state.
 
-        Bodies that float must be held by contact, and what presses goes on to do so: a solve moves
-        bodies and obstacles rigidly before it begins where they are loose.
+        Floating bodies have to be held by contact, and pairs under pressure have to stay so:
+        otherwise the solve moves bodies and obstacles rigidly before the first iteration.
         """
         problem = self._problem
         if (
@@ -137,19 +136,19 @@ class Predictor:
         return kind
 
     def _find_guesses(self, ratio: float) -> list[tuple[_Kind, State]]:
-        """Guesses for a step of ``ratio`` times the length of the last one, but for pauses."""
+        """Guesses for a step of ``ratio`` times the last one, except paused kinds."""
         assert self._before is not None
         (_, last, places), (_, before, places_before) = self._here, self._before
         guesses = []
         if not self._line.left:
             guesses.append((self._line, last.towards(before, -ratio)))
-        if not self._travelling.left:
-            guess = self._travel.guess(last, before, places - places_before, ratio)
-            guesses += [(self._travelling, guess)] if guess is not None else []
+        if not self._moving.left:
+            guess = self._frame.guess(last, before, places - places_before, ratio)
+            guesses += [(self._moving, guess)] if guess is not None else []
         return guesses
 
     def _look(self) -> tuple[float, npt.NDArray[np.bool_]]:
-        """Residual of the present state, inf if a cell is inverted; which contacts press."""
+        """Residual of the present state, inf for inverted cells; whether contacts are pressed."""
         problem = self._problem
         for contact in problem.equations.contacts:
             contact.start_step()
@@ -166,10 +165,10 @@ class Predictor:
     def _solve_from_guess(
         self, kind: _Kind, here: State, solve: Callable[[], NewtonReport]
     ) -> NewtonReport:
-        """Solve; where that does not go well, once more from ``here``."""
+        """Solve; if convergence is poor, restart from ``here``."""
         options = self._problem.newton
-        few = min(FEW, options.max_iterations)
-        cautious = replace(options, tentative=True, most_left=kind.most_left, max_iterations=few)
+        few = min(MAX_ITERATIONS, options.max_iterations)
+        cautious = replace(options, tentative=True, most_left=kind.max_left, max_iterations=few)
         try:
             self._problem.newton = cautious
             report = solve()
@@ -177,7 +176,7 @@ class Predictor:
             return report
         except NotConvergedError as error:
             lost = error.report
-            lost.notes.append(f"begun where the last two states led, in vain: {error}")
+            lost.notes.append(f"extrapolated initial guess abandoned: {error}")
         finally:
             self._problem.newton = options
         kind.failed()

@@ -36,7 +36,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.directions import gap_rate, opening_rate, slip_rate
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.mesh.reading import MeshData
+from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.newton.loop import NewtonReport
 from fenics_mortar.rigid.holding import Touching, unresisted_motion
 from fenics_mortar.utils import compat
@@ -561,7 +561,9 @@ class FloatingBodies:
     def labels_of(self, surface: Surface) -> Array:
         """Bodies of the nodes of a surface, shape (nodes,) (collective the first time)."""
         if id(surface) not in self._surface_labels:
-            self._surface_labels[id(surface)] = surface.gather(self._bulk.spread(self.labels))[:, 0]
+            self._surface_labels[id(surface)] = surface.gather(
+                self._bulk.space.spread(self.labels)
+            )[:, 0]
         return self._surface_labels[id(surface)]
 
 

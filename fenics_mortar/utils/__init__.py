@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Arrays, errors, argument checks, timing, files and what differs between releases of dolfinx.
+"""Arrays, errors, argument checks, timing, files and the differences between dolfinx releases.
 
-Nothing here knows what contact is. In flow values of users and names of options; out flow checked
-values and errors that are raised on all ranks or on none. Every other folder may use it.
+Input are options and values of users. Output are checked values, and errors that are raised on all
+ranks or on none. All other folders may import it; it imports none of them.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Checks of what users set: an error names the option, shows its value and says what is right."""
+"""Checks of user options: an error names the option, its value and the expected one."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ import numpy.typing as npt
 
 
 def check_choice(name: str, value: Any, allowed: Iterable[str]) -> None:
-    """Refuse all but the words that are allowed (local).
+    """Refuse all but the allowed words (local).
 
     Raises:
         ValueError: For another value.
     """
     if not isinstance(value, str) or value not in allowed:
-        raise ValueError(f"{name}={value!r}: allowed are {', '.join(allowed)}")
+        raise ValueError(f"{name}={value!r}: expected one of {', '.join(allowed)}")
 
 
 def check_number(
-    name: str, value: Any, right: str, allows: Callable[[Any], bool], *, whole: bool = False
+    name: str, value: Any, expected: str, allows: Callable[[Any], bool], *, whole: bool = False
 ) -> None:
-    """Refuse what is no real number, or no whole one, or one that is not allowed (local).
+    """Refuse values that are not real numbers, not integers or not allowed (local).
 
     Args:
         name: Name of the option.
-        value: What it was set to.
-        right: What would be right, in words.
-        allows: Whether a number is allowed; of nan it has to be false.
-        whole: Whether it has to be whole.
+        value: Its value.
+        expected: Description of an allowed value.
+        allows: Whether a number is allowed; has to be false for nan.
+        whole: Whether it has to be an integer.
 
     Raises:
         ValueError: For another value.
     """
     kind = np.asarray(value, object if np.ndim(value) else None).dtype.kind
     if kind not in ("iu" if whole else "iuf") or not allows(value):
-        raise ValueError(f"{name}={value!r}: {right}")
+        raise ValueError(f"{name}={value!r}: expected {expected}")
 
 
 def check_lengths(name: str, values: Any, count: int) -> npt.NDArray[np.float64]:
@@ -46,13 +46,13 @@ def check_lengths(name: str, values: Any, count: int) -> npt.NDArray[np.float64]
     Raises:
         ValueError: For other values.
     """
-    right = f"finite lengths of shape ({count},), one a slave node, are allowed"
+    expected = f"expected finite lengths of shape ({count},), one per slave node"
     lengths = np.asarray(values)
     if lengths.shape != (count,) or lengths.dtype.kind not in "iuf":
-        raise ValueError(f"{name} has shape {lengths.shape}, type {lengths.dtype}: {right}")
+        raise ValueError(f"{name} has shape {lengths.shape}, type {lengths.dtype}: {expected}")
     bad = np.flatnonzero(~np.isfinite(lengths))
     if bad.size:
-        raise ValueError(f"{name}[{bad[0]}]={lengths[bad[0]]}: {right}")
+        raise ValueError(f"{name}[{bad[0]}]={lengths[bad[0]]}: {expected}")
     return lengths.astype(float, copy=False)
 
 
@@ -63,14 +63,20 @@ def check_flag(name: str, value: Any) -> None:
         ValueError: For another value.
     """
     if not isinstance(value, (bool, np.bool_)):
-        raise ValueError(f"{name}={value!r}: True or False")
+        raise ValueError(f"{name}={value!r}: expected True or False")
 
 
-def check_kind(name: str, value: Any, kind: type | tuple[type, ...], right: str) -> None:
-    """Refuse objects of another kind (local).
+def check_kind(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> None:
+    """Refuse objects of another type (local).
+
+    Args:
+        name: Name of the option.
+        value: Its value.
+        kind: Allowed types.
+        expected: Description of an allowed value.
 
     Raises:
         ValueError: For another value.
     """
     if not isinstance(value, kind):
-        raise ValueError(f"{name}={value!r}: {right}")
+        raise ValueError(f"{name}={value!r}: expected {expected}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Seconds by phase: at any time one phase runs, the innermost that was entered."""
+"""Seconds by phase: at any time the innermost entered phase is running."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-# What no phase covers.
+# Time outside all phases.
 OTHER = "other"
-# The phases of a Newton iteration, in the order in which reports show them.
+# The phases of a Newton iteration, in the order of reports.
 PHASES = ("residual", "tangent", "search", "integrals", "assembly", "solve", OTHER)
 
 
 class Clock:
-    """Shares out the time that passes among phases; time in a phase within another is its own."""
+    """Distributes wall time over phases; time in a nested phase counts for that phase only."""
 
     def __init__(self) -> None:
         self._seconds: dict[str, float] = {}
@@ -23,36 +23,36 @@ class Clock:
 
     @contextmanager
     def __call__(self, phase: str) -> Iterator[None]:
-        """A block, or as a decorator a function, that belongs to ``phase``."""
-        self._share_out()
+        """Context, or decorator of a function, whose time counts for ``phase``."""
+        self._distribute()
         self._running.append(phase)
         try:
             yield
         finally:
-            self._share_out()
+            self._distribute()
             self._running.pop()
 
     @property
     def depth(self) -> int:
-        """How many phases have been entered, one within the other."""
+        """Number of nested phases."""
         return len(self._running)
 
     def leave(self, depth: int) -> None:
-        """Leave all but so many phases, as after an interruption."""
+        """Leave all but the outer ``depth`` phases, as after an interruption."""
         del self._running[depth:]
 
     def read(self) -> dict[str, float]:
         """Seconds of all ``PHASES`` since the last call."""
-        self._share_out()
+        self._distribute()
         seconds, self._seconds = self._seconds, {}
         return {phase: seconds.get(phase, 0.0) for phase in PHASES}
 
-    def _share_out(self) -> None:
+    def _distribute(self) -> None:
         now = time.perf_counter()
         phase = self._running[-1]
         self._seconds[phase] = self._seconds.get(phase, 0.0) + now - self._since
         self._since = now
 
 
-# That of this process: whoever works enters a phase, whoever reports reads.
+# The clock of this process: computations enter phases, reports read it.
 clock = Clock()

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Every difference between dolfinx 0.5.2, 0.9 and 0.11, and nothing else.
+"""All differences between dolfinx 0.5.2, 0.9 and 0.11, and nothing else.
 
-Each function asks for the shape of the interface (``hasattr``, ``callable``) and never for a
-version number, so that releases in between and after work as far as they look alike. The
-docstrings name the release that made the difference. No other module knows of any.
+Each function checks the interface (``hasattr``, ``callable``) and never a version number, so that
+releases in between and later ones work as far as their interface agrees. The docstrings name the
+release of a change. The module has more than 350 lines since the differences belong together: each
+function is short, and no other module depends on the release.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ from fenics_mortar.utils.arguments import check_kind, check_number
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
-# Communicators of earlier problems, by the ranks in them, whose garbage is looked through.
-MOST_KEPT = 8
+# Communicators of the last few problems whose garbage is freed, by their ranks.
+MAX_KEPT = 8
 _kept: dict[tuple[int, ...], deque[list[PETSc.IS]]] = {}
 
 
@@ -69,23 +70,26 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     ``VectorFunctionSpace`` was removed in 0.8; the shape went into the element.
 
     Raises:
-        ValueError: If ``mesh`` or ``degree`` is none.
+        ValueError: If ``mesh`` or ``degree`` is not valid.
     """
-    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, as the attribute mesh of MeshData")
-    right = "a whole number, at least 1"
-    check_number("degree", degree, right, lambda number: number >= 1, whole=True)
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
+    expected = "a whole number, at least 1"
+    check_number("degree", degree, expected, lambda number: number >= 1, whole=True)
     if hasattr(fem, "functionspace"):
         return fem.functionspace(mesh, ("Lagrange", degree, (2,)))
     return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
 
 
 def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
-    """Create a space of several unknowns, each with family, degree and, of vectors, the shape.
+    """Create a space of several unknowns, given by family, degree and, for vectors, the shape.
 
     Collective. ``ufl.MixedElement`` was replaced by ``basix.ufl.mixed_element`` in 0.7.
 
+    Raises:
+        ValueError: If ``mesh`` is not a mesh or no part is given.
+
     Example:
-        Displacement and pressure after Taylor and Hood, for incompressible bodies::
+        Taylor-Hood displacement and pressure for incompressible bodies::
 
             W = mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
             w = fem.Function(W)
@@ -97,9 +101,9 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
             bcs = [dirichlet(W.sub(0), data, "base", (0.0, 0.0))]
             problem = ContactProblem(residual, w, pairs, bcs=bcs, petsc_options_prefix="rubber_")
     """
-    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, as the attribute mesh of MeshData")
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
     if not parts:
-        raise ValueError("no parts: each is a family, a degree and, of vectors, the shape")
+        raise ValueError("expected parts: each a family, a degree and, for vectors, the shape")
     if hasattr(ufl, "MixedElement"):
         cell = mesh.ufl_cell()
         elements = [
@@ -141,8 +145,8 @@ def petsc_vec(function: fem.Function) -> PETSc.Vec:
 def interpolate_expression(function: fem.Function, expression: ufl.core.expr.Expr) -> None:
     """Interpolate a UFL expression into ``function`` and update its ghosts (collective).
 
-    ``element.interpolation_points`` became a property in 0.10. The expression has to know its
-    mesh, that is, hold at least one function, constant or coordinate of it.
+    ``element.interpolation_points`` became a property in 0.10. The expression has to contain at
+    least one function, constant or coordinate of the mesh.
     """
     points = function.function_space.element.interpolation_points
     points = points() if callable(points) else points
@@ -170,12 +174,12 @@ def geometry_dofmap(mesh: dmesh.Mesh) -> Indices:
 
 
 def input_nodes(V: fem.FunctionSpace) -> npt.NDArray[np.int64]:
-    """Return names of the local nodes of ``V`` that do not depend on the distribution.
+    """Return names of the local nodes of ``V`` that do not depend on the partition (local).
 
-    A node at a vertex has the vertex' number in the mesh's input; one on an edge or inside a cell
-    the numbers of its vertices in ascending order. Shape (local nodes, most vertices of a node); -1
-    fills up. In a mixed space every dof counts as a node, and a last column numbers those of the
-    same place.
+    The name of a node at a vertex is the number of the vertex in the mesh input; of a node on an
+    edge or inside a cell the numbers of its vertices in ascending order. Shape (local nodes,
+    largest number of vertices), padded by -1. In a mixed space every dof counts as a node, and a
+    last column numbers dofs at the same position.
     """
     mesh, layout, dofs = V.mesh, V.dofmap.dof_layout, dofmap(V)
     corners = {"triangle": 3, "quadrilateral": 4}[cell_name(mesh)]
@@ -198,11 +202,11 @@ def input_nodes(V: fem.FunctionSpace) -> npt.NDArray[np.int64]:
 
 
 def mesh_by_input_node(mesh: dmesh.Mesh) -> tuple[npt.NDArray[np.int64], Array]:
-    """Return cells and coordinates of a mesh, the same on any number of ranks (collective).
+    """Return cells and coordinates of a mesh, independent of the number of ranks (collective).
 
     Returns:
-        Numbers in the input of the nodes of all cells, ascending in a cell and by cells, shape
-        (cells, nodes per cell), and coordinates of all nodes by their numbers, shape (nodes, 2).
+        Input numbers of the nodes of all cells, ascending in a cell and by cells, shape (cells,
+        nodes per cell), and coordinates of all nodes in this numbering, shape (nodes, 2) [length].
     """
     geometry, num_cells = mesh.geometry, mesh.topology.index_map(mesh.topology.dim).size_local
     numbers = np.asarray(geometry.input_global_indices, np.int64)
@@ -217,7 +221,8 @@ def mesh_by_input_node(mesh: dmesh.Mesh) -> tuple[npt.NDArray[np.int64], Array]:
 def nodal_gradients(V: fem.FunctionSpace) -> Array:
     """Return the gradients of the Lagrange functions of a cell of ``V`` at its own nodes.
 
-    Shape (nodes, functions, 2), in the reference cell. For degree 1 and 2 all are whole numbers.
+    Shape (nodes, functions, 2), in the reference cell (local). All values are integers for degree 1
+    and 2.
     """
     cell = getattr(basix.CellType, cell_name(V.mesh))
     degree = {3: 1, 4: 1, 6: 2, 9: 2}[V.dofmap.dof_layout.num_dofs]
@@ -344,7 +349,7 @@ def gmsh_is_initialized(gmsh: Any) -> bool:
         return bool(gmsh.isInitialized())
     try:
         return gmsh.logger.getWallTime() >= 0.0
-    except Exception:  # gmsh knows no other
+    except Exception:  # gmsh raises Exception itself
         return False
 
 
@@ -364,7 +369,7 @@ def set_prescribed(values: Array, bcs: list[Any]) -> None:
 
 
 def prescribed_value(bc: Any) -> Array:
-    """The numbers that a condition prescribes, none if a function does (local).
+    """The numbers prescribed by a condition; empty for a function (local).
 
     ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
     """
@@ -390,9 +395,9 @@ def evaluate_expression(expression: fem.Expression, mesh: dmesh.Mesh, cells: Ind
 
 
 def option_is_used(name: str) -> bool:
-    """Tell whether PETSc has asked for an option of its database, prefix and all (local).
+    """Tell whether PETSc has used an option of its database, given with prefix (local).
 
-    ``PETSc.Options.used`` is not there in 3.18; then PETSc's own function is called.
+    ``PETSc.Options.used`` is missing in 3.18; there the C function is called.
     """
     database = PETSc.Options()
     if hasattr(database, "used"):
@@ -405,38 +410,38 @@ def option_is_used(name: str) -> bool:
 
 
 def free_petsc_garbage(comm: MPI.Comm, *objects: Any) -> None:
-    """Free the PETSc objects that Python has let go of on all ranks (collective).
+    """Free the PETSc objects without references on all ranks (collective).
 
-    petsc4py keeps them until then, since to destroy them is collective: in each iteration of a long
-    run some vectors, and with a problem its matrices and factors. They are kept by communicator,
-    and each vector and matrix that dolfinx makes has one of its own, which its duplicates share.
+    petsc4py keeps them until then, since their destruction is collective: some vectors in each
+    iteration, matrices and factors with each problem. They are kept by communicator, and each
+    vector and matrix of dolfinx has its own communicator, shared by its duplicates.
 
     Args:
         comm: A communicator whose garbage is freed.
-        objects: PETSc objects whose communicators are looked through as well.
+        objects: PETSc objects whose communicators are included.
     """
     for each in (comm, *(some.comm for some in objects)):
         PETSc.garbage_cleanup(each)
 
 
 def free_petsc_garbage_of_earlier(comm: MPI.Comm) -> None:
-    """The same for the last communicators that were kept by the same ranks (collective)."""
+    """Free unreferenced PETSc objects on communicators kept by these ranks (collective)."""
     for earlier in _kept.get(_world_ranks(comm), ()):
         free_petsc_garbage(comm, *earlier)
 
 
 def keep_communicators(comm: MPI.Comm, *objects: Any) -> None:
-    """Let the garbage on some communicators be found by later problems (collective).
+    """Keep communicators so that later problems can free the garbage on them (collective).
 
-    Each mesh, vector and matrix of dolfinx has a communicator of its own; what is left when they
-    are gone can be reached only through an object that was made with it, which is kept here.
+    Each mesh, vector and matrix of dolfinx has its own communicator; garbage on it can be reached
+    only through an object on this communicator, which is kept here.
 
     Args:
-        comm: That of a mesh.
+        comm: Communicator of a mesh.
         objects: PETSc objects of the problem on it.
     """
     kept = _kept.setdefault(_world_ranks(comm), deque())
-    if len(kept) == MOST_KEPT:
+    if len(kept) == MAX_KEPT:
         for oldest in kept.popleft():
             oldest.destroy()
     none = np.empty(0, PETSc.IntType)
@@ -444,5 +449,5 @@ def keep_communicators(comm: MPI.Comm, *objects: Any) -> None:
 
 
 def _world_ranks(comm: MPI.Comm) -> tuple[int, ...]:
-    """The ranks of a communicator in the world (collective)."""
+    """World ranks of a communicator (collective)."""
     return tuple(comm.allgather(MPI.COMM_WORLD.rank))

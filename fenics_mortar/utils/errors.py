@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The exceptions of the package, and the way in which all ranks raise together."""
+"""The exceptions of the package, and functions to raise them on all ranks together."""
 
 from __future__ import annotations
 
@@ -14,16 +14,14 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 T = TypeVar("T")
-# So many numbers of an array are told in a message.
-MOST_NUMBERS = 6
 
 
 class MortarError(Exception):
-    """Base class of everything this package raises."""
+    """Base class of the exceptions of this package."""
 
 
 class MeshError(MortarError):
-    """A mesh, a physical name or a tag is not what the call needs."""
+    """A mesh, a physical name or a tag is not suitable."""
 
 
 class SurfaceError(MortarError):
@@ -31,7 +29,7 @@ class SurfaceError(MortarError):
 
 
 class NotConvergedError(MortarError):
-    """Newton did not converge; ``report`` holds what happened until then."""
+    """A solve or path did not converge; ``report`` is its record so far."""
 
     def __init__(self, message: str, report: Any) -> None:
         super().__init__(message)
@@ -39,21 +37,21 @@ class NotConvergedError(MortarError):
 
 
 class RaisedElsewhereError(MortarError):
-    """What a user handed in raised on another rank.
+    """A function of the user raised on another rank.
 
-    That rank is on its way out of the call, so nothing may catch this and go on.
+    That rank leaves the call, so this error must not be caught to continue.
     """
 
 
 class NotFiniteError(MortarError):
-    """A law or a distance of the user gave nan or infinity for finite arguments."""
+    """A law or a distance of the user returned nan or infinity for finite arguments."""
 
 
 def raise_together(comm: MPI.Comm, error: MortarError | None) -> None:
-    """Raise on all ranks if any rank has an error: no rank may leave a collective call alone.
+    """Raise on all ranks if any rank has an error (collective).
 
     Args:
-        comm: Communicator of the call (collective).
+        comm: Communicator of the call.
         error: The error found on this rank, or ``None``.
 
     Raises:
@@ -68,39 +66,39 @@ def call_together(comm: MPI.Comm, what: str, call: Callable[[], T]) -> T:
 
     Args:
         comm: Communicator of the call.
-        what: What is called, in words.
-        call: The function. It must not raise on one rank only before something collective in it.
+        what: Description of the function.
+        call: The function. It must not raise on one rank only before a collective call in it.
 
     Raises:
-        Exception: What ``call`` raised, on the ranks where it did.
-        MortarError: On the others; says where and what that was.
+        Exception: The error of ``call``, on the ranks where it raised.
+        MortarError: On the other ranks; gives rank and error.
     """
     error = None
     try:
         result = call()
-    except Exception as exception:  # no rank may leave alone, whatever it is
+    except Exception as exception:  # any error: no rank may leave alone
         error = exception
     leave_together(comm, what, error)
     return result
 
 
 def leave_together(comm: MPI.Comm, what: str, error: Exception | None) -> None:
-    """Raise on all ranks if any rank has an error, of whatever kind (collective).
+    """Raise on all ranks if any rank has an error of any type (collective).
 
     Args:
         comm: Communicator of the call.
-        what: What raised it, in words.
+        what: Description of its source.
         error: The error of this rank, or ``None``.
 
     Raises:
-        Exception: ``error``, where there is one.
-        MortarError: On the other ranks; the same one if it is the package's own, else a
-            ``RaisedElsewhereError`` that says where and what it was.
+        Exception: ``error``, on ranks that have one.
+        MortarError: On the other ranks; the same error if it is one of the package, otherwise a
+            ``RaisedElsewhereError`` that gives rank and error.
     """
     ours = isinstance(error, MortarError) and not isinstance(error, NotConvergedError)
     words = f"{what} raised on rank {comm.rank}: {type(error).__name__}: {error}"
-    told = error if ours or error is None else RaisedElsewhereError(words)
-    everywhere = [other for other in comm.allgather(told) if other is not None]
+    shared = error if ours or error is None else RaisedElsewhereError(words)
+    everywhere = [other for other in comm.allgather(shared) if other is not None]
     if error is not None and not ours:
         raise error
     if everywhere:
@@ -109,11 +107,11 @@ def leave_together(comm: MPI.Comm, what: str, error: Exception | None) -> None:
 
 @contextmanager
 def together(comm: MPI.Comm, what: str) -> Iterator[None]:
-    """Context of local checks: what one rank refuses, all refuse (collective).
+    """Context of local checks: an error on one rank is raised on all ranks (collective).
 
     Args:
         comm: Communicator of the call.
-        what: What is checked, in words.
+        what: Description of the values checked.
 
     Raises:
         Exception: See ``leave_together``.
@@ -121,14 +119,14 @@ def together(comm: MPI.Comm, what: str) -> Iterator[None]:
     error = None
     try:
         yield
-    except Exception as exception:  # no rank may leave alone, whatever it is
+    except Exception as exception:  # any error: no rank may leave alone
         error = exception
     leave_together(comm, what, error)
 
 
 @contextmanager
 def going_on() -> Iterator[None]:
-    """Context after whose errors work goes on, unless another rank has left with one of its own."""
+    """Context that suppresses ``MortarError``, except a ``RaisedElsewhereError``."""
     try:
         yield
     except RaisedElsewhereError:
@@ -138,11 +136,11 @@ def going_on() -> Iterator[None]:
 
 
 def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> None:
-    """Refuse numbers that are not the same on all ranks (collective).
+    """Refuse numbers that are not equal on all ranks (collective).
 
     Args:
         comm: Communicator of the call.
-        values: Names for messages, and numbers of any shape, the same shapes on all ranks.
+        values: Names and numbers of any shape, with equal shapes on all ranks.
 
     Raises:
         MortarError: On all ranks.
@@ -160,12 +158,12 @@ def check_same(comm: MPI.Comm, values: Iterable[tuple[str, npt.ArrayLike]]) -> N
 
 
 def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> None:
-    """Refuse options of any kind that are not the same on all ranks (collective).
+    """Refuse options of any type that are not equal on all ranks (collective).
 
     Args:
         comm: Communicator of the call.
-        what: What has the options, in words.
-        values: The options by name. Of objects their kind and public numbers and words count.
+        what: Description of the owner of the options.
+        values: Options by name. Objects are compared by type and public numbers and strings.
 
     Raises:
         MortarError: On all ranks.
@@ -182,13 +180,13 @@ def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> No
 
 
 def in_words(value: Any) -> str:
-    """A value in words that are equal for equal values, without addresses in memory."""
+    """Describe a value, equal for equal values and without addresses in memory (local)."""
     if isinstance(value, np.generic):
         value = value.item()
     if value is None or isinstance(value, (bool, int, float, complex, str)):
         return repr(value)
     if isinstance(value, np.ndarray):
-        numbers = ", ".join(map(str, value.ravel()[:MOST_NUMBERS].tolist()))
+        numbers = ", ".join(map(str, value.ravel()[:6].tolist()))
         return f"[{numbers}] of shape {value.shape}, with a sum of {value.sum():.17g}"
     if isinstance(value, Mapping):
         return f"{{{', '.join(f'{in_words(k)}: {in_words(v)}' for k, v in value.items())}}}"
@@ -201,12 +199,12 @@ def in_words(value: Any) -> str:
 
 
 def place(x: npt.NDArray[np.float64] | tuple[float, ...]) -> str:
-    """A position in words."""
+    """Format a position (2,) (local)."""
     return f"({x[0]:.4g}, {x[1]:.4g})"
 
 
 def count_places(comm: MPI.Comm, places: npt.NDArray[np.float64]) -> tuple[int, str]:
-    """Count the places (n, 2) of all ranks; put the lowest of them in words (collective)."""
+    """Count the positions (n, 2) of all ranks, and format the smallest of them (collective)."""
     mine = [tuple(map(float, x)) for x in places]
     everything = [x for lowest in comm.allgather(sorted(mine)[:1]) for x in lowest]
     return comm.allreduce(len(mine)), place(min(everything)) if everything else "nowhere"

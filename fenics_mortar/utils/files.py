@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Work with files that some ranks do for all, and that fails on all ranks or on none."""
+"""Reading and writing of files on some ranks, with errors raised on all ranks."""
 
 from __future__ import annotations
 
@@ -17,26 +17,38 @@ T = TypeVar("T")
 
 
 def without_suffix(comm: MPI.Comm, path: str | Path, suffix: str) -> Path:
-    """The path of the first rank without its suffix, if it has that (collective)."""
+    """The path of the first rank without its suffix, if present (collective).
+
+    Raises:
+        MortarError: On all ranks, if the path has no file name.
+    """
     path = Path(str(comm.bcast(path)).removesuffix(suffix))
     if not path.name:
-        raise MortarError(f"'{path}' is no name of a file; right is e.g. 'results/name{suffix}'")
+        raise MortarError(f"'{path}' is no name of a file; expected e.g. 'results/name{suffix}'")
     return path
 
 
 def make_folder(comm: MPI.Comm, folder: Path) -> None:
-    """Make a folder where there is none (collective)."""
+    """Create a folder if missing (collective).
+
+    Raises:
+        MortarError: On all ranks, if it cannot be created.
+    """
     make = partial(folder.mkdir, parents=True, exist_ok=True)
-    try_together(comm, comm.rank == 0, make, f"cannot make the folder '{folder}'")
+    try_together(comm, comm.rank == 0, make, f"cannot create the folder '{folder}'")
 
 
 def try_together(comm: MPI.Comm, here: bool, work: Callable[[], T], message: str) -> T | None:
-    """Do ``work`` if it is due ``here``; raise on all ranks if it fails on one (collective)."""
+    """Do ``work`` on ranks with ``here``; raise on all ranks if it fails on one (collective).
+
+    Raises:
+        MortarError: On all ranks; ``message`` and the error.
+    """
     error, done = None, None
     try:
         if here:
             done = work()
-    except Exception as exception:  # no rank may leave alone, whatever it is
+    except Exception as exception:  # any error: no rank may leave alone
         error = MortarError(f"{message}: {exception}")
         error.__cause__ = exception
     raise_together(comm, error)
@@ -44,16 +56,17 @@ def try_together(comm: MPI.Comm, here: bool, work: Callable[[], T], message: str
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Make a file beside ``path`` and put it in its place once it is whole and on the disk (local).
+    """Write a file beside ``path`` and move it there once it is complete and on disk (local).
 
-    What was at ``path`` before stays if writing fails or the process is killed.
+    An earlier file at ``path`` is kept if writing fails or the process is killed.
 
     Args:
-        path: Where the file is to be; of a link, what it leads to.
-        write: Writes to a path, which ends as ``path`` does.
+        path: Path of the file; links are followed.
+        write: Writes to a path, which has the suffix of ``path``.
 
     Raises:
-        OSError: If it cannot be written, and whatever ``write`` raises.
+        OSError: If it cannot be written.
+        Exception: Any error of ``write``.
     """
     path = Path(os.path.realpath(path))
     beside = path.with_name(f".unfinished-{path.name}")
@@ -68,7 +81,7 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def _flush(path: Path) -> None:
-    """Have the disk hold a file, or the names in a folder."""
+    """Flush a file, or the names in a folder, to disk."""
     number = os.open(path, os.O_RDONLY)
     try:
         os.fsync(number)

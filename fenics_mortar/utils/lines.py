@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which straight lines of the plane meet."""
+"""Intersections of straight line segments in the plane."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ Pairs = npt.NDArray[np.int64]
 
 
 def near_pairs(start: Array, end: Array) -> Pairs:
-    """Pairs of the lines from ``start`` to ``end`` (n, 2) that may meet, by their middles: (k, 2).
+    """Pairs (k, 2) of lines from ``start`` to ``end`` (n, 2) that may intersect (local).
 
-    In ascending order, each once.
+    The criterion is the distance of midpoints; pairs are unique and in ascending order.
     """
     if len(start) < 2:
         return np.empty((0, 2), np.int64)
@@ -26,14 +26,14 @@ def near_pairs(start: Array, end: Array) -> Pairs:
 def cross(
     start: Array, end: Array, pairs: Pairs, tolerance: float = 0.0, *, touching: bool = False
 ) -> npt.NDArray[np.bool_]:
-    """Whether the lines of each pair cross, shape (k,).
+    """Whether the lines of each pair cross, shape (k,) (local).
 
     Args:
-        start: Where the lines start, shape (n, 2) [length].
-        end: Where they end.
+        start: Start points of the lines, shape (n, 2) [length].
+        end: End points, shape (n, 2) [length].
         pairs: Numbers of lines, shape (k, 2).
-        tolerance: Part of its length by which each has to reach beyond the other one.
-        touching: Whether it is enough that they have a point in common.
+        tolerance: Fraction of its length by which each line has to extend beyond the other one.
+        touching: Whether a common point suffices.
     """
     (a, b), (c, d) = ((start[pairs[:, i]], end[pairs[:, i]]) for i in range(2))
     first, second = b - a, d - c
@@ -50,5 +50,5 @@ def cross(
 
 
 def _turn(a: Array, b: Array) -> Array:
-    """Cross product of vectors (n, 2): shape (n,)."""
+    """Cross product of vectors (n, 2), shape (n,)."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

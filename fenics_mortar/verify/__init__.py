@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Independent looks at a state: certificate, crossings, tangent check, error estimate.
+"""Independent checks of a state: certificate, crossings, tangent check, error estimate.
 
-In flow a state; out flow what holds of it and what does not, in numbers and words. Nothing here
-changes the state.
+Input is an evaluated state. Output are measured defects and estimated errors, in numbers and words.
+Nothing here changes the state.
 """

@@ -179,7 +179,7 @@ class Crossings:
 
     def _bodies_of(self, surface: Surface) -> set[int]:
         """Bodies of a surface; tied ones are not one here."""
-        bodies = surface.gather(self._bulk.spread(self._labels))[:, 0]
+        bodies = surface.gather(self._bulk.space.spread(self._labels))[:, 0]
         return set(bodies.astype(np.int64).tolist())
 
     def _positions(self) -> Array:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Mortar operators of the present state as PETSc objects, for one's own block solver or study.
+"""Mortar operators of the present state as PETSc objects, for block solvers and studies of users.
 
-Rows of D, M, gap and normals are slave nodes in their order along the surface, spread evenly over
-the ranks; columns of D and M are slave and master nodes in the same way. Derivatives have the
-displacement dofs of the space (global numbers 2 node + component) as columns.
+Rows of D, M, gap and normals are slave nodes in their order along the surface, distributed evenly
+over the ranks; columns of D and M are slave and master nodes likewise. Columns of derivatives are
+the displacement dofs of the space (global numbers 2 node + component).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 
 class OperatorMatrices:
-    """Builds PETSc objects from the operators of each pair on demand (all collective)."""
+    """Creates PETSc objects from the operators of each pair on demand (all methods collective)."""
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Interface]) -> None:
         self._bulk, self._contacts = bulk, contacts
@@ -71,7 +71,7 @@ class OperatorMatrices:
         return self._assemble(blocks, None, None)
 
     def _assemble(self, blocks: list[Block], rows: int | None, columns: int | None) -> PETSc.Mat:
-        """``None`` stands for the displacement dofs."""
+        """Assemble blocks; ``None`` means the displacement dofs as rows or columns."""
         self._bulk.free_garbage()
         sizes = [self._share(size) for size in (rows, columns)]
         mat = BlockMatrix(self._bulk.comm, *sizes).assemble(blocks)

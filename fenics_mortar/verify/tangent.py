@@ -1,26 +1,44 @@
 # SPDX-License-Identifier: MIT
 """Taylor test of every derivative, block by block, at the present state of a problem.
 
-For a function f with derivative f' the remainder |f(x + t v) - f(x) - t f'(x) v| falls like t^2:
-the slope in t is 2 if the derivative is right and 1 if a term is missing.
+For a function f with derivative f' the remainder |f(x + t v) - f(x) - t f'(x) v| decreases as t^2:
+the slope in t is 2 if the derivative is correct and 1 if a term is missing.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.rigid.balance import linearize_balance
+from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.rounding import EPSILON
+from fenics_mortar.verify.matrices import OperatorMatrices
 
-# Remainders below this part of the function's size are rounding: there is no slope to be seen.
-ROUNDING = 1e-13
+# Relative remainders below this are rounding and define no slope: sums of some hundred terms.
+SMALLEST_REMAINDER = 500.0 * EPSILON
+
+
+class Checkable(Protocol):
+    """The part of a problem that the Taylor test uses."""
+
+    bulk: Bulk
+    contacts: Sequence[Contact | Tie]
+    comm: MPI.Comm
+    linearization: Linearization
+    tools: DrivenObstacles
 
 
 @dataclass(frozen=True)
@@ -38,17 +56,17 @@ class TangentCheck:
 
     @property
     def slopes(self) -> dict[str, float]:
-        """Slope per block over the steps above rounding; inf where the remainder is rounding."""
+        """Slope per block, from steps above rounding; inf where all remainders are rounding."""
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
-        seen = values > ROUNDING
+        seen = values > SMALLEST_REMAINDER
         if seen.sum() < 2:
             return np.inf
         return float(np.polyfit(np.log(self.steps[seen]), np.log(values[seen]), 1)[0])
 
     def table(self) -> str:
-        """Markdown table: remainder per block and step, last row the slopes."""
+        """Markdown table: remainder per block and step; the last row has the slopes."""
         names = list(self.remainders)
         lines = ["| step / facet | " + " | ".join(names) + " |", "|" + "---:|" * (len(names) + 1)]
         for i, step in enumerate(self.steps):
@@ -60,34 +78,34 @@ class TangentCheck:
 
 
 def check_tangent(
-    problem: Any, *, steps: Array | None = None, seed: int = 0, print_table: bool = True
+    problem: Checkable, *, steps: Array | None = None, seed: int = 0, print_table: bool = True
 ) -> TangentCheck:
     """Taylor test at the present displacement, multipliers and active set (collective).
 
-    The state is left as it was. Multipliers that are zero are replaced by random ones of the size
-    of the largest, or of 1 % of the stiffness, so that the derivatives of D and M are seen.
+    The state is restored. Multipliers that are zero are replaced by random ones of the size of the
+    largest, or of 1 % of the stiffness, so that the derivatives of D and M contribute.
 
     Args:
         problem: A ``ContactProblem``.
-        steps: Step sizes over the shortest slave facet.
-        seed: Of the random direction, drawn by global dof: another one on other numbers of ranks.
+        steps: Step sizes over the shortest slave facet, shape (s,).
+        seed: Seed of the random direction, drawn by global dof: it depends on the number of ranks.
         print_table: Whether rank 0 prints the table.
 
     Returns:
         Remainders and slopes.
     """
     steps = 1e-3 * 0.5 ** np.arange(6) if steps is None else np.asarray(steps)
-    u = problem.equations.bulk.u
-    before = u.x.array.copy(), [contact.state for contact in problem.equations.contacts]
-    places = problem.equations.tools.places
+    u = problem.bulk.u
+    before = u.x.array.copy(), [contact.state for contact in problem.contacts]
+    places = problem.tools.places
     try:
         check = _check(_Probe(problem, seed), steps)
     finally:
-        u.x.array[:], problem.equations.tools.places = before[0], places
-        for contact, state in zip(problem.equations.contacts, before[1], strict=True):
+        u.x.array[:], problem.tools.places = before[0], places
+        for contact, state in zip(problem.contacts, before[1], strict=True):
             contact.put(state)
-            contact.evaluate(u.x.array, problem.equations.linearization)
-        problem.equations.bulk.assemble_residual()
+            contact.evaluate(u.x.array, problem.linearization)
+        problem.bulk.assemble_residual()
     if print_table and problem.comm.rank == 0:
         print(check.table())
     return check
@@ -112,8 +130,8 @@ class _Probe:
     def __init__(self, problem: Any, seed: int) -> None:
         self.problem, self.bulk, self.contacts = (
             problem,
-            problem.equations.bulk,
-            problem.equations.contacts,
+            problem.bulk,
+            problem.contacts,
         )
         self.comm = problem.comm
         rng = np.random.default_rng(seed)
@@ -122,15 +140,15 @@ class _Probe:
         everywhere = rng.uniform(-length, length, self.bulk.r.getSize())
         self.du: Array = self.bulk.units * everywhere[self.bulk.first : self.bulk.first + size]
         self.u0 = self.bulk.u.x.array[:size].copy()
-        self.tools, self.places = problem.equations.tools, problem.equations.tools.places
+        self.tools, self.places = problem.tools, problem.tools.places
         self.dq: Array = rng.uniform(-length, length, self.places.shape)
         self.active = [contact.active for contact in self.contacts]
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
         self.dz = [np.abs(z).max() * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
         self._move(0.0)
-        self._frames = [contact.frame() for contact in self.contacts]
+        self._frames: list[Any] = [contact.frame() for contact in self.contacts]
 
-    def _fill(self, contact: Contact, rng: np.random.Generator) -> Array:
+    def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
         size = np.abs(contact.z).max() or 0.01 * contact.stiffness.max()
         random = size * rng.uniform(0.5, 1.0, contact.z.shape)
         return np.where(contact.z == 0.0, random, contact.z)
@@ -146,10 +164,10 @@ class _Probe:
             self.contacts, self.active, self.z0, self.dz, strict=True
         ):
             contact.change(z=z + step * dz, active=active)
-            contact.evaluate(u.x.array, self.problem.equations.linearization)
+            contact.evaluate(u.x.array, self.problem.linearization)
 
     def values(self, step: float) -> dict[str, Array]:
-        """All functions at the step; distributed arrays are parts of this rank."""
+        """All functions at the step; of distributed arrays the owned entries (collective)."""
         self._move(step)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         force = self.bulk.r.array_r[: self.bulk.num_owned].copy()
@@ -171,10 +189,10 @@ class _Probe:
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
 
     def derivative(self) -> dict[str, Array]:
-        """Directional derivatives of ``values`` at step 0, from the assembled matrices."""
+        """Directional derivatives of ``values`` at step 0, from assembled matrices (collective)."""
         self._move(0.0)
         self.bulk.assemble_tangent()
-        matrices = self.problem.matrices
+        matrices = OperatorMatrices(self.bulk, self.contacts)
         found: dict[str, list[Array]] = {name: [] for name in ("n", "g", "D", "M")}
         for pair, (contact, z0) in enumerate(zip(self.contacts, self.z0, strict=True)):
             matrix = matrices.normals_derivative(pair)
@@ -190,8 +208,8 @@ class _Probe:
         bulk = self.bulk.to_force * self._apply(self.bulk.K)
         return {"bulk": bulk, **replicated, "whole": self._whole()}
 
-    def _by_motions(self, contact: Contact) -> tuple[Array, Array, Array]:
-        """Derivatives of normals, gap and law along the motions of the pair's obstacle."""
+    def _by_motions(self, contact: Contact | Tie) -> tuple[Array, Array, Array]:
+        """Derivatives of normals, gap and law along the motions of the pair's obstacle (local)."""
         if contact.obstacle is None:
             return np.zeros(1), np.zeros(1), np.zeros_like(contact.z)
         dq = self.dq[self.tools.obstacles.index(contact.obstacle)]
@@ -199,7 +217,7 @@ class _Probe:
         return o.dn_dq @ dq, o.dgap_dq @ dq, contact.motion_rows() @ dq
 
     def _whole(self) -> Array:
-        """The four blocks of the saddle-point system on (du, dz), and the motions of obstacles."""
+        """The four blocks of the saddle-point system times (du, dz), with motions of obstacles."""
         for contact in self.contacts:  # as in the system
             contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
         system = SaddleSystem(self.bulk, self.contacts, "fenics_mortar_check_tangent_", {})
@@ -233,9 +251,9 @@ class _Probe:
         return np.concatenate(self.comm.allgather(mine))
 
     def _mine(self, replicated: Array) -> Array:
-        """Count replicated arrays once."""
+        """Keep replicated arrays on the first rank only."""
         return replicated if self.comm.rank == 0 else replicated[:0]
 
     def norm(self, mine: Array) -> float:
-        """Euclidean norm over all ranks."""
+        """Euclidean norm over all ranks (collective)."""
         return float(np.sqrt(self.comm.allreduce(float(mine @ mine))))

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""The elastic body that a rigid obstacle stands for: how far it would give way.
+"""The elastic body that a rigid obstacle represents, and the displacement of its surface.
 
-The tractions of a solved contact, put on the mesh of the tool where the slave touches it, move its
-surface by one linear solve. Had the tool been elastic, the gaps would have been wider by that,
-and so a second linear solve, with the tangent of the problem, corrects the solution: the error of
-the rigid tool to first order, by the shapes and the supports of both bodies. Energies say why: the
-elastic energy W of the soft body, as a function of how the tool is moved, is less by the
-complementary energy of the tool at the same forces, whatever happens to the area of contact.
+The tractions of a solved contact, applied to the mesh of the body, displace its surface by one
+linear solve. With an elastic obstacle the gaps would be wider by that, and a second linear solve,
+with the tangent of the problem, corrects the solution: the error of the rigid obstacle to first
+order, for the shapes and supports of both bodies. The reason is energetic: the elastic energy W of
+the soft body, as a function of the obstacle's motion, decreases by the complementary energy of the
+obstacle at the same forces, for any change of the contact area.
 
-The mesh of a curved tool has facets, that are off the curve as elasticity moves it. That is no
-error of the rigid tool, but one of its mesh, and stands beside it.
+The facets of a curved obstacle's mesh deviate from the curve like an elastic displacement. This is
+not an error of the rigid obstacle, but of its mesh, and is reported separately.
 
-All is in the frame of the obstacle, so that the tool may have moved and turned by any amount.
+All quantities are in the frame of the obstacle, which may have moved and rotated arbitrarily.
 """
 
 from __future__ import annotations
@@ -35,41 +35,41 @@ from fenics_mortar.interface.facing import nearest_facets, points_of
 from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.la.factored import factored_bulk
-from fenics_mortar.mesh.reading import MeshData
+from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MeshError, call_together, check_same_words, together
 
-PREFIX = "fenics_mortar_elastic_tool_"
-# Gauss points on a facet of the slave: it may meet several facets of the tool, with kinks between.
+PREFIX = "fenics_mortar_elastic_obstacle_"
+# Gauss points on a facet of the slave, which may face several facets of the obstacle with kinks.
 NUM_POINTS = 12
-# Points for which the nearest facets are looked for at a time.
-MOST_POINTS = 2000
+# Points whose nearest facets are searched at a time, which limits memory.
+BATCH = 2000
 
 
-class ElasticTool:
-    """The mesh and the stiffness of what an obstacle stands for.
+class ElasticObstacle:
+    """Mesh and stiffness of the body that a rigid obstacle represents.
 
     Args:
-        obstacle: The obstacle, on the mesh's surface where it was made.
-        residual: UFL form of the internal forces; its tangent at the present ``u`` counts.
+        obstacle: The obstacle, at the surface of the mesh in its initial place.
+        residual: UFL form of the internal forces; its tangent at the present ``u`` is used.
         u: Displacement of the mesh.
-        data: Mesh, tags and names; of the same communicator as the problem's.
-        surface: Name or tag of the boundary that touches.
-        bcs: Dirichlet conditions where the tool is gripped; they hold it, whatever their values.
+        data: Mesh, tags and names, on the communicator of the problem.
+        surface: Name or tag of the contact boundary.
+        bcs: Dirichlet conditions that hold the body; their values are not used.
 
     Raises:
-        ValueError: If nothing holds the tool.
+        ValueError: If the conditions do not hold the body, or an argument is of another type.
         MeshError: If a name or tag is unknown or has no facets.
 
     Note:
-        Collective.
+        The constructor is collective.
 
     Example:
-        ``tool = fm.ElasticTool(circle, residual, u, data, "tool/rim", bcs=grips)``, and of the
-        problem with the circle, ``adequacy=fm.AdequacyCheck(tools=[tool])``.
+        ``tool = fm.ElasticObstacle(circle, residual, u, data, "tool/rim", bcs=grips)``, and in the
+        problem with the circle, ``adequacy=fm.AdequacyCheck(elastic_obstacles=[tool])``.
     """
 
     def __init__(
@@ -84,15 +84,15 @@ class ElasticTool:
     ) -> None:
         check_kind("obstacle", obstacle, Obstacle, "a rigid obstacle, as Circle(...)")
         check_kind("u", u, fem.Function, "a function of dolfinx")
-        check_kind("data", data, MeshData, "the MeshData of the mesh of the tool")
-        with together(data.mesh.comm, "ElasticTool"):
+        check_kind("data", data, MeshData, "the MeshData of the mesh of the obstacle")
+        with together(data.mesh.comm, "ElasticObstacle"):
             check_kind("bcs", bcs, (list, tuple), "a list of Dirichlet conditions")
             check_kind("residual", residual, ufl.Form, "a UFL form")
             check_residual("residual", residual, u)
             data.boundary_tag(surface)
             if data.mesh is not u.function_space.mesh:
-                raise MeshError("data is of another mesh than u")
-        check_same_words(data.mesh.comm, "ElasticTool", {"surface": surface, "bcs": len(bcs)})
+                raise MeshError("data belongs to another mesh than u")
+        check_same_words(data.mesh.comm, "ElasticObstacle", {"surface": surface, "bcs": len(bcs)})
         check_space(u.function_space, ())
         self.obstacle = obstacle
         space = DisplacementSpace(u.function_space)
@@ -102,18 +102,18 @@ class ElasticTool:
         )
         self._bulk.assemble_tangent()
         if find_floating_bodies(self._bulk, *label_bodies(self._bulk.V)):
-            raise ValueError(f"the tool of {obstacle}: bcs have to hold it where it is gripped")
+            raise ValueError(f"the elastic body of {obstacle} can move: bcs have to hold it")
         self._factors = factored_bulk(self._bulk, PREFIX)
 
-    def give(self, contacts: Sequence[Contact]) -> list[Array]:
-        """How far the tool gives way to contact forces (collective).
+    def displacements(self, contacts: Sequence[Contact]) -> list[Array]:
+        """Displacements of the surface under the contact forces (collective).
 
         Args:
             contacts: The pairs of its obstacle, at a solved state.
 
         Returns:
-            Of each pair, the motion of the tool along the normals of the slave nodes, shape (slave
-            nodes,) [length]: means by the multipliers' functions, as gaps are.
+            Displacement along the slave normals for each pair, shape (slave nodes,) [length]:
+            weighted by the multipliers' functions, as gaps are.
         """
         touching = [self._touching(contact) for contact in contacts]
         load = np.zeros_like(self._surface.X)
@@ -128,7 +128,7 @@ class ElasticTool:
         return [points.means(points.along_normals(moved)) for points in touching]
 
     def flatness(self, contacts: Sequence[Contact]) -> list[Array]:
-        """How far the facets of its mesh are inside the obstacle, as ``give`` (collective)."""
+        """Depth of the facets inside the obstacle, as for ``displacements`` (collective)."""
         touching = [self._touching(contact) for contact in contacts]
         return [points.means(-points.distances(self._surface.X)) for points in touching]
 
@@ -137,12 +137,12 @@ class ElasticTool:
 
 
 class _Touching:
-    """Points of the slave facets of a pair, and where they touch the mesh of the tool.
+    """Points of the slave facets of a pair, and the nearest points of the obstacle's mesh.
 
     Args:
         contact: The pair, at a solved state.
         obstacle: Its obstacle.
-        surface: What touches of the tool's mesh.
+        surface: Contact surface of the obstacle's mesh.
     """
 
     def __init__(self, contact: Contact, obstacle: Obstacle, surface: Surface) -> None:
@@ -150,32 +150,32 @@ class _Touching:
         self._points = points_of(o.segments, gauss_rule(NUM_POINTS))
         self._measure = self._points.measure(o.x)
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
-        portions = np.array_split(own, len(own) // MOST_POINTS + 1)
-        places = [nearest_facets(part, surface.X, surface) for part in portions]
+        batches = np.array_split(own, len(own) // BATCH + 1)
+        places = [nearest_facets(batch, surface.X, surface) for batch in batches]
         self._ends, parts = (np.concatenate(found) for found in zip(*places, strict=True))
         on_facet = np.clip(parts, 0.0, 1.0)
         self._shares = np.stack([1.0 - on_facet, on_facet], axis=1)
 
     def add_tractions(self, load: Array) -> None:
-        """Add what the tractions put on the nodes of the tool, in its own frame (local)."""
+        """Add the nodal forces of the tractions to ``load`` (nodes, 2), in the own frame."""
         forces = self._points.of(self._contact.z) * self._measure[:, :, None]
         forces = forces.reshape(-1, 2) @ self._obstacle.turn
         np.add.at(load, self._ends, self._shares[:, :, None] * forces[:, None])
 
     def along_normals(self, moved: Array) -> Array:
-        """Component of a motion of the tool's nodes along the slave's normals, at the points."""
-        motion = self._on_tool(moved) @ self._obstacle.turn.T
+        """Displacements (nodes, 2) along the slave normals at the points, (points,) (local)."""
+        motion = self._at_nearest(moved) @ self._obstacle.turn.T
         normals = self._points.direction(self._contact.operators.n).reshape(-1, 2)
         return np.asarray((motion * normals).sum(axis=1))
 
     def distances(self, X: Array) -> Array:
-        """Signed distances from the obstacle of what of the tool the points touch (collective)."""
+        """Signed distances of the nearest points of the mesh from the obstacle (collective)."""
         distance = f"the distance of '{self._obstacle.name}'"
-        local = partial(self._obstacle.local, self._on_tool(X))
+        local = partial(self._obstacle.local, self._at_nearest(X))
         return call_together(self._contact.slave.comm, distance, local)[0]
 
     def means(self, values: Array) -> Array:
-        """Means of values at the points for each slave node, 0 where none is near (collective)."""
+        """Weighted means of values (points,) for each slave node, 0 without points (collective)."""
         parts = self._points.dual_moments(
             self._contact.operators.x, values.reshape(self._measure.shape)
         )
@@ -185,6 +185,6 @@ class _Touching:
         self._contact.slave.comm.Allreduce(MPI.IN_PLACE, sums)
         return np.asarray(sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0))
 
-    def _on_tool(self, nodal: Array) -> Array:
-        """What the tool's nodes have, (nodes, 2), where the points touch it, (points, 2)."""
+    def _at_nearest(self, nodal: Array) -> Array:
+        """Interpolate nodal values (nodes, 2) at the nearest points, shape (points, 2) (local)."""
         return np.einsum("pk,pkc->pc", self._shares, nodal[self._ends])

@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: MIT
-"""A guess that travels with the contact: what a frame that goes along with it sees, extrapolated.
+"""Extrapolation of states in a frame that moves with the contact.
 
-Where contact slides or rolls along a body by a facet or more in a step, a node of that body is
-before the contact at one state, in it at the next, behind it after that: a line through its own
-displacements leads nowhere. Seen from the contact little changes. With the place X_c of a contact
-on the undeformed body, the mean of its nodes weighted by their forces, and s what it has moved in
-the last step of the length 1, the guess for one of the length r is
+Where contact slides or rolls along a body by a facet or more per step, a node of that body is ahead
+of the contact in one state, in contact in the next and behind it afterwards: extrapolating its own
+displacements is useless. In a frame that moves with the contact, little changes. Let X_c be the
+position of a contact on the undeformed body, the mean of its nodes weighted by their forces, and s
+its change in the last step, of length 1. The guess for a step of length r is
 
     u(X) = v + r (v - w),    v = u_n(X - r s),    w = u_(n-1)(X - (1 + r) s),
 
-the line through two states where s = 0; multipliers likewise along the slave surface. Between nodes
-states are interpolated, linearly on Delaunay's triangles of a body's nodes. Where X - r s or
-X - (1 + r) s is outside the body the line stays: the ends of a long body feel little of the contact
-in its middle, but the surface of a round one is such a place, and rolling gains nothing.
+which is linear extrapolation for s = 0; multipliers likewise along the slave surface. States are
+interpolated linearly on a Delaunay triangulation of the body's nodes. Where X - r s or
+X - (1 + r) s is outside the body, linear extrapolation is kept: the ends of a long body are hardly
+affected by contact in its middle, but the surface of a round body is, and rolling gains nothing.
 
-Measured on shallow ironing with friction, 80 facets on the block: one facet a step takes 6
-iterations from a line or the last state, three facets 11; from here 3 and 4.
+Measured on shallow ironing with friction, 80 facets on the block: steps of one facet take 6
+iterations from linear extrapolation or the last state, steps of three facets 11; from this guess 3
+and 4.
 """
 
 from __future__ import annotations
@@ -32,15 +33,14 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.locate import locate
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.verify.limits import HALF_FACET
 
-# Below this part of a surface's shortest facet, the line through a node's own states leads as far.
-FAR = 0.5
-# Contacts that travel along one body go together if they differ by no more than this part.
+# Contacts on one body move together if their motions differ by no more than this fraction of them.
 TOGETHER = 0.5
 
 
 class _Side(NamedTuple):
-    """A surface of a contact, and the body that it is on."""
+    """A surface of a contact, and its body."""
 
     contact: int
     is_slave: bool
@@ -48,8 +48,8 @@ class _Side(NamedTuple):
     body: int
 
 
-class Travel:
-    """Follows contacts along bodies, and moves states with them.
+class MovingFrame:
+    """Tracks the position of contacts on bodies, and extrapolates states in the moving frame.
 
     Args:
         problem: The problem.
@@ -66,7 +66,7 @@ class Travel:
         self._meshes: dict[int, Delaunay] = {}
 
     def places(self) -> Array:
-        """Where contacts are on undeformed bodies, nan where none is, (sides, 2) (collective)."""
+        """Positions of contacts on undeformed bodies, nan if open, (sides, 2) (collective)."""
         found = []
         for side in self._sides:
             contact = self._problem.equations.contacts[side.contact]
@@ -77,35 +77,36 @@ class Travel:
         return np.array(found).reshape(-1, 2)
 
     def guess(self, last: State, before: State, moved: Array, ratio: float) -> State | None:
-        """The state that goes on as it went, seen from the contacts (collective).
+        """Extrapolate two states in the frame of the contacts (collective).
 
         Args:
             last: The last state.
-            before: The one before it.
-            moved: What the ``places`` have moved between them, shape (sides, 2).
-            ratio: Length of the coming step over that of the last one.
+            before: The state before it.
+            moved: Change of ``places`` between them, shape (sides, 2) [length].
+            ratio: Length of the next step over that of the last one.
 
         Returns:
-            The state, with the sets of the last one; ``None`` if no contact goes far.
+            The state, with the active sets of the last one; ``None`` if no contact moves by half a
+            facet or more.
         """
-        travels = self._travels(moved, ratio)
-        if not travels:
+        motions = self._motions(moved, ratio)
+        if not motions:
             return None
         guess = last.towards(before, -ratio)
         interfaces = list(guess.interfaces)
         u = guess.u.copy()
-        for body, s in travels.items():
-            self._carry_body(u, (last.u, before.u), body, s, ratio)
+        for body, s in motions.items():
+            self._shift_body(u, (last.u, before.u), body, s, ratio)
         for side in self._sides:
-            if side.is_slave and side.body in travels:
-                s, i = travels[side.body], side.contact
+            if side.is_slave and side.body in motions:
+                s, i = motions[side.body], side.contact
                 states = last.interfaces[i].z, before.interfaces[i].z
-                z = _carried(side.surface, states, s, ratio)
+                z = _shifted(side.surface, states, s, ratio)
                 interfaces[i] = replace(interfaces[i], z=z)
         return replace(guess, u=u, interfaces=tuple(interfaces))
 
-    def _travels(self, moved: Array, ratio: float) -> dict[int, Array]:
-        """How far contact travels along the bodies that it goes far on."""
+    def _motions(self, moved: Array, ratio: float) -> dict[int, Array]:
+        """Motion of the contact on each body where it is half a facet or more (local)."""
         found = {}
         for body in {side.body for side in self._sides}:
             mine = [k for k, side in enumerate(self._sides) if side.body == body]
@@ -113,14 +114,14 @@ class Travel:
             facet = min(self._sides[k].surface.lengths.min() for k in mine)
             size = np.hypot(*s)
             apart = np.hypot(*(moved[mine] - s).T).max()
-            if ratio * size > FAR * facet and apart <= TOGETHER * size:
+            if ratio * size > HALF_FACET * facet and apart <= TOGETHER * size:
                 found[body] = s
         return found
 
-    def _carry_body(
+    def _shift_body(
         self, u: Array, states: tuple[Array, Array], body: int, s: Array, ratio: float
     ) -> None:
-        """Put into ``u`` the displacements of a body that go along with s (collective)."""
+        """Overwrite the displacements of a body in ``u`` by shifted ones (collective)."""
         problem = self._problem
         dofs, owned = problem.equations.bulk.space.dofs, problem.equations.bulk.space.num_nodes
         mine = np.flatnonzero(problem.equations.floating.labels == body)
@@ -136,20 +137,20 @@ class Travel:
         u[dofs[mine[there]]] = (v + ratio * (v - w))[there]
 
     def _gathered(self, values: Array) -> Array:
-        """The rows of all ranks on each of them (collective)."""
+        """Concatenate the rows of all ranks (collective)."""
         return np.concatenate(self._problem.comm.allgather(values))
 
 
 def _interpolated(mesh: Delaunay, values: Array, points: Array) -> Array:
-    """Values (nodes, 2) at points (n, 2), nan outside the triangulation."""
+    """Interpolate values (nodes, 2) at points (n, 2), nan outside the triangulation (local)."""
     found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
     locate(points, mesh.points, mesh.simplices, mesh.neighbors, found, weights)
     at = np.einsum("nk,nkc->nc", weights, values[mesh.simplices[found]])
     return np.where(found[:, None] >= 0, at, np.nan)
 
 
-def _carried(surface: Surface, states: tuple[Array, Array], s: Array, ratio: float) -> Array:
-    """Multipliers of two states, extrapolated along with s on their surface (slave nodes, 2)."""
+def _shifted(surface: Surface, states: tuple[Array, Array], s: Array, ratio: float) -> Array:
+    """Extrapolate the shifted multipliers of two states, shape (slave nodes, 2) (local)."""
     X, own = surface.X, np.arange(surface.num_nodes)
     before, after = (np.where(to >= 0, to, own) for to in (surface.previous, surface.following))
     chord = X[after] - X[before]

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Meshes that cover a place twice: refused when a problem is set up, before anything is computed.
+"""Refuse meshes that cover a place twice, when a problem is set up.
 
 A mesh of straight cells covers each place once if
 
-- the cells on both sides of each inner facet lie on opposite sides of it, and no cell is turned
-  over in itself: else it is folded there;
-- the outline of a body does not cross itself: else the body overlaps itself without a fold, as a
-  strip that is wound by more than a turn;
-- no two facets of the outlines lie on each other with their bodies on the same side, and no body
-  lies in another one altogether: else two bodies fill the same place, as an inclusion for which
-  no hole was cut.
+- the two cells of each inner facet lie on opposite sides of it, and no cell is twisted: otherwise
+  the mesh is folded there;
+- the outline of a body does not cross itself: otherwise the body overlaps itself without a fold, as
+  a strip wound by more than one turn;
+- no two facets of the outlines coincide with their bodies on the same side, and no body lies
+  completely inside another one: otherwise two bodies fill the same place, as an inclusion without
+  a hole cut for it.
 
-Bodies that overlap in part are no error: that is an interference. So are the surfaces of one body
-that are paired with each other.
+Bodies that overlap partly are accepted as interference, and so are surfaces of one body that are
+paired with each other.
 """
 
 from __future__ import annotations
@@ -27,17 +27,13 @@ from scipy.spatial import cKDTree
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.bulk.bodies import label_bodies
+from fenics_mortar.bulk.cells import OUTLINE
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, count_places, place
 from fenics_mortar.utils.lines import cross, near_pairs
-
-# Corners of a quadrilateral along its outline, by their number
-AROUND = {3: [0, 1, 2], 4: [0, 1, 3, 2]}
-# Lines cross if each reaches beyond the other one by this part of its length.
-BEYOND = 1e-6
-# Facets lie on each other if their middles are as near as this part of their length.
-SAME_PLACE = 1e-6
+from fenics_mortar.utils.rounding import SAME_PLACE
 
 
 class _Outline(NamedTuple):
@@ -53,15 +49,15 @@ class _Outline(NamedTuple):
     body: Indices
 
 
-def check_folds(V: Any, contacts: Sequence[Any]) -> None:
-    """Refuse a mesh that covers a place twice (collective).
+def check_mesh_overlap(V: Any, contacts: Sequence[Interface]) -> None:
+    """Refuse a mesh that covers a place twice (collective; facets are compared to 1e-6).
 
     Args:
         V: Space of the displacement.
-        contacts: The pairs; their surfaces may overlap.
+        contacts: The pairs, whose surfaces may overlap.
 
     Raises:
-        MeshError: On all ranks; says where.
+        MeshError: On all ranks; gives a position.
     """
     mesh = V.mesh
     mesh.topology.create_connectivity(1, 2)
@@ -69,7 +65,7 @@ def check_folds(V: Any, contacts: Sequence[Any]) -> None:
     cells = compat.geometry_dofmap(mesh)[:, :count].astype(np.int64)
     x = mesh.geometry.x[:, :2]
     sides = _sides(mesh, x, cells, mesh.topology.index_map(2).size_local)
-    _refuse(mesh, "cells are turned over in themselves", _twisted(x, cells))
+    _refuse(mesh, "cells are twisted", _twisted(x, cells))
     _refuse(
         mesh,
         "facets have the cells of both sides on the same side: the mesh is folded there",
@@ -81,25 +77,27 @@ def check_folds(V: Any, contacts: Sequence[Any]) -> None:
 def _refuse(mesh: Any, what: str, places: Array) -> None:
     count, where = count_places(mesh.comm, places)
     if count:
-        raise MeshError(f"{count} {what}, one at {where}; mend the mesh")
+        raise MeshError(f"{count} {what}, one at {where}; correct the mesh")
 
 
 def _twisted(x: Array, cells: Indices) -> Array:
-    """Middles of the cells whose corners do not all turn the same way (n, 2) (local)."""
-    corners = x[cells[:, AROUND[cells.shape[1]]]]
+    """Midpoints of the cells whose corners do not all turn the same way, (n, 2) (local)."""
+    corners = x[cells[:, OUTLINE[cells.shape[1]]]]
     after = np.roll(corners, -1, axis=1) - corners
     before = np.roll(after, 1, axis=1)
     turns = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
-    least = BEYOND * np.abs(turns).max(axis=1, initial=0.0)
-    both = (turns.min(axis=1, initial=0.0) < -least) & (turns.max(axis=1, initial=0.0) > least)
+    smallest = SAME_PLACE * np.abs(turns).max(axis=1, initial=0.0)
+    both = (turns.min(axis=1, initial=0.0) < -smallest) & (
+        turns.max(axis=1, initial=0.0) > smallest
+    )
     return np.asarray(corners[both].mean(axis=1))
 
 
 class _Sides(NamedTuple):
-    """The facets of local cells, one row for each cell and facet of it.
+    """The facets of local cells, one row per cell and facet.
 
-    ``facet``: local number; ``ends``: places of its ends, the one with the lower number in the
-    mesh's input first, (n, 2, 2); ``side``: 1 if the cell lies on the left, else -1; ``cell``.
+    ``facet``: local number; ``ends``: positions of its ends, the one with the lower number
+    in the mesh input first, (n, 2, 2); ``side``: 1 if the cell lies on the left, else -1; ``cell``.
     """
 
     facet: Indices
@@ -109,13 +107,13 @@ class _Sides(NamedTuple):
 
 
 def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
-    """On which side of its facets each of the first ``owned`` cells lies (local)."""
+    """Find the side of each facet on which its cell lies, of the first ``owned`` cells (local)."""
     tdim = mesh.topology.dim
     mesh.topology.create_connectivity(tdim, tdim - 1)
     table = mesh.topology.connectivity(tdim, tdim - 1)
     count = cells.shape[1]
     facets = table.array[: owned * count].reshape(-1, count)
-    # Of dolfinx: facet i of a triangle is opposite corner i, those of a quadrilateral 01 02 13 23.
+    # dolfinx: facet i of a triangle is opposite to corner i, those of a quadrilateral 01 02 13 23.
     local = {3: [[1, 2], [0, 2], [0, 1]], 4: [[0, 1], [0, 2], [1, 3], [2, 3]]}[count]
     nodes = cells[:owned][:, local].reshape(-1, 2)
     given = np.asarray(mesh.geometry.input_global_indices)[nodes]
@@ -128,10 +126,10 @@ def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
 
 
 def _folded(mesh: Any, sides: _Sides) -> Array:
-    """Middles of the owned facets whose two cells lie on the same side (n, 2) (collective).
+    """Midpoints of the owned facets whose two cells lie on the same side, (n, 2) (collective).
 
-    A rank without ghost cells sees one cell only of a facet between two ranks: those that it sees
-    once are looked at together.
+    A rank without ghost cells knows one cell only of a facet between two ranks: such facets are
+    gathered.
     """
     index_map = mesh.topology.index_map(1)
     sums, count = np.zeros((2, index_map.size_local + index_map.num_ghosts))
@@ -147,7 +145,7 @@ def _folded(mesh: Any, sides: _Sides) -> Array:
         return wrong
     number = index_map.local_to_global(once)
     everywhere = mesh.comm.allgather((number, sums[once]))
-    numbers, signs = (np.concatenate(part) for part in zip(*everywhere, strict=True))
+    numbers, signs = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
     known, place_of = np.unique(numbers, return_inverse=True)
     total, times = np.bincount(place_of.ravel(), signs), np.bincount(place_of.ravel())
     bad = known[(np.abs(total) > 1.0) & (times > 1)]
@@ -164,13 +162,13 @@ def _outline(V: Any, x: Array, cells: Indices, sides: _Sides) -> _Outline:
     ends = np.where(sides.side[:, None, None] > 0.0, sides.ends, sides.ends[:, ::-1])[outer]
     body = labels[compat.dofmap(V)[sides.cell[outer], 0]]
     inner = x[cells[sides.cell[outer]]].mean(axis=1)
-    pieces = mesh.comm.allgather((ends, inner, body))
-    ends, inner, body = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    everywhere = mesh.comm.allgather((ends, inner, body))
+    ends, inner, body = (np.concatenate(arrays) for arrays in zip(*everywhere, strict=True))
     return _Outline(ends[:, 0], ends[:, 1], inner, body)
 
 
-def _check_outline(outline: _Outline, contacts: Sequence[Any]) -> None:
-    """Refuse outlines that cross themselves, lie on each other or in each other (local)."""
+def _check_outline(outline: _Outline, contacts: Sequence[Interface]) -> None:
+    """Refuse outlines that cross themselves, coincide or enclose each other (local)."""
     start, end, _, body = outline
     pairs = near_pairs(start, end)
     middles, along = 0.5 * (start + end), end - start
@@ -181,12 +179,12 @@ def _check_outline(outline: _Outline, contacts: Sequence[Any]) -> None:
     if (near & same).any():
         where = middles[i[np.argmax(near & same)]]
         raise MeshError(
-            f"the mesh fills a place twice: two facets of outlines lie on each other at "
+            f"the mesh fills a place twice: two facets of outlines coincide at "
             f"{place(where)}, with their bodies on the same side; remove the copy"
         )
     paired = _on_surfaces(outline, contacts)
     pairs = pairs[(body[i] == body[j]) & ~(paired[i] & paired[j])]
-    crosses = cross(start, end, pairs, BEYOND)
+    crosses = cross(start, end, pairs, SAME_PLACE)
     after = _following(outline)
     i, j = pairs.T
     apart = (after[i] != j) & (after[j] != i) & ~crosses
@@ -195,13 +193,14 @@ def _check_outline(outline: _Outline, contacts: Sequence[Any]) -> None:
     if crosses.any():
         where = middles[pairs[np.argmax(crosses), 0]]
         raise MeshError(
-            f"a body overlaps itself: its outline crosses itself at {place(where)}; mend the mesh"
+            f"a body overlaps itself: its outline crosses itself at {place(where)}; correct the "
+            "mesh"
         )
     _check_nested(outline)
 
 
 def _following(outline: _Outline) -> Indices:
-    """The facet that begins where each one ends, of the same body; itself if there is none."""
+    """The facet of the same body that follows each facet, else the facet itself, (n,) (local)."""
     keys = [
         [(*x, body) for x, body in zip(ends.tolist(), outline.body.tolist(), strict=True)]
         for ends in (outline.start, outline.end)
@@ -211,10 +210,10 @@ def _following(outline: _Outline) -> Indices:
 
 
 def _cross_at_nodes(outline: _Outline, after: Indices, pairs: Indices) -> npt.NDArray[np.bool_]:
-    """Whether the outline crosses itself at a node of one of two facets that touch, (k,) (local).
+    """Whether the outline crosses itself at a node of one of two touching facets, (k,) (local).
 
-    Then the facet and the one before or after it together, as one line, cross the other facet, or
-    its like.
+    If so, the line through the facet and the previous or the next one crosses the other facet, or
+    the line through that one and its neighbour.
     """
     start, end = outline.start, outline.end
     before = np.arange(len(after))
@@ -226,12 +225,12 @@ def _cross_at_nodes(outline: _Outline, after: Indices, pairs: Indices) -> npt.ND
             lines = np.concatenate([start[one[0]], start[other[0]]])
             ends = np.concatenate([end[one[1]], end[other[1]]])
             both = np.arange(2 * len(pairs)).reshape(2, -1).T
-            found |= cross(lines, ends, both, BEYOND)
+            found |= cross(lines, ends, both, SAME_PLACE)
     return found
 
 
-def _on_surfaces(outline: _Outline, contacts: Sequence[Any]) -> npt.NDArray[np.bool_]:
-    """Which facets of the outline belong to a surface of a pair, (n,) (local)."""
+def _on_surfaces(outline: _Outline, contacts: Sequence[Interface]) -> npt.NDArray[np.bool_]:
+    """Whether facets of the outline belong to a surface of a pair, (n,) (local)."""
     sides = [side for contact in contacts for side in (contact.slave, contact.master)]
     known = [side.X[side.facets[:, [0, -1]]].mean(axis=1) for side in sides if len(side.facets)]
     if not known or not len(outline.start):
@@ -242,7 +241,7 @@ def _on_surfaces(outline: _Outline, contacts: Sequence[Any]) -> npt.NDArray[np.b
 
 
 def _check_nested(outline: _Outline) -> None:
-    """Refuse a body in another one that has no hole for it (local)."""
+    """Refuse a body inside another one that has no hole for it (local)."""
     start, end, inside, body = outline
     bodies = np.unique(body)
     boxes = {b: (start[body == b].min(axis=0), start[body == b].max(axis=0)) for b in bodies}
@@ -256,13 +255,13 @@ def _check_nested(outline: _Outline) -> None:
                 _inside(start[other], start[mine], end[mine]).any()
             ):
                 raise MeshError(
-                    f"the body around {place(start[mine].mean(axis=0))} lies in the one around "
-                    f"{place(start[other].mean(axis=0))}, which has no hole there: cut one out"
+                    f"the body around {place(start[mine].mean(axis=0))} lies inside the one around "
+                    f"{place(start[other].mean(axis=0))}, which has no hole there: cut one"
                 )
 
 
 def _inside(points: Array, start: Array, end: Array) -> npt.NDArray[np.bool_]:
-    """Whether points (n, 2) lie in an outline, by the facets that a ray from each meets."""
+    """Whether points (n, 2) lie in an outline, by the facets that a ray from each crosses."""
     inside = np.zeros(len(points), bool)
     for k, (x, y) in enumerate(points):
         meets = (start[:, 1] > y) != (end[:, 1] > y)

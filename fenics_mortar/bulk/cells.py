@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: MIT
+"""The cells of this rank: area ratios, deformation gradients, and points inside other bodies."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from fenics_mortar.kernels.cells import find_near, tabulate_areas
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import count_places
+from fenics_mortar.utils.rounding import ROUNDING
+
+# Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
+# interior; those of quadrilaterals as a tensor product.
+OUTLINE = {3: [0, 1, 2], 4: [0, 1, 3, 2], 6: [0, 5, 1, 3, 2, 4], 9: [0, 4, 1, 6, 3, 7, 2, 5]}
+
+
+class Cells:
+    """The owned cells of a space of plane vectors, in the reference state.
+
+    Args:
+        V: Space of the displacement.
+
+    Attributes:
+        X: Reference positions of the local nodes, ghosts included, shape (n, 2) [length].
+    """
+
+    def __init__(self, V: Any) -> None:
+        self._comm: MPI.Comm = V.mesh.comm
+        self._nodes = compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]
+        self.X: Array = V.tabulate_dof_coordinates()[:, :2].copy()
+        self._gradients = compat.nodal_gradients(V)
+        areas = _areas(self.X, self._nodes, self._gradients)
+        extent = np.ptp(self.X[self._nodes], axis=1).max(axis=1, initial=0.0)
+        proper = np.abs(areas) > ROUNDING * extent[:, None] ** 2
+        self._undeformed_areas = np.where(proper, areas, np.nan)
+
+    def area_ratios(self, x: Array) -> Array:
+        """Deformed over undeformed area at the nodes of the cells, (cells, nodes) (local).
+
+        Args:
+            x: Positions of the local nodes, shape (n, 2) [length].
+
+        Returns:
+            Ratios; nan at nodes where the undeformed cell has no area.
+        """
+        return _areas(x, self._nodes, self._gradients) / self._undeformed_areas
+
+    def inverted(self, x: Array) -> tuple[int, str]:
+        """Number of inverted cells at positions ``x`` (n, 2), and a place (collective).
+
+        The place is one of the reference state.
+        """
+        inverted = np.unique(np.nonzero(self.area_ratios(x) <= 0.0)[0])
+        return count_places(self._comm, self.X[self._nodes[inverted]].mean(axis=1))
+
+    def flat(self) -> tuple[int, str]:
+        """Number of cells without area in the reference state, and a place (collective)."""
+        flat = np.isnan(self._undeformed_areas).all(axis=1)
+        return count_places(self._comm, self.X[self._nodes[flat]].mean(axis=1))
+
+    def deformation_gradients(self, x: Array) -> Array:
+        """F at positions ``x`` (n, 2), means over the nodes, shape (cells, 2, 2) (local)."""
+        return np.einsum("eka,ekb->eab", x[self._nodes], self._shape_gradients)
+
+    @cached_property
+    def _shape_gradients(self) -> Array:
+        """Derivatives of shape functions by X, means over a cell's nodes, (cells, nodes, 2)."""
+        jacobian = np.einsum("eka,nkb->enab", self.X[self._nodes], self._gradients)
+        gradients = np.einsum("nkb,enba->ekna", self._gradients, np.linalg.inv(jacobian))
+        return np.asarray(gradients.mean(axis=2))
+
+    def inside_other_body(
+        self, x: Array, points: Array, bodies: Indices | Array, labels: Indices
+    ) -> Flags:
+        """Whether points lie inside a cell of another body than their own (collective).
+
+        Args:
+            x: Positions of the local nodes, shape (n, 2) [length].
+            points: Positions, equal on all ranks, shape (p, 2) [length].
+            bodies: Body of each point, shape (p,).
+            labels: Body of each local node, shape (n,).
+
+        Returns:
+            Flags, equal on all ranks, shape (p,).
+        """
+        inside = np.zeros(len(points), bool)
+        if len(points) and len(self._nodes):
+            near = np.empty(len(self._nodes), bool)
+            find_near(x, self._nodes, points.min(axis=0), points.max(axis=0), near)
+            corners, own = x[self._nodes[near]], labels[self._nodes[near, 0]]
+            centres = corners.mean(axis=1)
+            radius = np.linalg.norm(corners - centres[:, None], axis=2).max(initial=0.0)
+            close = cKDTree(centres).query_ball_point(points, radius)
+            point = np.repeat(np.arange(len(points)), [len(cells) for cells in close])
+            cell = np.concatenate([np.asarray(cells, np.int64) for cells in close])
+            other = own[cell] != bodies[point]
+            cell, point = cell[other], point[other]
+            inside[point[_contains(corners[cell], points[point])]] = True
+        self._comm.Allreduce(MPI.IN_PLACE, inside, MPI.LOR)
+        return inside
+
+
+def _areas(x: Array, cells: npt.NDArray[np.int32], gradients: Array) -> Array:
+    """Determinant of dx/dX at the nodes of ``cells`` (m, k): shape (m, k) [area]."""
+    areas = np.empty(cells.shape)
+    tabulate_areas(x, cells, gradients, areas)
+    return areas
+
+
+def _contains(corners: Array, points: Array) -> Flags:
+    """Whether ``points`` (n, 2) lie in the polygons of their cells ``corners`` (n, nodes, 2).
+
+    A ray from an interior point crosses the outline an odd number of times.
+    """
+    x = corners[:, OUTLINE[corners.shape[1]]] - points[:, None]
+    y, after = x, np.roll(x, -1, axis=1)
+    meets = (y[..., 1] > 0.0) != (after[..., 1] > 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (after[..., 0] - y[..., 0]) / (after[..., 1] - y[..., 1])
+        ahead = y[..., 0] - slope * y[..., 1] > 0.0
+    return (meets & ahead).sum(axis=1) % 2 == 1

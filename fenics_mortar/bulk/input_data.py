@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: MIT
+"""Checks before each solve: displacement, prescribed values, data of the forms, and the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Flags
+from fenics_mortar.utils.errors import MortarError, check_same, count_places
+from fenics_mortar.utils.rounding import ROUNDING
+
+
+class InputData:
+    """Values that users may change between two solves.
+
+    Args:
+        u: Displacement, alone or in a mixed function.
+        bcs: Dirichlet conditions of dolfinx.
+        forms: UFL forms whose constants and functions are checked.
+        space: The displacement's nodes and dofs.
+    """
+
+    def __init__(
+        self, u: Any, bcs: list[Any], forms: Sequence[Any], space: DisplacementSpace
+    ) -> None:
+        self._u, self._bcs, self._space = u, bcs, space
+        self._mesh = space.V.mesh
+        self._comm: MPI.Comm = self._mesh.comm
+        self._constants = list(dict.fromkeys(c for form in forms for c in form.constants()))
+        self._coefficients = {c for form in forms for c in form.coefficients()}
+        self._nodes = self._mesh.geometry.x.copy()
+        self._X = space.V.tabulate_dof_coordinates()[:, :2].copy()
+
+    def check(self) -> None:
+        """Refuse values that are not finite or differ between ranks, and moved meshes (collective).
+
+        Raises:
+            MortarError: On all ranks; names the value and its position.
+        """
+        self._check_mesh()
+        values = self._u.x.array.copy()
+        count, where = self.count_nodes(~np.isfinite(values))
+        if count:
+            raise MortarError(
+                f"the displacement is not finite at {count} nodes, one at {where}; reset it, for "
+                "example to a copy made before the last solve"
+            )
+        compat.set_prescribed(values, self._bcs)
+        count, where = self.count_nodes(~np.isfinite(values))
+        if count:
+            raise MortarError(
+                f"the prescribed displacement is not finite at {count} nodes, one at {where}"
+            )
+        messages = [
+            f"a constant of the residual is {constant.value}"
+            for constant in self._constants
+            if not np.isfinite(constant.value).all()
+        ] + [
+            f"function '{function.name}' of the residual is not finite"
+            for function in self._coefficients
+            if not np.isfinite(function.x.array).all()
+        ]
+        everywhere = sorted(set().union(*self._comm.allgather(set(messages))))
+        if everywhere:
+            raise MortarError("; ".join(everywhere))
+        same = [("a constant of the residual", c.value) for c in self._constants]
+        same += [("a prescribed displacement", compat.prescribed_value(bc)) for bc in self._bcs]
+        check_same(self._comm, same)
+
+    def _check_mesh(self) -> None:
+        """Refuse a moved mesh: surfaces and tangent belong to the mesh at set-up (collective).
+
+        A tied pair of a second problem on the mesh moves nodes by rounding, which is accepted.
+        """
+        far = self._comm.allreduce(float(np.abs(self._nodes).max(initial=0.0)), MPI.MAX)
+        same = np.abs(self._mesh.geometry.x - self._nodes) <= ROUNDING * far
+        moved = np.unique(np.nonzero(~same)[0])
+        count, where = count_places(self._comm, self._nodes[moved, :2])
+        if count:
+            raise MortarError(
+                f"the mesh was moved after the problem was set up, one node was at {where}; move "
+                "it back, or set up a new problem on the moved mesh"
+            )
+
+    def count_nodes(self, dofs: Flags) -> tuple[int, str]:
+        """Number of nodes with any of the marked local dofs, and a place (collective).
+
+        Unknowns other than the displacement count as nodes in the middle of a cell.
+
+        Args:
+            dofs: Marks of all local dofs, ghosts included.
+        """
+        if not self._comm.allreduce(bool(dofs.any()), MPI.LOR):
+            return 0, "nowhere"
+        space = self._space
+        others = dofs[: space.num_owned].copy()
+        others[space.owned_dofs] = False
+        marked = dofs[space.owned_dofs].any(axis=1)
+        places = [self._X[: space.num_nodes][marked]]
+        if space.is_mixed:
+            cells = compat.dofmap(space.whole)
+            middle = np.empty((self._u.x.array.size, 2))
+            middle[cells] = self._X[compat.dofmap(space.V)].mean(axis=1)[:, None]
+            places.append(middle[np.flatnonzero(others)])
+        return count_places(self._comm, np.concatenate(places))

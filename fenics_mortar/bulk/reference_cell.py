@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: MIT
+"""Reference triangle and square with quadrature points in the cell and on its sides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import basix
+
+from fenics_mortar.utils.arrays import Array, Indices
+
+# Gauss points on a side of a cell, and per direction in the cell: exact to degree 5.
+POINTS = 3
+
+
+class ReferenceCell:
+    """A triangle or a square, its sides and quadrature points.
+
+    Attributes:
+        sides: Vertices of each side, shape (sides, 2).
+        edges: Vectors from the first to the second vertex of a side, shape (sides, 2).
+        normals: Outer normals with the length of the sides, shape (sides, 2).
+        s: Gauss points along a side, between 0 and 1, shape (q,).
+        side_weights: Their weights with sum 1, shape (q,).
+        side_points: Gauss points of all sides in the cell, shape (sides q, 2).
+        points, weights: Quadrature rule of the cell, shapes (p, 2) and (p,).
+        midpoint: Midpoint of the cell, shape (1, 2).
+        fill: Area of the unit square over that of the cell.
+    """
+
+    def __init__(self, name: str) -> None:
+        kind = getattr(basix.CellType, name)
+        corners = np.asarray(basix.geometry(kind))
+        self.sides: Indices = np.array(basix.topology(kind)[1], np.int64)
+        self.midpoint: Array = corners.mean(axis=0, keepdims=True)
+        starts, ends = corners[self.sides[:, 0]], corners[self.sides[:, 1]]
+        self.edges: Array = ends - starts
+        normals = np.stack([self.edges[:, 1], -self.edges[:, 0]], axis=1)
+        outward = np.sign(np.einsum("kc,kc->k", normals, starts - self.midpoint))
+        self.normals: Array = outward[:, None] * normals
+        x, w = np.polynomial.legendre.leggauss(POINTS)
+        self.s, self.side_weights = (x + 1) / 2, w / 2
+        self.side_points: Array = (starts[:, None] + self.s[:, None] * self.edges[:, None]).reshape(
+            -1, 2
+        )
+        s, t = (a.ravel() for a in np.meshgrid(self.s, self.s, indexing="ij"))
+        weights = np.outer(self.side_weights, self.side_weights).ravel()
+        triangle = len(corners) == 3
+        self.fill = 2.0 if triangle else 1.0
+        self.points: Array = np.stack([s, t * (1 - s) if triangle else t], axis=1)
+        self.weights: Array = weights * (1 - s) if triangle else weights

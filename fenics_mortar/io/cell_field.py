@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: MIT
+"""UFL expressions evaluated at the midpoints of the cells."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import ufl
+from ufl.algorithms import extract_arguments
+from ufl.domain import extract_domains
+
+from fenics_mortar.bulk.reference_cell import ReferenceCell
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.files import try_together
+
+
+class CellField:
+    """A UFL expression at the midpoints of the owned cells, compiled once (collective).
+
+    Args:
+        problem: The problem on whose mesh it is evaluated.
+        expression: Scalar, vector or tensor.
+        name: Name of the field.
+        rank: Largest allowed rank of the expression.
+
+    Raises:
+        MortarError: On all ranks, if it cannot be evaluated.
+    """
+
+    def __init__(self, problem: ContactProblem, expression: Any, name: str, rank: int = 2) -> None:
+        V = problem.equations.bulk.V
+        self._mesh = V.mesh
+        self._shape: tuple[int, ...] = ()
+        self._compiled: Any = None
+
+        def compile_it() -> None:
+            if not isinstance(name, str) or not name or name == "displacement":
+                raise ValueError("a name is a non-empty text other than 'displacement'")
+            self._shape = ufl.as_ufl(expression).ufl_shape
+            if len(self._shape) > rank or max(self._shape, default=1) > 3:
+                expected = "a scalar, vector or tensor" if rank else "a scalar"
+                raise ValueError(f"its shape is {self._shape}; expected {expected}")
+            if extract_arguments(ufl.as_ufl(expression)):
+                raise ValueError("it contains a test or trial function")
+            if any(domain != V.ufl_domain() for domain in extract_domains(ufl.as_ufl(expression))):
+                raise ValueError("it contains a function or constant of another mesh")
+            midpoint = ReferenceCell(compat.cell_name(V.mesh)).midpoint
+            self._compiled = compat.create_expression(expression, midpoint)
+
+        try_together(problem.comm, True, compile_it, f"field {name!r} cannot be evaluated")
+
+    def evaluate(self) -> Array:
+        """Values, shape (owned cells, *shape of the expression) (local)."""
+        cells = np.arange(self._mesh.topology.index_map(2).size_local, dtype=np.int32)
+        values = compat.evaluate_expression(self._compiled, self._mesh, cells)
+        return np.asarray(values).reshape(cells.size, *self._shape)

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: MIT
+"""Outlines of obstacles in a box around the bodies, for files and pictures."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.utils.arrays import Array, Indices
+
+# Obstacles are drawn up to this distance from the bodies, over the extent of the bodies.
+MARGIN = 0.15
+# Points per direction of the grid on which the outlines of obstacles are searched.
+GRID = 400
+
+
+def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
+    """Lower and upper corner of a box around the deformed bodies, each (2,) (collective)."""
+    x = bulk.positions()
+    ends = np.concatenate([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
+    bulk.comm.Allreduce(MPI.IN_PLACE, ends, MPI.MAX)
+    low, high = -ends[:2], ends[2:]
+    margin = MARGIN * (high - low).max()
+    return low - margin, high + margin
+
+
+def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices, Array]:
+    """Outline phi = 0 of an obstacle in a box, as line segments (local).
+
+    Outside the box it is a line of zero length at the pivot: files without points are unreadable.
+
+    Args:
+        obstacle: The obstacle.
+        low: Lower corner of the box, shape (2,) [length].
+        high: Upper corner, shape (2,) [length].
+
+    Returns:
+        Points in the obstacle's own frame (n, 2) [length], ends of the segments (m, 2), and
+        displacements of the points (n, 2) [length].
+    """
+    lines = _zeros(obstacle, low, high) or [np.tile(obstacle.pivot + obstacle.place[:2], (2, 1))]
+    points = np.concatenate(lines)
+    first = np.setdiff1d(np.arange(len(points)), np.cumsum([len(line) for line in lines]) - 1)
+    own = obstacle.to_own_frame(points)
+    return own, np.stack([first, first + 1], axis=1), points - own
+
+
+def _zeros(obstacle: Obstacle, low: Array, high: Array) -> list[Array]:
+    """Polylines phi = 0 in a box, each (n, 2) [length] (local)."""
+    from matplotlib.figure import Figure
+
+    x, y, points = grid(low, high)
+    phi = obstacle.evaluate(points)[0].reshape(GRID, GRID)
+    if not phi.min() < 0.0 < phi.max():
+        return []
+    lines = Figure().add_subplot().contour(x, y, phi, [0.0]).allsegs[0]
+    for _ in range(2):  # Newton steps from the chords of the grid to the curve
+        fields = [obstacle.evaluate(line) for line in lines]
+        lines = [
+            line - (phi / (gradient**2).sum(axis=1))[:, None] * gradient
+            for line, (phi, gradient, _) in zip(lines, fields, strict=True)
+        ]
+    return lines
+
+
+def grid(low: Array, high: Array) -> tuple[Array, Array, Array]:
+    """Coordinates x and y of a grid in a box, each (GRID,), and its points (GRID^2, 2) (local)."""
+    x, y = (np.linspace(a, b, GRID) for a, b in zip(low, high, strict=True))
+    return x, y, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: MIT
+"""Pictures of the deformed bodies and the contact pressure."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.bulk.cells import OUTLINE
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.io.cell_field import CellField
+from fenics_mortar.io.outlines import GRID, MARGIN, grid
+from fenics_mortar.io.shared import check_problem, owned_cells, prepare_path
+from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.files import try_together, write_whole
+
+INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
+
+
+def plot(
+    problem: ContactProblem,
+    path: str | Path,
+    *,
+    stress: Any | None = None,
+    label: str = "stress",
+    title: str | None = None,
+    scale: float = 1.0,
+) -> None:
+    """Draw the deformed bodies and the pressure on the slave surfaces as a PNG (collective).
+
+    Args:
+        problem: The problem to draw.
+        path: Path of the picture, used on the first rank; ``.png`` is appended, missing folders are
+            created.
+        stress: Scalar UFL expression whose values at the midpoints colour the cells.
+        label: Label of the colour bar.
+        title: Title of the picture.
+        scale: Factor of the displacement.
+
+    Raises:
+        MortarError: On all ranks, if the expression cannot be evaluated or the file not be written.
+        ValueError: On all ranks, if an argument is of another type.
+    """
+    check_problem(problem)
+    comm = problem.comm
+    with together(comm, "plot"):
+        check_kind("path", path, (str, Path), "the name of a file")
+        check_number("scale", scale, "a finite number", np.isfinite)
+    field = None if stress is None else CellField(problem, stress, label, rank=0)
+    path = prepare_path(comm, path, ".png")
+    cells = owned_cells(problem)
+    x = problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
+    x = x + scale * problem.equations.bulk.u.x.array[problem.equations.bulk.space.dofs]
+    nodes = problem.equations.bulk.V.dofmap.index_map.local_to_global(
+        cells.ravel().astype(np.int32)
+    ).reshape(cells.shape)
+    values = np.zeros(len(cells)) if field is None else field.evaluate()
+    pieces: Any = comm.gather((nodes, x[cells], values))
+    for contact in problem.equations.contacts:
+        contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
+
+    def draw() -> None:
+        from matplotlib.figure import Figure
+
+        nodes, polygons, values = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
+        width, height = 6.0 * (high - low) / (high - low).max()
+        figure = Figure((max(width, 3.0) + 1.6, max(height, 1.5) + 0.9), layout="constrained")
+        axes = figure.add_subplot(aspect="equal", title=title or "")
+        bodies = _draw_bodies(axes, nodes, polygons, None if field is None else values)
+        if field is not None:
+            bar = figure.colorbar(bodies, cax=axes.inset_axes((1.03, 0.0, 0.025, 1.0)), label=label)
+            bar.outline.set_visible(False)
+        margin = MARGIN * float((high - low).max())
+        _draw_obstacles(axes, problem.equations.tools.obstacles, low - margin, high + margin)
+        open_pairs = [c for c in problem.equations.contacts if not isinstance(c, Tie)]
+        _draw_pressure(axes, open_pairs, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
+        if scale != 1.0:
+            axes.plot([], [], " ", color=INK, label=f"displacement x {scale:g}")
+        if axes.get_legend_handles_labels()[1]:
+            place = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.05), "labelcolor": "linecolor"}
+            axes.legend(**place, frameon=False, fontsize=9, handletextpad=0.0, ncols=2)
+        axes.margins(0.03)
+        axes.locator_params(nbins=6)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.spines[["left", "bottom"]].set_color(GREY)
+        axes.tick_params(color=GREY, labelsize=8)
+        draw_to = partial(figure.savefig, dpi=200, bbox_inches="tight")
+        write_whole(path.with_name(f"{path.name}.png"), draw_to)
+
+    try_together(comm, comm.rank == 0, draw, f"cannot draw '{path}.png'")
+
+
+def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | None) -> Any:
+    """Draw cells with thin edges, and the outline: edges of one cell only."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    around = OUTLINE[nodes.shape[1]]
+    nodes, polygons = nodes[:, around], polygons[:, around]
+    cells = PolyCollection(polygons, cmap="YlGnBu", facecolors="#dfe6ea")
+    cells.set(array=values, edgecolors=(0.1, 0.1, 0.1, 0.35))
+    cells.set(linewidths=min(0.35, 12.0 / np.sqrt(len(nodes))))
+    edges = np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends = np.stack([polygons, np.roll(polygons, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+    _, first, count = np.unique(np.sort(edges), axis=0, return_index=True, return_counts=True)
+    axes.add_collection(cells)
+    axes.add_collection(LineCollection(ends[first[count == 1]], colors=INK, linewidths=0.8))
+    return cells
+
+
+def _draw_obstacles(axes: Any, obstacles: list[Obstacle], low: Array, high: Array) -> None:
+    """Draw the solid parts of obstacles, phi < 0, in a box."""
+    x, y, points = grid(low, high)
+    for obstacle in obstacles:
+        phi = obstacle.evaluate(points)[0].reshape(GRID, GRID)
+        if phi.min() < 0.0:
+            axes.contourf(x, y, phi, [phi.min(), 0.0], colors=[GREY], alpha=0.35, zorder=0)
+            axes.contour(x, y, phi, [0.0], colors=[INK], linewidths=0.8)
+
+
+def _draw_pressure(axes: Any, contacts: list[Contact], scale: float, height: float) -> None:
+    """Draw the pressure along the outer normals of the slave surfaces, and its maximum."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    largest = max((contact.pressure.max() for contact in contacts), default=0.0)
+    for contact in contacts:
+        pressure, o = contact.pressure, contact.operators
+        if not pressure.max() > 0.0:
+            continue
+        foot = contact.slave.X + scale * (o.x - contact.slave.X)
+        tip = foot + height / largest * pressure[:, None] * o.n
+        facets = contact.slave.facets[(pressure[contact.slave.facets] != 0.0).any(axis=1)]
+        areas = np.concatenate([foot[facets], tip[facets][:, ::-1]], axis=1)
+        axes.add_collection(PolyCollection(areas, facecolors="white", alpha=0.35, linewidths=0.0))
+        stems = np.stack([foot, tip], axis=1)[np.unique(facets)]
+        thin = min(0.5, 16.0 / len(stems))
+        for lines, thickness in ((stems, thin), (tip[facets], 1.2), (foot[facets], 1.2)):
+            axes.add_collection(LineCollection(lines, colors=PRESSURE, linewidths=thickness))
+        top = int(pressure.argmax())
+        label = f"pressure on {contact.slave.name}, maximum {pressure[top]:.4g}"
+        axes.plot(*tip[top], "o", markersize=4, color=PRESSURE, label=label)

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: MIT
+"""A table of contact forces."""
+
+from __future__ import annotations
+
+from fenics_mortar.io.shared import check_problem
+from fenics_mortar.problem import ContactProblem
+
+
+def contact_table(problem: ContactProblem) -> str:
+    """Markdown table of the contact of each pair: forces, active nodes, pressure, gap (collective).
+
+    The forces are those on the bodies [stress length], the pressure is the largest nodal one
+    [stress], the last column is the smallest mean gap of a slave node over its length.
+
+    Raises:
+        ValueError: If ``problem`` is not a ``ContactProblem``.
+    """
+    check_problem(problem)
+    head = "pair|force on slave|force on master|sum|active|max pressure|min gap/length".split("|")
+    rows = [f"| {' | '.join(head)} |", "|---|---:|---:|---:|---:|---:|---:|"]
+    for contact in problem.equations.contacts:
+        contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
+        o, z = contact.operators, contact.z
+        forces = [-force.sum(axis=0) for force in (o.force(z)[0], o.reaction(z)[1])]
+        gap = (contact.gap / contact.nodal_lengths)[contact.covered]
+        cells = [f"{contact.slave.name} - {contact.master.name}"]
+        cells += [f"({f[0]:.4e}, {f[1]:.4e})" for f in (*forces, forces[0] + forces[1])]
+        cells += [f"{contact.active.sum()} of {contact.slave.num_nodes}"]
+        cells += [f"{contact.pressure.max():.4e}", f"{gap.min():.2e}" if gap.size else "-"]
+        rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows)

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: MIT
+"""A plane mesh with named bodies and boundaries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import mesh as dmesh
+
+from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.errors import MeshError
+
+
+@dataclass(frozen=True)
+class MeshData:
+    """A plane mesh with tagged bodies and boundaries.
+
+    Created by :func:`read_gmsh`, or by hand from any dolfinx mesh and its tags; the dictionaries
+    may then be empty and boundaries be given by their integer tags.
+
+    Attributes:
+        mesh: The mesh, possibly of several disconnected bodies.
+        cell_tags: Tags of the cells, or ``None``.
+        facet_tags: Tags of the facets. With dolfinx 0.5 these include facets of ghost cells.
+        bodies: Tag of each named body.
+        boundaries: Tag of each named boundary.
+
+    Raises:
+        ValueError: If a tag is not an integer.
+
+    Example:
+        A mesh that is not from gmsh, with two of its sides as boundaries 1 and 2::
+
+            low = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 0.0))
+            high = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 1.0))
+            facets = np.hstack([low, high])
+            tags = np.repeat(np.int32([1, 2]), [low.size, high.size])
+            order = np.argsort(facets)
+            data = MeshData(mesh, None, meshtags(mesh, 1, facets[order], tags[order]))
+    """
+
+    mesh: dmesh.Mesh
+    cell_tags: dmesh.MeshTags | None
+    facet_tags: dmesh.MeshTags
+    bodies: dict[str, int] = field(default_factory=dict)
+    boundaries: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse tags that are not integers (local)."""
+        for what in ("bodies", "boundaries"):
+            names = getattr(self, what)
+            check_kind(what, names, dict, "a dictionary of tags by name")
+            for name, tag in names.items():
+                check_number(f"{what}[{name!r}]", tag, "an integer", np.isfinite, whole=True)
+
+    def body_tag(self, name: str | int) -> int:
+        """Return the tag of a body (local); integers are returned unchanged.
+
+        Raises:
+            MeshError: If no body has this name; lists the names.
+        """
+        return _tag("body", name, self.bodies)
+
+    def boundary_tag(self, name: str | int) -> int:
+        """Return the tag of a boundary (local); integers are returned unchanged.
+
+        Raises:
+            MeshError: If no boundary has this name; lists the names.
+        """
+        return _tag("boundary", name, self.boundaries)
+
+    def boundary_facets(self, names: str | int | Sequence[str | int]) -> npt.NDArray[np.int32]:
+        """Return this rank's facets of some boundaries, sorted and unique (collective).
+
+        Args:
+            names: A name or tag of a boundary, or a sequence of them.
+
+        Returns:
+            Local facet indices, shape (num_facets,); dolfinx 0.5 includes facets of ghost cells.
+
+        Raises:
+            MeshError: If a name is unknown, a boundary has no facets on any rank, or the tags do
+                not belong to facets of a plane mesh.
+        """
+        check_plane(self.mesh)
+        if self.facet_tags is None or self.facet_tags.dim != 1:
+            given = "missing" if self.facet_tags is None else f"of dimension {self.facet_tags.dim}"
+            raise MeshError(f"facet_tags are {given}; expected tags of dimension 1")
+        names = as_list(names)
+        if len(names) == 0:
+            raise MeshError(f"no boundary is given; the mesh has {self._tagged()}")
+        facets = [self.facet_tags.find(self.boundary_tag(name)) for name in names]
+        for name, found in zip(names, facets):
+            if self.mesh.comm.allreduce(found.size) == 0:
+                raise MeshError(f"boundary {name!r} has no facets; the mesh has {self._tagged()}")
+        return np.unique(np.concatenate(facets))
+
+    def _tagged(self) -> list[str | int]:
+        """List the boundaries with facets, by name if they have one (collective)."""
+        name_of = {tag: name for name, tag in self.boundaries.items()}
+        tags = set().union(*self.mesh.comm.allgather({int(tag) for tag in self.facet_tags.values}))
+        return [name_of.get(tag, tag) for tag in sorted(tags)]
+
+
+def as_list(names: Any) -> list[str | int]:
+    """Return one or several names as a list (local)."""
+    several = isinstance(names, Sequence) and not isinstance(names, str)
+    return list(names) if several else [names]
+
+
+def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:
+    """Return the tag of a name; integers are returned unchanged (local)."""
+    if isinstance(name, (int, np.integer)) and not isinstance(name, bool):
+        if not abs(int(name)) < 2**31:
+            raise MeshError(f"no {kind} {name!r}; tags have at most 32 bits")
+        return int(name)
+    if not isinstance(name, str) or name not in tags:
+        raise MeshError(f"no {kind} {name!r}; the mesh has {sorted(map(str, tags))}")
+    return tags[name]
+
+
+def check_plane(mesh: dmesh.Mesh) -> None:
+    """Refuse meshes that are not plane (local, equal on all ranks).
+
+    Raises:
+        MeshError: If cells or space are not of dimension 2.
+    """
+    if mesh.topology.dim != 2 or mesh.geometry.dim != 2:
+        raise MeshError(
+            f"the mesh has cells of dimension {mesh.topology.dim} in space of dimension "
+            f"{mesh.geometry.dim}; contact needs plane bodies: expected 2 in 2"
+        )

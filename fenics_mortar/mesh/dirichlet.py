@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: MIT
+"""Dirichlet conditions on named boundaries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem
+
+from fenics_mortar.mesh.data import MeshData, as_list
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils.errors import MeshError, check_same_words, together
+
+
+def dirichlet(
+    V: fem.FunctionSpace,
+    data: MeshData,
+    boundary: str | int | Sequence[str | int],
+    value: fem.Constant | fem.Function | npt.ArrayLike,
+    component: int | None = None,
+) -> fem.DirichletBC:
+    """Prescribe the displacement, or one component of it, on named boundaries (collective).
+
+    Args:
+        V: Space of the displacement, see :func:`vector_space`, or its sub-space ``W.sub(0)`` of a
+            mixed space.
+        data: Mesh on which ``V`` is defined.
+        boundary: Name or tag of a boundary, or a sequence of them.
+        value: Prescribed value [length]: numbers of shape (2,), a constant of this shape or a
+            function of ``V``; with ``component`` a number or a scalar constant. Later changes of
+            constants and functions take effect. In a mixed space, functions belong to the collapsed
+            sub-space, and constants prescribe one component at a time.
+        component: 0 for x, 1 for y, ``None`` for both.
+
+    Returns:
+        A boundary condition of dolfinx.
+
+    Raises:
+        MeshError: If a boundary is unknown or empty, the space is not that of a displacement on
+            this mesh, or the value does not fit.
+        ValueError: If ``data`` or ``V`` is of another type.
+    """
+    check_kind("data", data, MeshData, "the MeshData of the mesh")
+    check_kind("V", V, fem.FunctionSpace, "a space of dolfinx, e.g. vector_space(mesh, 1)")
+    in_sub_space = component is None and compat.is_sub_space(V)
+    with together(data.mesh.comm, "dirichlet"):
+        if isinstance(component, (Sequence, np.ndarray)) or component not in (None, 0, 1):
+            raise MeshError(f"component is {component!r}; expected 0, 1 or None for both")
+        if V.mesh is not data.mesh:
+            raise MeshError("the space belongs to another mesh than the boundaries")
+        tags = [data.boundary_tag(name) for name in as_list(boundary)]
+        value = value if in_sub_space else _boundary_value(V, value, component)
+    check_same_words(data.mesh.comm, "dirichlet", {"boundary": tags, "component": component})
+    facets = data.boundary_facets(boundary)
+    data.mesh.topology.create_connectivity(1, 2)
+    if in_sub_space:
+        return _dirichlet_in_sub_space(V, facets, value)
+    space = V if component is None else V.sub(int(component))
+    dofs = fem.locate_dofs_topological(space, 1, facets)
+    if isinstance(value, fem.Function):
+        return fem.dirichletbc(value, dofs)
+    return fem.dirichletbc(value, dofs, space)
+
+
+def _dirichlet_in_sub_space(
+    sub_space: fem.FunctionSpace,
+    facets: npt.NDArray[np.int32],
+    value: fem.Constant | fem.Function | npt.ArrayLike,
+) -> fem.DirichletBC:
+    """Prescribe both components in a sub-space, which needs a function (collective)."""
+    if isinstance(value, fem.Constant):
+        raise MeshError(
+            "a constant cannot prescribe both components in a sub-space; prescribe one component "
+            "at a time, or use a function of the collapsed sub-space"
+        )
+    if not isinstance(value, fem.Function):
+        space, _ = sub_space.collapse()
+        numbers, value = _boundary_value(space, value, None), fem.Function(space)
+        value.x.array.reshape(-1, 2)[:] = numbers
+    given = value.function_space
+    fits = given.mesh is sub_space.mesh and not compat.is_sub_space(given)
+    if not fits or given.ufl_element() != sub_space.ufl_element():
+        raise MeshError("expected a function of the collapsed sub-space, W.sub(0).collapse()[0]")
+    dofs = fem.locate_dofs_topological((sub_space, given), 1, facets)
+    return fem.dirichletbc(value, dofs, sub_space)
+
+
+def _boundary_value(
+    V: fem.FunctionSpace, value: fem.Constant | fem.Function | npt.ArrayLike, component: int | None
+) -> fem.Constant | fem.Function | npt.NDArray:
+    """Check that the value fits the space or its component; convert numbers (local)."""
+    if isinstance(value, fem.Function):
+        if component is not None or value.function_space != V:
+            raise MeshError(
+                "a function prescribes both components and has to belong to the same space"
+            )
+        return value
+    if not isinstance(value, fem.Constant):
+        try:
+            value = np.array(value, dtype=PETSc.ScalarType)
+        except (TypeError, ValueError):
+            allowed = "numbers, a Constant or a Function"
+            raise MeshError(f"the prescribed value is {value!r}; expected {allowed}") from None
+    shape = value.ufl_shape if isinstance(value, fem.Constant) else value.shape
+    expected = ufl.TestFunction(V).ufl_shape if component is None else ()
+    if component is None and expected != (2,):
+        raise MeshError("the space is not that of a displacement; of a mixed space W take W.sub(0)")
+    if shape != expected:
+        raise MeshError(f"the prescribed value has shape {shape}; expected {expected}")
+    return value

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: MIT
+"""Read plane meshes of gmsh, whose physical groups name bodies and boundaries.
+
+Physical groups of dimension 2 are bodies, those of dimension 1 boundaries. Wherever a name is
+expected, the integer tag of the group is accepted as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.errors import MeshError, check_same_words, place, raise_together, together
+from fenics_mortar.utils.rounding import ROUNDING
+
+# Element types of gmsh that dolfinx reads: triangles and quadrilaterals of order 1, 2, 3.
+CELL_TYPES = (2, 3, 9, 10, 21, 36)
+
+
+def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> MeshData:
+    """Read a plane mesh with names of bodies and boundaries from gmsh (collective).
+
+    Each surface has to belong to one physical group, its body, and each curve to at most one, its
+    boundary. Cells are either triangles or quadrilaterals, of order 1 to 3.
+
+    Args:
+        source: Path of a .msh file, or the module ``gmsh.model`` with a generated mesh. Only used
+            on rank ``rank``; other ranks may pass ``None``.
+        comm: Communicator of the mesh.
+        rank: The rank that reads.
+
+    Returns:
+        The distributed mesh with tags; names are equal on all ranks.
+
+    Raises:
+        MeshError: On all ranks, if the file or the model cannot be read; gives the reason.
+        ValueError: If ``comm`` is not a communicator or ``rank`` not an integer.
+
+    Note:
+        The nodes of a live model are renumbered if their tags are not 1, 2, ..., n.
+    """
+    check_kind("comm", comm, MPI.Comm, "a communicator of mpi4py, e.g. MPI.COMM_WORLD")
+    with together(comm, "read_gmsh"):
+        check_number("rank", rank, "an integer", lambda _: True, whole=True)
+        if not 0 <= rank < comm.size:
+            ranks = f"the ranks 0 to {comm.size - 1}"
+            raise MeshError(f"rank {rank} should read the mesh, but there are {ranks}")
+    check_same_words(comm, "read_gmsh", {"rank": rank})
+    with ExitStack() as stack:
+        model, names, error = None, None, None
+        if comm.rank == rank:
+            try:
+                model = stack.enter_context(_gmsh_model(source))
+                names = _check_model(model)
+            except MeshError as exception:
+                error = exception
+        raise_together(comm, error)
+        bodies, boundaries = comm.bcast(names, root=rank)
+        mesh, cell_tags, facet_tags = compat.model_to_mesh(model, comm, rank)
+    return MeshData(mesh, cell_tags, facet_tags, bodies, boundaries)
+
+
+@contextmanager
+def _gmsh_model(source: str | Path | Any) -> Iterator[Any]:
+    """Context with the gmsh model of ``source``, itself a model or a path (local)."""
+    if hasattr(source, "getPhysicalGroups"):
+        yield source
+        return
+    if not isinstance(source, (str, Path)):
+        raise MeshError(f"source is {source!r}; expected the path of a .msh file or gmsh.model")
+    if not Path(source).is_file():
+        raise MeshError(f"no file '{source}' (current folder {Path.cwd()})")
+    try:
+        import gmsh
+    except (ImportError, OSError) as exception:
+        raise MeshError(
+            f"the Python module gmsh is needed to read '{source}': {exception}"
+        ) from None
+    with _gmsh_session(gmsh):
+        try:
+            gmsh.merge(str(source))
+        except Exception as exception:  # gmsh raises Exception itself
+            raise MeshError(f"gmsh cannot read '{source}': {exception}") from None
+        yield gmsh.model
+
+
+@contextmanager
+def _gmsh_session(gmsh: Any) -> Iterator[None]:
+    """Context with an empty model and no terminal output; restores gmsh afterwards (local)."""
+    ours = not compat.gmsh_is_initialized(gmsh)
+    if ours:
+        gmsh.initialize()
+    current, terminal = gmsh.model.getCurrent(), gmsh.option.getNumber("General.Terminal")
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("fenics_mortar.read_gmsh")
+    try:
+        yield
+    finally:
+        gmsh.model.remove()
+        gmsh.option.setNumber("General.Terminal", terminal)
+        if ours:
+            gmsh.finalize()
+        else:
+            gmsh.model.setCurrent(current)
+
+
+def _check_model(model: Any) -> tuple[dict[str, int], dict[str, int]]:
+    """Check that dolfinx can read the model; return the names of bodies and boundaries (local).
+
+    An assertion of dolfinx fails on one rank only, and the others would wait forever.
+    """
+    try:
+        _check_dimension(model)
+        _check_cell_type(model)
+        _check_nodes(model)
+        _check_elements(model)
+        for dim in (2, 1):
+            _check_groups(model, dim)
+        return _physical_names(model, 2), _physical_names(model, 1)
+    except MeshError:
+        raise
+    except Exception as exception:  # gmsh raises Exception itself
+        raise MeshError(f"cannot read the model of gmsh: {exception}") from None
+
+
+def _check_dimension(model: Any) -> None:
+    """Refuse models without surface elements or with volume elements (local)."""
+    if len(model.mesh.getElements(3)[0]) > 0:
+        raise MeshError("the mesh has elements of dimension 3; expected a mesh of the x-y plane")
+    if len(model.mesh.getElements(2)[0]) == 0:
+        raise MeshError("there are no elements of dimension 2; was model.mesh.generate(2) called?")
+
+
+def _check_cell_type(model: Any) -> None:
+    """Refuse mixed cell types and those that dolfinx does not read (local)."""
+    types = model.mesh.getElements(2)[0]
+    names = sorted(model.mesh.getElementProperties(int(t))[0] for t in types)
+    if len(types) > 1:
+        raise MeshError(f"the mesh mixes {names}; expected one type, triangles or quadrilaterals")
+    if types[0] not in CELL_TYPES:
+        raise MeshError(f"cells of type {names} are not supported; expected e.g. 'Triangle 6'")
+
+
+def _check_nodes(model: Any) -> None:
+    """Check the coordinates of the nodes; renumber nodes from 1 without gaps (local)."""
+    tags, x, _ = model.mesh.getNodes()
+    x = np.reshape(x, (-1, 3))
+    used = np.isin(tags, np.concatenate(model.mesh.getElements(2)[2]))
+    if not np.isfinite(x).all():
+        bad = np.asarray(tags)[~np.isfinite(x).all(axis=1)]
+        raise MeshError(f"coordinates of {bad.size} nodes are not finite, e.g. of node {bad[0]}")
+    extent = np.ptp(x[used], axis=0)
+    if extent[2] > ROUNDING * max(extent[:2]):
+        raise MeshError(f"z varies by {extent[2]:.3g}; expected a mesh of the x-y plane")
+    if not np.array_equal(np.sort(tags), np.arange(1, len(tags) + 1)):
+        model.mesh.renumberNodes()
+
+
+def _check_elements(model: Any) -> None:
+    """Refuse duplicate elements, which crash dolfinx (local)."""
+    _, (elements,), (nodes,) = model.mesh.getElements(2)
+    nodes = np.reshape(nodes, (len(elements), -1))
+    known, number = np.unique(nodes, return_inverse=True)
+    # The sum of random numbers of its nodes identifies an element for any order of the nodes.
+    names = np.random.default_rng(0).integers(0, 2**62, known.size, dtype=np.uint64)
+    sums = names[number.reshape(nodes.shape)].sum(axis=1)
+    _, first, count = np.unique(sums, return_index=True, return_counts=True)
+    if (count > 1).any():
+        twice = first[np.argmax(count > 1)]
+        x = np.mean([model.mesh.getNode(node)[0] for node in nodes[twice]], axis=0)
+        raise MeshError(
+            f"{(count - 1).sum()} elements are duplicates, one at {place(x)}: remove the copies"
+        )
+
+
+def _check_groups(model: Any, dim: int) -> None:
+    """Check that surfaces are in exactly one physical group, curves in at most one (local)."""
+    what = {1: "curve", 2: "surface"}[dim]
+    groups: dict[int, list[int]] = {tag: [] for _, tag in model.getEntities(dim)}
+    for _, group in model.getPhysicalGroups(dim):
+        for entity in model.getEntitiesForPhysicalGroup(dim, group):
+            groups[entity].append(group)
+    for entity, tags in groups.items():
+        names = [model.getPhysicalName(dim, tag) or tag for tag in tags]
+        if len(tags) > 1:
+            raise MeshError(f"{what} {entity} is in the physical groups {names}; expected one")
+        empty = len(model.mesh.getElements(dim, entity)[0]) == 0
+        if tags and empty:
+            raise MeshError(f"{what} {entity} of physical group {names} has no elements")
+        if dim == 2 and not tags and not empty:
+            raise MeshError(f"surface {entity} is in no physical group; every cell needs a body")
+
+
+def _physical_names(model: Any, dim: int) -> dict[str, int]:
+    """Tags of the named physical groups of a dimension (local)."""
+    names: dict[str, int] = {}
+    for _, tag in model.getPhysicalGroups(dim):
+        name = model.getPhysicalName(dim, tag)
+        if name in names:
+            raise MeshError(
+                f"the physical groups {names[name]} and {tag} have the same name {name!r}"
+            )
+        if name:
+            names[name] = int(tag)
+    return names

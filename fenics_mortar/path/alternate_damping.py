@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: MIT
+"""Solves with full and with damped Newton steps in turn, for contact laws of users."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, after
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils.errors import NotConvergedError
+
+
+class AlternateDamping:
+    """Newton's method with full and with damped steps; the variant that converged last goes first.
+
+    Contact laws of users may be steep or not monotonous, and full steps may oscillate about a kink.
+    A line search converges there, where otherwise only shorter load steps would. For the laws of
+    this package, whose branches are known, it does not pay.
+
+    Args:
+        problem: The problem.
+    """
+
+    def __init__(self, problem: ContactProblem) -> None:
+        self._problem, self._damps_first = problem, False
+        self._has_choice = any(map(_has_own_law, problem.equations.contacts))
+
+    def solve(self) -> NewtonReport:
+        """Solve; on failure, solve once more by the other variant (collective).
+
+        Raises:
+            NotConvergedError: On all ranks, if both fail.
+        """
+        problem, options = self._problem, self._problem.newton
+        if not self._has_choice or options.damped or options.tentative:
+            return problem.solve(accept_violations=True)
+        start = problem.state()
+        try:
+            return self._solve(options)
+        except NotConvergedError as failure:
+            problem.restore(start)
+            self._damps_first = not self._damps_first
+            lost, how = failure.report, "damped" if self._damps_first else "full"
+            lost.notes.append(f"restarted with {how} steps: {failure}")
+        return after(lost, partial(self._solve, options))
+
+    def _solve(self, options: NewtonOptions) -> NewtonReport:
+        try:
+            self._problem.newton = replace(options, line_search=self._damps_first)
+            return self._problem.solve(accept_violations=True)
+        finally:
+            self._problem.newton = options
+
+
+def _has_own_law(contact: Any) -> bool:
+    """Whether it is a contact with a law that is not one of this package."""
+    return isinstance(contact, Contact) and not contact.pair.law.is_of_package

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: MIT
+"""Options of adaptive load steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fenics_mortar.utils.arguments import check_flag, check_number
+
+
+@dataclass(frozen=True)
+class SteppingOptions:
+    """Options of adaptive load steps; times are in units of the path parameter.
+
+    Attributes:
+        step: First step [time].
+        smallest: Smallest step: failure of a step of this size ends the path [time].
+        largest: Largest step [time]; ``step`` if ``None``.
+        easy: Number of Newton iterations up to which the next step grows.
+        growth: Factor by which it grows.
+        cut: Factor by which a failed step is reduced.
+        predict: Whether initial guesses are extrapolated, see ``predictor``.
+
+    Raises:
+        ValueError: If a value is not allowed.
+    """
+
+    step: float
+    smallest: float = 1e-6
+    largest: float | None = None
+    easy: int = 6
+    growth: float = 2.0
+    cut: float = 0.5
+    predict: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse values that are not allowed (local)."""
+        expected = "0 < smallest <= step <= largest, growth at least 1, cut between 0 and 1"
+        largest = self.step if self.largest is None else self.largest
+        for name, value, allows in (
+            ("step", self.step, lambda step: 0.0 < step < np.inf),
+            ("smallest", self.smallest, lambda smallest: 0.0 < smallest <= self.step),
+            ("largest", largest, lambda largest: largest >= self.step),
+            ("growth", self.growth, lambda growth: growth >= 1.0),
+            ("cut", self.cut, lambda cut: 0.0 < cut < 1.0),
+        ):
+            check_number(name, value, expected, allows)
+        check_number("easy", self.easy, "a number of iterations", lambda easy: easy >= 0)
+        check_flag("predict", self.predict)

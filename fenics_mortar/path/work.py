@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""Work of bulk, reactions and contact forces in a load step."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fenics_mortar.equations.general import State
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.rounding import TINY
+
+Forces = tuple[Array, Array, Array, Array, Array]
+
+
+class Work(NamedTuple):
+    """Work done in a step, by the trapezoidal rule [stress length^2].
+
+    Attributes:
+        bulk: Energy stored in the bodies, minus the work of applied loads.
+        supports: Work of the reactions.
+        contact: Work of the contact forces.
+        friction: Work of their tangential parts: the energy dissipated by friction.
+        largest: Upper bound of the work of contact forces: sum of the norms of forces times those
+            of the motions of their nodes and obstacles.
+    """
+
+    bulk: float
+    supports: float
+    contact: float
+    friction: float = 0.0
+    largest: float = 0.0
+
+    @property
+    def pressure(self) -> float:
+        """Work of the pressures [stress length^2].
+
+        Closed gaps do no work: this is energy added by the discretization. It vanishes with the
+        size of facets and steps, slowly where a corner slides, since the pressure below a corner
+        is unbounded.
+        """
+        return self.contact - self.friction
+
+    @property
+    def defect(self) -> float:
+        """Work of the pressures over the largest of all contributions, dimensionless.
+
+        Under dead loads and fixed supports ``bulk`` and ``supports`` vanish but for the work of
+        contact. Therefore ``largest`` is part of the comparison: in sliding the ratio is the
+        friction added by the facets.
+        """
+        return abs(self.pressure) / max(*map(abs, self), TINY)
+
+
+def forces_of(problem: ContactProblem) -> Forces:
+    """Forces of bulk and contact, on obstacles, and tangential parts of the last two (collective).
+
+    Returns:
+        Owned dofs of the bulk residual, of contact forces, forces on obstacles, tangential contact
+        forces and tangential forces on obstacles [stress length].
+    """
+    return *problem.forces(), *problem.equations.shear_forces()
+
+
+def work_of(
+    problem: ContactProblem, start: State, end: State, before: Forces, after: Forces
+) -> Work:
+    """Work of the mean forces in a step; obstacles count as supports (collective).
+
+    Args:
+        problem: The problem.
+        start: State at the start of the step.
+        end: State at its end.
+        before: Forces at its start, see ``forces_of``.
+        after: Forces at its end.
+    """
+    means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
+    r, contact, on_tools, shear, shear_on_tools = means
+    du, prescribed = (end.u - start.u)[: r.size], problem.equations.bulk.held
+    supports = (r + contact)[prescribed] @ du[prescribed]
+    work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
+    moved = problem.equations.tools.motions_of(end.places - start.places)
+    work[1:3] += (on_tools * moved).sum()
+    work[3] += (shear_on_tools * moved).sum()
+    dofs = problem.equations.bulk.space.owned_dofs
+    sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)
+    largest = problem.comm.allreduce(float(sizes)) + np.abs(on_tools * moved).sum()
+    of_bulk, of_supports, of_contact, of_friction = map(float, work)
+    return Work(of_bulk, of_supports, of_contact, of_friction, float(largest))

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: MIT
+"""Relative sizes below which numbers are equal, each named once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Spacing of double precision numbers at one, and the smallest positive normal number.
+EPSILON = float(np.finfo(float).eps)
+TINY = float(np.finfo(float).tiny)
+# Numbers that are equal in exact arithmetic differ by less than this fraction of the largest
+# number in their computation: seven digits more than EPSILON, for sums and cancellation.
+ROUNDING = 1e-9
+# Positions are the same within this fraction of a facet: coordinates in files may have as few as
+# seven digits.
+SAME_PLACE = 1e-6

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: MIT
+"""Balance of forces and moments: of the bodies and obstacles, and of the two sides of a pair."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.verify.limits import LIMITS
+
+
+def balance_of_bodies(
+    bulk: Bulk, contacts: Sequence[Contact | Tie], labels: Indices, unbalanced: Array
+) -> float:
+    """Largest sum of reactions, loads and contact forces of a body or obstacle (collective).
+
+    Internal forces sum to zero, so the sum of r over a body is minus the load applied to it; the
+    reaction at a prescribed dof is the remainder of r and contact forces.
+
+    Args:
+        bulk: The bodies, with ``r`` at the present state.
+        contacts: The pairs, evaluated there.
+        labels: Body of each local node, shape (local nodes,).
+        unbalanced: Sums of all forces on the obstacles, equal on all ranks [stress length].
+
+    Returns:
+        The sum over the sum of the norms of all forces.
+    """
+    r = bulk.r.array_r[: bulk.num_owned]
+    total = r.copy()
+    for contact in contacts:
+        on_slave, on_master = contact.operators.force(contact.z)
+        contact.slave.scatter_add(on_slave, total)
+        contact.master.scatter_add(on_master, total)
+    total[bulk.held] = 0.0
+    comm, dofs = bulk.comm, bulk.space.owned_dofs
+    body = labels[: len(dofs)]
+    num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
+    sums = [np.bincount(body, component, num_bodies) for component in total[dofs].T]
+    defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r[dofs]).sum()))
+    motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
+    stiffness = max((float(c.stiffness.max()) for c in contacts), default=bulk.stiffness)
+    extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)
+    rounding = LIMITS.min_force * stiffness * max(motion, LIMITS.min_motion * extent)
+    defect = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
+    return float(defect) / positive_or_one(size + rounding)
+
+
+def action_and_reaction(contact: Interface) -> dict[str, Any]:
+    """Sums of the forces and moments of a pair, as fields of a ``PairCertificate`` (local)."""
+    o = contact.operators
+    where, reaction = o.reaction(contact.z)
+    forces, x = np.concatenate([o.force(contact.z)[0], reaction]), np.concatenate([o.x, where])
+    lever = x - x.mean(axis=0)
+    moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
+    sizes = np.abs(forces)
+    arms = float((sizes.max(axis=1) * np.abs(lever).max(axis=1)).sum())
+    return {
+        "pair": f"{contact.slave.name} - {contact.master.name}",
+        "force": float(np.abs(forces.sum(axis=0)).max()) / positive_or_one(float(sizes.sum())),
+        "moment": abs(float(moments.sum())) / positive_or_one(arms),
+    }
+
+
+def positive_or_one(value: float) -> float:
+    """Return ``value``, or one if it is not positive: a divisor where nothing can be compared."""
+    return value if value > 0.0 else 1.0

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: MIT
+"""Geometric defects of a pair: penetration between the nodes, and nodes without a partner."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.utils.arrays import Indices
+from fenics_mortar.utils.errors import place
+from fenics_mortar.verify.limits import HALF_FACET, LIMITS
+
+
+def between_nodes(contact: Contact) -> dict[str, Any]:
+    """Penetration and distance over facet lengths, as fields of a certificate (collective)."""
+    o, s = contact.operators, contact.intersections()
+    ends, samples = o.x[s.slave[:, [0, -1]]], np.linspace(-1.0, 1.0, LIMITS.samples)
+    gaps = o.sample_gaps(o.x + contact.offset[:, None] * o.n, s, samples)
+    gaps /= np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
+    smallest, where = np.inf, ""
+    if gaps.size:
+        deepest = gaps.min(axis=1).argmin()
+        smallest, where = float(gaps[deepest].min()), place(ends[deepest].mean(axis=0))
+    smallest, where = min(contact.slave.comm.allgather((smallest, where)))
+    return {
+        "penetration": max(-smallest, 0.0),
+        "distance": max(smallest, 0.0) if contact.active.any() else 0.0,
+        "where": where,
+    }
+
+
+def paired_nodes(contact: Contact | Tie) -> Indices:
+    """Global numbers of the nodes of both surfaces that have a partner, (n,) (collective)."""
+    o = contact.operators
+    seen = np.zeros(contact.master.num_nodes, bool)
+    seen[contact.intersections().master.ravel()] = True
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, seen, MPI.LOR)
+    return np.concatenate([contact.slave.nodes[o.cover > 0.0], contact.master.nodes[seen]])
+
+
+def count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indices) -> int:
+    """Count nodes of both surfaces inside another body or obstacle without a partner (collective).
+
+    Args:
+        bulk: The bodies.
+        contact: The pair.
+        labels: Body of each local node, shape (local nodes,).
+        paired: Global numbers of the nodes with a partner in any pair.
+    """
+    o = contact.operators
+    mine = bulk.space.spread(labels)
+    found = 0
+    for surface, x in ((contact.slave, o.x), (contact.master, o.m)):
+        alone = ~np.isin(surface.nodes, paired)
+        own = surface.gather(mine)[:, 0]
+        inside = bulk.cells.inside_other_body(bulk.positions(), x[alone], own[alone], labels)
+        found += int(inside.sum())
+    if contact.obstacle is not None:
+        phi = contact.on_obstacle.phi - contact.offset
+        deep = phi < -HALF_FACET * contact.nodal_lengths
+        found += int((deep & ~np.isin(contact.slave.nodes, paired)).sum())
+    return found

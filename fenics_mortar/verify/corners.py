@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: MIT
+"""Errors of the contact direction at corners, and pressure beside clamped slave nodes.
+
+The force on a corner of the slave acts along its averaged normal, not along the normal of the
+smooth surface it presses on: an error like friction, and so it is compared with the friction. With
+the smooth surface as slave the direction is correct, but the position of a master's corner between
+two slave nodes is uncertain by up to a tenth of the facet. Neither error decreases with the facet
+length, measured in facets. Both are detected by normals of the two sides that are not opposite.
+
+A clamped slave node carries no multiplier; its neighbours carry its force. If a body presses on the
+very end of a clamped surface, all its force is at that neighbour, which moves: the force is far too
+small on any mesh. This is detected by a peak of pressure there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.laws import STICK
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import place
+from fenics_mortar.verify.balance import positive_or_one
+from fenics_mortar.verify.limits import LIMITS
+
+
+def oblique_forces(contact: Contact, pressure: Array) -> dict[str, Any]:
+    """Fraction of the normal forces along the master's facets, and its position (collective).
+
+    Args:
+        contact: The pair; an obstacle has no facets, the result is empty.
+        pressure: Normal multipliers, shape (slave nodes,) [stress].
+    """
+    o, s = contact.operators, contact.operators.segments
+    if contact.obstacle is not None:
+        return {}
+    chords = o.m[s.master[:, -1]] - o.m[s.master[:, 0]]
+    chords /= np.linalg.norm(chords, axis=1)[:, None]
+    forces = np.abs(o.M.sum(axis=2) * pressure[s.slave])
+    along = forces * np.abs(np.einsum("sjc,sc->sj", o.n[s.slave], chords))
+    nodal = np.zeros((2, contact.slave.num_nodes))
+    for row, values in zip(nodal, (forces, along), strict=True):
+        np.add.at(row, s.slave, values)
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    total = positive_or_one(float(nodal[0].sum()))
+    return {
+        "oblique": float(nodal[1].sum()) / total,
+        "oblique_at": place(o.x[nodal[1].argmax()]),
+        **_at_corners(contact, nodal[0], total),
+    }
+
+
+def mean_friction(limit: Array, pressure: Array) -> float:
+    """Sum of the friction limits over the sum of the pressures, of nodes under pressure (local).
+
+    Args:
+        limit: Friction limit of each node, shape (slave nodes,) [stress].
+        pressure: Normal multipliers, shape (slave nodes,) [stress].
+    """
+    presses = (pressure > 0.0) & (limit > 0.0)
+    return float(limit[presses].sum() / pressure[presses].sum()) if presses.any() else 0.0
+
+
+def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]:
+    """Force along the surface due to averaged normals at corners of the slave (collective).
+
+    The force on a node acts along its averaged normal. Where the normal of the master nearby lies
+    between those of the two slave facets at the node, a corner of the slave presses on the master,
+    and the normal of the master is the correct direction; where it lies beyond, the normal of the
+    nearer slave facet. Beyond the end of a slave surface its body may continue at any angle.
+
+    Args:
+        contact: The pair.
+        forces: Norms of the normal forces, shape (slave nodes,) [stress length].
+        total: Their sum [stress length].
+    """
+    o, slave = contact.operators, contact.slave
+    before, after = (
+        np.where(beside < 0, end, _angle(o.n, _right_of(way * (o.x[beside] - o.x))))
+        for beside, end, way in (
+            (slave.previous, -np.pi / 2, -1.0),
+            (slave.following, np.pi / 2, 1.0),
+        )
+    )
+    corners = np.flatnonzero(contact.active & (after - before > LIMITS.corner))
+    if not corners.size:
+        return {}
+    runs = np.where(contact.active, runs_of(contact), -1)
+    kept, labels = np.unique(runs[corners], return_inverse=True)
+    low, high = np.minimum(before[corners], 0.0), np.maximum(after[corners], 0.0)
+    around = [_master_around(contact, runs == run) for run in kept]
+    normals = np.array([normal for normal, _ in around])
+    angle = np.clip(_angle(o.n[corners], -normals[labels]), low, high)
+    error = np.abs(np.bincount(labels, forces[corners] * np.sin(angle))).sum()
+    largest, where = 0.0, ""
+    for k in np.flatnonzero([is_flat for _, is_flat in around]):
+        mine = labels == k
+        first = np.flatnonzero(mine)[forces[corners[mine]].argmax()]
+        across = _rotated(o.n[corners[first]], angle[first])
+        if (contact.piece[corners[mine]] == STICK).any():
+            excess = _excess_shear(contact, runs == kept[k], across)
+            if excess > largest:
+                largest, where = excess, place(o.x[corners[first]])
+    return {
+        "misdirected": float(error) / total, "excess_shear": largest, "excess_shear_at": where,
+    }  # fmt: skip
+
+
+def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
+    """Shear force of a run over the friction limit at its pressures, less one (local).
+
+    Args:
+        contact: The pair.
+        run: Its nodes, shape (slave nodes,), bool.
+        across: Direction that pressures are taken along, a unit vector out of the slave.
+    """
+    pressure = np.where(run, contact.z @ across, 0.0)
+    limit = contact.asker.bound(contact.pair.law, pressure, contact.operators.x)
+    weight = contact.operators.weight
+    allowed = float((weight * np.where(run & (pressure > 0.0), limit, 0.0)).sum())
+    shear = abs(float((weight * (contact.z @ _right_of(across[None])[0]))[run].sum()))
+    return shear / allowed - 1.0 if allowed > 0.0 else 0.0
+
+
+def _rotated(a: Array, angle: float) -> Array:
+    """The vector ``a`` (2,), rotated to the left."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * a[0] - s * a[1], s * a[0] + c * a[1]])
+
+
+def _master_around(contact: Contact, run: Flags) -> tuple[Array, bool]:
+    """Normal of the master opposite to some slave nodes; whether it is flat (collective).
+
+    The normal, shape (2,), is not scaled. It belongs to a chord that extends beyond them by some facets: beneath a corner these are
+    dented.
+
+    Args:
+        contact: The pair.
+        run: The active nodes of a run, shape (slave nodes,), bool.
+    """
+    o, s, master = contact.operators, contact.operators.segments, contact.master
+    faced = np.zeros(master.num_nodes, bool)
+    faced[s.master[run[s.slave].any(axis=1)]] = True
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, faced, MPI.LOR)
+    on_facet = faced[master.facets].all(axis=1)
+    for _ in range(LIMITS.around_corner):
+        faced[master.facets[on_facet]] = True
+        on_facet = faced[master.facets].any(axis=1)
+    ends = o.m[master.facets[on_facet]]
+    chords = ends[:, -1] - ends[:, 0]
+    along = chords.sum(axis=0)
+    is_flat = bool((np.abs(_angle(chords, along)) < LIMITS.corner).all())
+    return _right_of(along[None])[0], is_flat
+
+
+def _right_of(directions: Array) -> Array:
+    """Rotate vectors (n, 2) by a quarter turn to the right."""
+    return np.stack([directions[:, 1], -directions[:, 0]], axis=1)
+
+
+def _angle(a: Array, b: Array) -> Array:
+    """Angles from vectors ``a`` to ``b``, shapes (..., 2) [radian]."""
+    turn = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.arctan2(turn, (a * b).sum(axis=-1))
+
+
+def runs_of(contact: Contact) -> Indices:
+    """Number the runs of neighbouring active nodes: shape (slave nodes,)."""
+    slave, active = contact.slave, contact.active
+    here = np.flatnonzero(active & (slave.following >= 0) & active[slave.following])
+    count = slave.num_nodes
+    links = coo_array((np.ones(here.size), (here, slave.following[here])), shape=(count, count))
+    _, labels = connected_components(links, directed=False)
+    return labels.astype(np.int64)
+
+
+def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
+    """Largest pressure beside a clamped slave node over that of the next nodes (local).
+
+    Args:
+        contact: The pair.
+        pressure: Normal multipliers, shape (slave nodes,) [stress].
+    """
+    slave, reach = contact.slave, contact.slave.degree
+    held = (contact.free == 0.0).any(axis=1) & np.isin(slave.nodes, contact.idle_nodes)
+    around = slave.along(np.flatnonzero(held), range(-3 * reach, 3 * reach + 1))
+    there = np.where(around >= 0, pressure[around], 0.0)
+    beside = there[:, 2 * reach : 4 * reach + 1].max(axis=1, initial=0.0)
+    there[:, 2 * reach : 4 * reach + 1] = 0.0
+    counts = beside > LIMITS.counted_pressure * pressure.max(initial=0.0)
+    beside = np.where(counts, beside, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(beside / there.max(axis=1, initial=0.0), posinf=np.inf)
+    if not ratio.any():
+        return {}
+    where = contact.operators.x[np.flatnonzero(held)[ratio.argmax()]]
+    return {"end_pressure": float(ratio.max()), "end_pressure_at": place(where)}

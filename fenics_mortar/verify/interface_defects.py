@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: MIT
+"""Violations of contact conditions between the nodes of a pair, for the error estimate."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.interface.facing import GAUSS, Points, face, points_of
+from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.interface.segments import Segments
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import call_together
+
+# Integrals over slave facets: dyads [length^3], and work [stress length^2].
+Defects = tuple[Array, Array]
+
+
+def interface_defects(pair: Interface) -> dict[str, Defects]:
+    """Violations of contact conditions between the nodes, by kind (collective).
+
+    Returns:
+        For "gap" and "slip": integrals over the slave facets of dyads, whose work is given by the
+        stiffness of a layer, shape (facets, 2, 2) [length^3], and of additional work, shape
+        (facets,) [stress length^2].
+    """
+    if isinstance(pair, Contact):
+        return {"gap": gap_defects(pair), "slip": slip_defects(pair)}
+    o, facing = pair.operators, face(pair.as_faced, pair.intersections())
+    jump = facing.apart(o.x - pair.slave.X, o.m - pair.master.X)
+    return {"gap": _on_facets(pair, facing, jump, 0.0 * facing.s)}
+
+
+def gap_defects(contact: Contact) -> Defects:
+    """Penetration, or the gap where all nodes are active; otherwise the work z_n g (collective).
+
+    With adhesion a(g) the work is (z_n + a) g, zero for open contact.
+    """
+    o, segments = contact.operators, contact.intersections()
+    here, gap = points_of(segments), _gaps(contact, segments)
+    closed = contact.active[here.slave[:, [0, -1]]].all(axis=1)[:, None]
+    wrong, opening = np.where(closed, gap, np.minimum(gap, 0.0)), np.maximum(gap, 0.0)
+    pull, _ = _evaluate_law(contact, "adhesion", opening)
+    pressure = np.maximum(here.of(contact.pressure) + pull, 0.0)
+    work = np.where(closed, 0.0, pressure * opening)
+    return _on_facets(contact, here, wrong[..., None] * here.direction(o.n), work)
+
+
+def _evaluate_law(contact: Contact, what: str, values: Array) -> Any:
+    """Evaluate the law of a contact; its errors are raised on all ranks (collective)."""
+    law = contact.pair.law
+    return call_together(contact.slave.comm, repr(law), partial(getattr(law, what), values))
+
+
+def _gaps(contact: Contact, segments: Segments) -> Array:
+    """Gaps minus the offset at points of segments, shape (n, q) [length] (collective).
+
+    With small sliding they are linear in the motion, as nodal gaps are.
+    """
+    o, first = contact.operators, contact.as_faced
+    gap = first.sample_gaps(first.x + contact.offset[:, None] * o.n, segments, GAUSS[0])
+    if isinstance(first, ObstacleOperators) and isinstance(o, ObstacleOperators):
+        return gap + points_of(segments).of(o.phi - first.phi)
+    here = face(first, segments)
+    moved = here.apart(o.x - first.x, o.m - first.m)
+    return gap - np.einsum("nqc,nqc->nq", here.direction(o.n), moved)
+
+
+def slip_defects(contact: Contact) -> Defects:
+    """Slip where all nodes stick; otherwise the missing work of friction (collective).
+
+    That is the work of the friction limit minus the work of the shear. The slip is that of the last
+    step, of points that faced each other at its start; along obstacles, whose surface has no mesh,
+    that of the nodes.
+    """
+    o, facing = contact.operators, contact.partners.facing
+    here = points_of(o.segments) if facing is None else facing
+    slip = here.of(contact.slip) if facing is None else facing.slip(o)
+    ends, held = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
+    sticking = contact.sticking[ends]
+    sticks = ((sticking | held[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
+    node, bound = contact.nodal, _evaluate_law(contact, "bound", contact.pressure)
+    shear, bound = (here.of(np.where(contact.active, a, 0.0)) for a in (node.z_tau, bound))
+    lost = np.maximum(bound * np.abs(slip) - shear * slip, 0.0)
+    work = np.where(sticks | (bound <= 0.0), 0.0, lost)
+    wrong = np.where(sticks, slip, 0.0)
+    return _on_facets(contact, here, wrong[..., None] * here.direction(o.tau), work)
+
+
+def _on_facets(pair: Interface, here: Points, wrong: Array, work: Array) -> Defects:
+    """Integrals of densities over slave facets, (facets, 2, 2) and (facets,) (collective).
+
+    Args:
+        pair: The interface.
+        here: Points of this rank's share.
+        wrong: Vectors of the dyads, shape (n, q, 2) [length].
+        work: Density of additional work, shape (n, q) [stress length].
+    """
+    measure = here.measure(pair.operators.x)
+    dyads = np.einsum("nq,nqi,nqk->nik", measure, wrong, wrong).reshape(-1, 4)
+    sums = np.zeros((len(pair.slave.facets), 5))
+    np.add.at(sums, here.facet, np.column_stack([dyads, (measure * work).sum(axis=1)]))
+    pair.slave.comm.Allreduce(MPI.IN_PLACE, sums)
+    return sums[:, :4].reshape(-1, 2, 2), sums[:, 4]

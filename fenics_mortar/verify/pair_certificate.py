@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: MIT
+"""The certificate of one pair: measured defects, violations and remarks in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from fenics_mortar.verify.limits import LIMITS
+
+
+@dataclass(frozen=True)
+class PairCertificate:
+    """Measured defects of one pair; dimensionless, zero is perfect.
+
+    For a tied pair, tension and shear (allowed) and penetration (impossible) are zero.
+
+    Attributes:
+        pair: Names of slave and master.
+        force: Sum of all contact forces over the sum of their norms; rounding.
+        moment: Sum of their moments over forces times lever arms; of third order in the facet
+            length, rounding for a tied pair without gap.
+        tension: Excess of the tension -z_n over the adhesion of the contact law, over the largest
+            pressure or tension.
+        shear: Excess of the tangential multiplier over the friction limit, over the largest
+            pressure (or the friction limit, if larger).
+        overlap: Largest negative mean gap of a slave node over its length; for a tied pair the
+            largest distance of the sides.
+        overlap_at: Its position.
+        reach: Distance within which partners are searched, in words.
+        complementarity: Largest |(z_n + a) g|, a: the adhesion, over largest pressure and length.
+        penetration: Largest penetration of a segment over the length of its facet: allowed by the
+            discretization between the nodes, of second order in the facet length.
+        distance: Smallest distance of slave and master over the facet length if a force acts.
+        where: Position of the largest penetration.
+        oblique: Fraction of the forces along the slave normals that acts along the facets of the
+            master; of first order in the facet length where both surfaces are smooth.
+        oblique_at: Position of the largest contribution.
+        misdirected: Fraction of the normal forces that acts along the surface because corners of
+            the slave have averaged normals: an error of the ratio of shear and normal force.
+            Contributions of neighbouring active nodes are added with their signs.
+        excess_shear: Where corners of the slave stick on a flat master: excess of the shear along
+            the master over the friction limit at the pressure on it, over that limit.
+        excess_shear_at: Its position.
+        friction: Friction limit over pressure, mean of all nodes under pressure; inf where the law
+            is to stick.
+        end_pressure: Largest ratio of the pressure beside a clamped slave node to that of the next
+            nodes.
+        end_pressure_at: Its position.
+        outside: Largest distance of the resultant of neighbouring pressures from the part of the
+            slave that the master covers [facet lengths].
+        outside_at: Position of that resultant.
+        undecided_at: Positions of nodes whose cover is close to the threshold of a multiplier.
+        overheld: Sticking nodes that other constraints hold as well: their shear is not unique, see
+            ``redundancy``.
+        overheld_at: Position of one of them.
+        unpaired: Nodes of the two surfaces inside another body without a partner in any pair.
+        uncovered: Slave nodes without a partner.
+    """
+
+    pair: str
+    force: float
+    moment: float
+    tension: float = 0.0
+    shear: float = 0.0
+    overlap: float = 0.0
+    overlap_at: str = ""
+    reach: str = ""
+    complementarity: float = 0.0
+    penetration: float = 0.0
+    distance: float = 0.0
+    where: str = ""
+    oblique: float = 0.0
+    oblique_at: str = ""
+    misdirected: float = 0.0
+    excess_shear: float = 0.0
+    excess_shear_at: str = ""
+    friction: float = 0.0
+    end_pressure: float = 0.0
+    end_pressure_at: str = ""
+    outside: float = 0.0
+    outside_at: str = ""
+    undecided_at: str = ""
+    overheld: int = 0
+    overheld_at: str = ""
+    unpaired: int = 0
+    uncovered: int = 0
+
+    def violations(
+        self, tolerance: float = LIMITS.tolerance, penetration: float = LIMITS.penetration
+    ) -> list[str]:
+        """Describe violated conditions; empty for a sound state (local).
+
+        Args:
+            tolerance: Limit for quantities that the equations make zero.
+            penetration: Limit for penetration and distance [facet lengths].
+        """
+        return list(self._violations(tolerance, penetration))
+
+    def _violations(self, tolerance: float, penetration: float) -> Iterator[str]:
+        for name in ("force", "tension", "shear", "overlap", "complementarity"):
+            value = getattr(self, name)
+            if not value <= tolerance:
+                where = f" {self.overlap_at}" if name == "overlap" else ""
+                yield f"{self.pair}: {name} {value:.1e} (allowed {tolerance:.1e}){where}"
+        if not self.penetration <= penetration:
+            yield (
+                f"{self.pair}: penetration of {self.penetration:.2f} facets between the nodes, at "
+                f"{self.where}"
+            )
+        if not self.distance <= penetration:
+            yield f"{self.pair}: a force acts, but the sides are {self.distance:.2f} facets apart"
+        if not self.excess_shear <= LIMITS.of_friction:
+            slave, _, master = self.pair.partition(" - ")
+            yield (
+                f"{self.pair}: a corner of the slave sticks at {self.excess_shear_at}, but the "
+                f"shear along '{master}' is {self.excess_shear:.1%} above the friction limit: the "
+                "direction of the force on a corner, that of its averaged normal, is not resolved; "
+                f"take '{master}' as slave and '{slave}' as master, or round the corner"
+            )
+        if not self.outside <= penetration:
+            yield self._resultant_outside()
+        if self.unpaired:
+            yield (
+                f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "
+                f"contact was missed, since partners are searched {self.reach}; take smaller "
+                "steps or a larger search_radius"
+            )
+
+    def remarks(self) -> Iterator[str]:
+        """Describe where the mesh is too coarse or the solution may not be unique (local)."""
+        if self.penetration > LIMITS.coarse_penetration:
+            yield (
+                f"{self.pair}: penetration of {self.penetration:.2f} facets between the nodes, at "
+                f"{self.where}; finer facets reduce it"
+            )
+        if self.distance > LIMITS.coarse_distance:
+            yield (
+                f"{self.pair}: a force acts, but the sides are {self.distance:.2f} facets apart; "
+                "finer facets of the slave reduce the distance"
+            )
+        yield from self._remarks_on_corners()
+        if self.outside > LIMITS.coarse_distance:
+            yield self._resultant_outside()
+        if self.end_pressure > LIMITS.end_pressure:
+            yield (
+                f"{self.pair}: a body presses on a clamped slave node, at {self.end_pressure_at}, "
+                "which carries no multiplier: the force may be far too small; take the other body "
+                "as slave"
+            )
+        if self.overheld:
+            yield (
+                f"{self.pair}: {self.overheld} sticking nodes are constrained by other pairs as "
+                f"well, one at {self.overheld_at}: their shear is not unique; it stays as close as "
+                "possible to that of the last state"
+            )
+        if self.undecided_at:
+            yield (
+                f"{self.pair}: the master ends just beside the node at {self.undecided_at}, where "
+                "the multiplier is passed to or from the neighbouring node: there may be two "
+                "solutions, with and without it; other steps may find the other one"
+            )
+
+    def _resultant_outside(self) -> str:
+        """Describe a resultant outside of the part where the sides meet."""
+        return (
+            f"{self.pair}: the resultant of the pressures acts at {self.outside_at}, "
+            f"{self.outside:.2f} facets outside of the part of the slave that the master covers: "
+            "more load may be borne here than by finer facets"
+        )
+
+    def _remarks_on_corners(self) -> Iterator[str]:
+        """Describe the error of the contact direction at corners."""
+        limit = min(LIMITS.oblique, max(LIMITS.of_friction * self.friction, LIMITS.negligible))
+        if self.friction > 0.0 and self.misdirected > limit:
+            slave, _, master = self.pair.partition(" - ")
+            yield (
+                f"{self.pair}: {self.misdirected:.1%} of the normal forces act along the surface, "
+                f"compared with a friction of {self.friction:.2g}: a corner of the slave presses "
+                f"at {self.oblique_at}, along its averaged normal; take '{master}' as slave and "
+                f"'{slave}' as master, or round the corner"
+            )
+        if self.friction > 0.0 or not self.oblique > LIMITS.oblique:
+            return
+        is_slave = self.misdirected > 0.5 * LIMITS.oblique
+        known = "direction and depth are" if is_slave else "depth is"
+        remedy = "take the other side as slave, round it" if is_slave else "round it"
+        yield (
+            f"{self.pair}: {self.oblique:.0%} of the normal forces act along the master's facets, "
+            f"most of them at {self.oblique_at}: where a corner presses, {known} accurate to a "
+            f"fraction of a facet only; {remedy}, or refine the facets"
+        )
