@@ -3,7 +3,11 @@
 
     python3 demos/stability/trial.py --cases 500 --seed 1    a line of JSON per case, and a summary
     python3 demos/stability/trial.py --case 17               one case, with its report and picture
-    python3 demos/stability/trial.py --held                  bodies that friction alone holds
+    python3 demos/stability/trial.py --family held           bodies that friction alone holds
+
+The families are blocks that are pushed or pressed, with defaults ("pushed"), bodies that friction
+holds ("held"), or adhesion ("hanging"), and those of ``random_shapes``: surfaces of one body
+("own"), thin bodies ("thin"), laws of a user ("laws"), exchanged roles ("roles").
 
 The outcome of a case is one of
 
@@ -38,14 +42,16 @@ import numpy as np
 root = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(root), str(Path(__file__).resolve().parent)]
 from random_cases import Case, random_case
-from random_held import held_case
+from random_held import hanging_case, held_case
+from random_shapes import shape_case
 from trial_judge import Record, check_again, measure, run, wrongs
 from trial_scene import build
 
 import fenics_mortar as fm
 
-# Seeds from here on are of bodies that friction holds.
-HELD = 1_000_000
+# Seeds of the families: the first from zero on, the next ones from one million on, and so on.
+FAMILIES = ("pushed", "held", "hanging", "own", "thin", "laws", "roles")
+SEEDS_OF_FAMILY = 1_000_000
 # Every so many cases is solved a second time.
 EVERY = 4
 # Seconds; a case takes one on an idle machine, with its checks at the most some twenty.
@@ -56,17 +62,31 @@ LIMIT = 300.0
 
 
 def case_of(seed: int) -> Case:
-    """The case of a seed, held by friction from ``HELD`` on."""
-    return random_case(seed) if seed < HELD else replace(held_case(seed - HELD), seed=seed)
+    """The case of a seed."""
+    family, number = family_of(seed), seed % SEEDS_OF_FAMILY
+    if family == "pushed":
+        return random_case(number)
+    if family == "held":
+        return replace(held_case(number), seed=seed)
+    if family == "hanging":
+        return replace(hanging_case(number), seed=seed)
+    return replace(shape_case(family, number), seed=seed)
+
+
+def family_of(seed: int) -> str:
+    """The family of a seed."""
+    return FAMILIES[seed // SEEDS_OF_FAMILY]
 
 
 def run_seed(seed: int) -> Record:
     """Run one case, and a part of them again."""
     case = case_of(seed)
     record, _ = run(case)
-    if record["outcome"] == "converged" and seed % EVERY == 0:
+    again = seed % EVERY == 0 or family_of(seed) == "roles"
+    if record["outcome"] == "converged" and again:
         check_again(case, record)
     record.pop("objections", None)
+    record["family"] = family_of(seed)
     return record
 
 
@@ -215,17 +235,17 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds for a case")
     parser.add_argument("--folder", type=Path, default=Path("results"), help="where to write")
-    held = "cases of bodies that contact with friction alone holds"
-    parser.add_argument("--held", action="store_true", help=held)
+    parser.add_argument("--family", choices=FAMILIES, default="pushed", help="which scenes")
     chosen = parser.parse_args()
-    chosen.seed += HELD * chosen.held
-    chosen.case = chosen.case and chosen.case + HELD * chosen.held
+    first = SEEDS_OF_FAMILY * FAMILIES.index(chosen.family)
+    chosen.seed += first
+    chosen.case = chosen.case and chosen.case + first
     chosen.folder.mkdir(parents=True, exist_ok=True)
     if chosen.case is not None:
         show(chosen.case, chosen.folder)
         return
     seeds = range(chosen.seed, chosen.seed + chosen.cases)
-    path = chosen.folder / "trial.jsonl"
+    path = chosen.folder / f"trial_{chosen.family}.jsonl"
     print(summary(run_many(seeds, path, chosen.workers, chosen.limit)))
     print(f"\nA line of JSON per case: {path}")
 

@@ -16,6 +16,8 @@ import numpy as np
 from random_bodies import corner_areas, depths, distances, lengths
 from random_cases import Case
 from random_held import EARLIEST, MARGIN, TOLD_MARGIN, HeldCase
+from random_shapes import ShapeCase
+from shape_judge import own_overlap, shape_wrongs
 from trial_scene import Scene, build
 
 import fenics_mortar as fm
@@ -35,6 +37,8 @@ SAME = 1e-6
 # on one of the refinements up to so many dofs it has to come below this part, or the package has to
 # tell of one of the two by itself.
 SIMILAR, MOST_DOFS = 0.2, 10_000
+# The same of shapes, which take many steps.
+MOST_DOFS_OF_SHAPES = 2_500
 # Responses below this part of Young's modulus times width, or of the width, are none.
 NOTHING = 1e-6
 
@@ -46,9 +50,18 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
     try:
         scene = build(case, comm)
         options = fm.SteppingOptions(step=case.step, smallest=case.smallest)
-        path = fm.follow_path(scene.problem, scene.set_loads, options, stop=case.stop)
+        ways = [scene.places()]
+        path = fm.follow_path(
+            scene.problem,
+            scene.set_loads,
+            options,
+            stop=case.stop,
+            on_step=lambda *_: ways.append(scene.places()),
+        )
         measured = measure(scene)
         violations = list(wrongs(scene, measured))
+        if isinstance(case, ShapeCase):
+            violations += shape_wrongs(scene, scene.bulk_forces(), ways[-1], ways[-2])
         record |= {"outcome": "wrong" if violations else "converged"}
         record |= {"reason": "; ".join(violations), **counts(path), **measured}
     except fm.NotConvergedError as error:
@@ -157,10 +170,13 @@ def overlap(case: Case, x: np.ndarray, one: str, other: str) -> float:
     if other in planes:
         line, (point, normal) = x[case.nodes_of(one)], planes[other]
         return max(-float(((line - point) @ normal).min()), 0.0) / float(lengths(line).max())
+    facets = max(float(lengths(x[case.nodes_of(b)]).max()) for b in (one, other))
+    if case.number_of(one) == case.number_of(other):
+        return own_overlap(case, x, one, other) / facets
     deepest = 0.0
     for nodes, boundary in ((case.nodes_of(one), other), (case.nodes_of(other), one)):
         deepest = max(deepest, float(depths(x[nodes], x[case.outline_of(boundary)]).max()))
-    return deepest / max(float(lengths(x[case.nodes_of(b)]).max()) for b in (one, other))
+    return deepest / facets
 
 
 def separation(case: Case, x: np.ndarray, pair: tuple[str, str], contact: Any) -> float:
@@ -184,7 +200,7 @@ def unbalance(scene: Scene) -> float:
 
     Components in which a slave node is held hold its reaction, and are left out.
     """
-    if isinstance(scene.case, HeldCase):
+    if isinstance(scene.case, (HeldCase, ShapeCase)):
         return unbalance_of_nodes(scene)
     problem, worst = scene.problem, 0.0
     r = compat.create_vector(problem.bulk.V)
@@ -260,7 +276,7 @@ def check_held_again(case: HeldCase, record: Record) -> None:
 def exchange_roles(case: Case, record: Record) -> Iterator[str]:
     """Compare with the solution of exchanged roles, on finer meshes where coarse ones differ."""
     record["refinements"] = 0
-    one, sign = record, 1.0 if case.pressed else -1.0
+    one, sign, shape = record, 1.0 if case.pressed else -1.0, isinstance(case, ShapeCase)
     while True:
         two, _ = run(case.swapped())
         record["exchanged roles"] = two["outcome"]
@@ -273,7 +289,7 @@ def exchange_roles(case: Case, record: Record) -> Iterator[str]:
         case = case.refined()
         if record["exchanged roles: difference"] < SIMILAR:
             return
-        if 2 * len(case.x) > MOST_DOFS:
+        if 2 * len(case.x) > (MOST_DOFS_OF_SHAPES if shape else MOST_DOFS):
             record["exchanged roles: remarks"] = one["remarks"] or two["remarks"]
             if not record["exchanged roles: remarks"]:
                 change = record["exchanged roles: difference"]
