@@ -180,7 +180,8 @@ def _line(case: HeldCase, boundary: str) -> Array:
 def hanging_case(seed: int) -> HeldCase:
     """Draw a scene of blocks that hang by adhesion."""
     rng = np.random.default_rng([seed, 18])
-    return _placed(rng, _loaded(rng, _hanging(rng, seed)))
+    draw = _hanging if rng.random() < 0.7 else _glued
+    return _placed(rng, _loaded(rng, draw(rng, seed)))
 
 
 def held_case(seed: int) -> HeldCase:
@@ -405,7 +406,11 @@ def _arch(rng: np.random.Generator, seed: int) -> HeldCase:
 
 
 def _hanging(rng: np.random.Generator, seed: int) -> HeldCase:
-    """Blocks that hang below each other, the first from a rigid or a clamped ceiling."""
+    """Blocks that hang below each other, the first from a rigid or a clamped ceiling.
+
+    Friction is of pressures alone, so that nothing but a guide holds them sideways; loads pull
+    straight down.
+    """
     cells, y = draw_cells(rng), 0.0
     widths = rng.uniform(0.5, 1.3, rng.integers(1, 4))
     options: dict[str, Any] = {}
@@ -425,14 +430,30 @@ def _hanging(rng: np.random.Generator, seed: int) -> HeldCase:
         above = f"b{k}/bottom"
         heights.append(height)
         x += rng.uniform(-0.1, 0.1)
+    if guided := rng.random() < 0.7:
+        options["guides"] = [(f"b{k}", "left", 0) for k in range(len(widths))]
     hung = np.cumsum((widths * heights)[::-1])[::-1]
     narrow = np.minimum(widths, np.r_[2.0, widths[:-1]])
     pulls = hung / narrow * rng.uniform(1.5, 5.0, len(widths))
     friction = rng.uniform(0.1, 0.8) * rng.uniform(0.7, 1.0, len(pairs))
+    about = {"scene": f"{len(pairs)} hanging", "guided": guided, "straight": True}
     return _scene(
-        seed, {"scene": f"{len(pairs)} hanging"}, bodies, _with_roles(rng, pairs),
-        friction=friction.tolist(), pulls=pulls.tolist(), fade=float(rng.uniform(0.03, 0.1)),
-        **options,
+        seed, about, bodies, _with_roles(rng, pairs), friction=friction.tolist(),
+        pulls=pulls.tolist(), fade=float(rng.uniform(0.03, 0.1)), **options,
+    )  # fmt: skip
+
+
+def _glued(rng: np.random.Generator, seed: int) -> HeldCase:
+    """A tall block that stands, and sticks too much to slide: adhesion keeps it from tipping."""
+    cells = draw_cells(rng)
+    width, height = rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.5)
+    on = _on(rng, 0.0, width, cells)
+    block = _box(rng, "block", 0.0, 0.0, width, height, _counts(rng, 2 * width), cells)
+    pairs = _with_roles(rng, [("block/bottom", on.pop("top"))])
+    bodies = [*on.pop("bodies"), block]
+    return _scene(
+        seed, {"scene": "glued"}, bodies, pairs, friction=[rng.uniform(2.0, 4.0)],
+        pulls=[height * rng.uniform(0.2, 3.0)], fade=float(rng.uniform(0.03, 0.1)), **on,
     )  # fmt: skip
 
 
@@ -452,6 +473,8 @@ def _loaded(rng: np.random.Generator, case: HeldCase) -> HeldCase:
         if rng.random() < 0.3:
             where = free & (np.arange(len(areas)) == rng.choice(np.flatnonzero(free)))
         angle = rng.choice([0.0, np.pi]) + rng.uniform(-0.4, 0.4)
+        if "straight" in case.about:
+            angle = -0.5 * np.pi
         live[where, :2] = areas[where, None] * np.array([np.cos(angle), np.sin(angle)])
     case = replace(case, loads=np.array([0.0 * dead, dead, dead + live]))
     verdict = judge(rigid(case))
