@@ -37,6 +37,7 @@ from fenics_mortar.contact import Contact
 from fenics_mortar.crossing import Crossing
 from fenics_mortar.errors import place
 from fenics_mortar.interface import Interface
+from fenics_mortar.resultant import beyond_cover
 from fenics_mortar.surfaces import Array, Indices
 from fenics_mortar.tied import Tie
 
@@ -99,6 +100,9 @@ class PairCertificate:
             that press; inf where they stick whatever the shear.
         lean: Pressure beside a slave node that is held over that of the next nodes, the largest.
         lean_at: Where that is.
+        beyond: How far the resultant of pressures side by side lies beyond the part of the slave
+            that the master covers, the farthest, over the facet's length.
+        beyond_at: Where that resultant acts.
         undecided_at: Where a node is covered by about as much as makes it carry a multiplier.
         overheld: Sticking nodes that other constraints hold as well: their shear is not unique, see
             ``redundancy``.
@@ -125,6 +129,8 @@ class PairCertificate:
     friction: float = 0.0
     lean: float = 0.0
     lean_at: str = ""
+    beyond: float = 0.0
+    beyond_at: str = ""
     undecided_at: str = ""
     overheld: int = 0
     overheld_at: str = ""
@@ -153,12 +159,22 @@ class PairCertificate:
             )
         if not self.distance <= penetration:
             yield f"{self.pair}: a force acts, and the sides are {self.distance:.2f} facets apart"
+        if not self.beyond <= penetration:
+            yield self._beyond()
         if self.unpaired:
             yield (
                 f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "
                 f"contact was missed, since partners are looked for {self.reach}; take smaller "
                 "steps or a larger search_radius"
             )
+
+    def _beyond(self) -> str:
+        """Where a resultant acts that the surfaces do not allow."""
+        return (
+            f"{self.pair}: the resultant of the pressures acts at {self.beyond_at}, "
+            f"{self.beyond:.2f} facets beyond the part of the slave that the master covers: more "
+            "load may be borne here than finer facets bear"
+        )
 
     def _remarks_on_corners(self) -> Iterator[str]:
         """What corners do, as against what friction may do where there is any."""
@@ -195,6 +211,8 @@ class PairCertificate:
                 "finer facets of the slave would bring them closer"
             )
         yield from self._remarks_on_corners()
+        if self.beyond > TOLD_DISTANCE:
+            yield self._beyond()
         if self.lean > LEANS:
             yield (
                 f"{self.pair}: a body leans on a held slave node, at {self.lean_at}, which carries "
@@ -356,6 +374,7 @@ def _certify_pair(
         **_slant(contact, pressure),
         friction=_friction(bound, pressure),
         **_lean(contact, pressure),
+        **beyond_cover(contact, _runs(contact)),
         overheld=int(contact.overheld.sum()),
         overheld_at=place(contact.operators.x[contact.overheld.argmax()]),
         undecided_at=" and ".join(map(place, contact.operators.x[contact.undecided])),

@@ -168,13 +168,7 @@ def run_many(seeds: range, path: Path, workers: int, limit: float) -> list[Recor
 
 def summary(records: list[Record]) -> str:
     """Counts, bad cases, and iterations, in Markdown."""
-    outcomes = Counter(record["outcome"] for record in records)
-    kinds = ["converged", "failed", "wrong", "crash", "hang"]
-    if any("held" in record for record in records):
-        kinds.insert(1, "dead end")
-    lines = ["| cases | " + " | ".join(kinds) + " |", "|---:|" + "---:|" * len(kinds)]
-    cells = [len(records), *(outcomes[kind] for kind in kinds)]
-    lines += ["| " + " | ".join(map(str, cells)) + " |", ""]
+    lines = _counts(records)
     good = [record for record in records if record["outcome"] == "converged"]
     if good:
         per_step = np.concatenate([record["per_step"] for record in good])
@@ -207,6 +201,25 @@ def summary(records: list[Record]) -> str:
         cells = [record["seed"], record["outcome"], record.get("scene", ""), record["reason"]]
         lines.append("| " + " | ".join(str(cell).replace("\n", " ") for cell in cells) + " |")
     return "\n".join(lines)
+
+
+def _counts(records: list[Record]) -> list[str]:
+    """Outcomes of each family, and of all if there are several, as lines of a table."""
+    families: dict[str, list[Record]] = {}
+    for record in records:
+        families.setdefault(record.get("family", ""), []).append(record)
+    if len(families) > 1:
+        families["all"] = records
+    kinds = ["converged", "failed", "wrong", "crash", "hang"]
+    if any(record["outcome"] == "dead end" for record in records):
+        kinds.insert(1, "dead end")
+    lines = ["| family | cases | " + " | ".join(kinds) + " |"]
+    lines.append("|---|---:|" + "---:|" * len(kinds))
+    for family, some in families.items():
+        outcomes = Counter(record["outcome"] for record in some)
+        cells = [family, len(some), *(outcomes[kind] for kind in kinds)]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return [*lines, ""]
 
 
 # One case in full
