@@ -262,6 +262,8 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds of computing for a case")
     parser.add_argument("--folder", type=Path, default=Path("results"), help="where to write")
     parser.add_argument("--family", choices=FAMILIES, default="pushed", help="which scenes")
+    held = "the same as --family held"
+    parser.add_argument("--held", action="store_const", const="held", dest="family", help=held)
     chosen = parser.parse_args()
     first = SEEDS_OF_FAMILY * FAMILIES.index(chosen.family)
     chosen.seed += first
