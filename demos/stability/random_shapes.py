@@ -134,9 +134,7 @@ def _folded(length: float, radius: float, folds: int, facet: float) -> tuple[Arr
     points, parts = [np.zeros(2)], [0]
     heading = 1.0
     for arm in range(folds + 1):
-        points += [
-            points[-1] + [heading * length * k / along, 0.0] for k in range(1, along + 1)
-        ]
+        points += [points[-1] + [heading * length * k / along, 0.0] for k in range(1, along + 1)]
         parts.append(len(points) - 1)
         if arm < folds:
             centre, start = points[-1] + [0.0, radius], -0.5 * np.pi

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Thin bodies from maps of a grid: strips along a curve, rings, arms, with any part as a surface."""
+"""Thin bodies from maps of a grid, strips and boxes, with any part of the outline as a surface."""
 
 from __future__ import annotations
 

@@ -259,7 +259,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="the first seed")
     parser.add_argument("--case", type=int, help="run this seed alone and show it")
     parser.add_argument("--workers", type=int, default=2, help="processes")
-    parser.add_argument("--limit", type=float, default=LIMIT, help="seconds of computing for a case")
+    parser.add_argument("--limit", type=float, default=LIMIT, help="CPU seconds for a case")
     parser.add_argument("--folder", type=Path, default=Path("results"), help="where to write")
     parser.add_argument("--family", choices=FAMILIES, default="pushed", help="which scenes")
     held = "the same as --family held"

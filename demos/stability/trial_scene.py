@@ -147,9 +147,7 @@ def _pairs(case: Case, data: fm.MeshData) -> list[fm.ContactPair]:
         return [fm.ContactPair(data, *names, **case.pair_options) for names in case.pairs]
     planes = {name: fm.Plane(*where, name=name) for name, where in case.planes.items()}
     return [
-        fm.ContactPair(
-            data, slave, planes.get(master, master), law=rule.law(), **case.pair_options
-        )
+        fm.ContactPair(data, slave, planes.get(master, master), law=rule.law(), **case.pair_options)
         for (slave, master), rule in zip(case.pairs, case.rules, strict=True)
     ]
 
