@@ -118,7 +118,7 @@ def test_judge_sees_forces_off_the_law_wrong_pressures_and_strained_bodies():
     nodes = case.nodes_of(case.pairs[0][0])
     along = np.array([normal[1], -normal[0]])
     shear = forces[nodes] @ along
-    slipped = x + 1e3 * rule.length * np.sign(-shear.sum()) * along
+    slipped = x + 1e3 * rule.length * np.sign(shear.sum()) * along
     assert next(shape_wrongs(scene, forces, slipped, x)).startswith("shears are off the law")
     forces[nodes] *= -1.0
     assert any("nodes pull" in wrong for wrong in shape_wrongs(scene, forces, x, x))
