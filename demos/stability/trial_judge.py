@@ -261,6 +261,8 @@ def check_again(case: Case, record: Record) -> None:
         differences += exchange_roles(case, record)
     if differences:
         record |= {"outcome": "wrong", "reason": "; ".join(differences)}
+    elif isinstance(case, ShapeCase) and record.get("exchanged roles") == "failed":
+        record |= {"outcome": "failed", "reason": record["exchanged roles: reason"]}
 
 
 def _same(case: Case) -> float:
@@ -291,6 +293,7 @@ def exchange_roles(case: Case, record: Record) -> Iterator[str]:
     while True:
         two, _ = run(case.swapped())
         record["exchanged roles"] = two["outcome"]
+        record["exchanged roles: reason"] = f"exchanged roles: {two['reason']}"
         for outcome in (one, two):
             if outcome["outcome"] not in ("converged", "failed"):
                 yield f"exchanged roles: {outcome['outcome']}, {outcome['reason']}"
