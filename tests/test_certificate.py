@@ -265,3 +265,22 @@ def test_two_solutions_by_the_end_of_the_master_are_told_of(part, told):
     said = [remark for remark in scene.problem.certificate().remarks() if "two solutions" in remark]
     assert len(said) == told
     assert all(where in remark for remark in said for where in ("(0.25, 1)", "(1.75, 1)"))
+
+
+@pytest.mark.parametrize("even, basis", [(True, "dual"), (False, "dual"), (True, "standard")])
+def test_resultant_beyond_the_end_of_the_master_is_told(even, basis):
+    """All the force is at the far end of a facet that is covered by 0.4, or even."""
+    lower = {"slave": "lower", "n_lower": 8, "width_lower": 2.0, "pair": {"basis": basis}}
+    scene = pressed_blocks(n_upper=5, layers_upper=2, layers_lower=2, width_upper=1.2, **lower)
+    # covered from 0.4 to 1.6, the slave's nodes 0.25 apart
+    scene.problem.equations.evaluate(start=True)
+    contact, x = scene.contact, scene.contact.slave.X[:, 0]
+    active = (x > 0.2) & (x < 1.8) if even else np.isclose(x, 0.25)
+    contact.change(active=active, z=np.where(active, 1.0, 0.0)[:, None] * contact.operators.n)
+    (certificate,) = scene.problem.certificate().pairs
+    force = contact.operators.force(contact.z)[0][:, 1]
+    centre = (force @ x) / force.sum()
+    assert certificate.outside == pytest.approx(max(0.4 - centre, 0.0) / 0.25, abs=1e-9)
+    assert certificate.outside == pytest.approx(0.0 if even else 0.6, abs=1e-9)
+    for said in (certificate.remarks(), certificate.violations()):
+        assert any("0.60 facets outside of the part" in words for words in said) == (not even)

@@ -4,6 +4,7 @@
 import json
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -18,8 +19,10 @@ sys.path.insert(0, str(ROOT / "demos" / "stability"))
 
 from limit_analysis import judge  # noqa: E402
 from random_cases import objections, random_case  # noqa: E402
-from random_held import held_case, rigid  # noqa: E402
-from trial import Worker, summary  # noqa: E402
+from random_held import hanging_case, held_case, rigid  # noqa: E402
+from random_shapes import FAMILIES, shape_case  # noqa: E402
+from shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings  # noqa: E402
+from trial import Worker, case_of, summary  # noqa: E402
 from trial_judge import check_again, confirm, measure, run, wrongs  # noqa: E402
 
 COMM = MPI.COMM_WORLD
@@ -28,6 +31,10 @@ SEEDS = range(1, 41)
 ON_RANKS = (2, 8, 10, 9, 129)
 # Of bodies that friction holds: row, block, wall, tower, T-junction, groove
 HELD_SEEDS = (1, 2, 3, 8, 18, 21, 37)
+# 2 folds once, spiral; tubes, plates, arms; pads; blocks that hang, one that is glued
+OTHER_SEEDS = (3_000_003, 4_000_001, 4_000_003, 4_000_006, 4_000_027, 5_000_002, 5_000_005)
+AGAIN_SEEDS = (4_000_016, 5_000_004)
+HANGING_SEEDS = (2, 3, 5)
 # Solutions on several ranks differ by what Newton leaves.
 SAME = 1e-8
 
@@ -51,6 +58,95 @@ def test_bodies_that_friction_holds_stay_or_reach_a_dead_end_that_limit_analysis
     assert held[37]["outcome"] == "dead end" and held[37]["end"] < 2.0
     scenes = {"row", "block", "wall", "tower", "T-junction", "groove"}
     assert {record["scene"] for record in records} == scenes
+
+
+@pytest.mark.serial
+def test_folded_and_thin_bodies_and_pads_end_where_they_should():
+    records = [run(case_of(seed))[0] for seed in OTHER_SEEDS]
+    assert {record["outcome"] for record in records} == {"converged"}, summary(records)
+    assert {record["family"] for record in records} == {"own", "thin", "laws"}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", AGAIN_SEEDS)
+def test_exchanged_roles_of_thin_bodies_and_pads_give_the_same(seed):
+    case = case_of(seed)
+    record, _ = run(case)
+    check_again(case, record)
+    assert record["outcome"] == record["exchanged roles"] == "converged", record["reason"]
+    assert record["exchanged roles: difference"] < 1e-2
+
+
+@pytest.mark.serial
+def test_blocks_hang_by_adhesion():
+    records = [run(hanging_case(seed))[0] for seed in HANGING_SEEDS]
+    assert {record["outcome"] for record in records} == {"converged"}, summary(records)
+    assert {record["scene"] for record in records} >= {"glued", "1 hanging"}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("family", FAMILIES)
+def test_shapes_are_drawn_alike_and_in_order(family):
+    """Outlines go counter-clockwise once, refined ones too; grips are no surfaces."""
+    for seed in range(1, 9):
+        case, again = shape_case(family, seed), shape_case(family, seed)
+        assert np.array_equal(case.x, again.x) and case.about == again.about
+        for body in (*case.bodies, *case.refined().bodies):
+            centre = body.x[body.cells].mean(axis=1)
+            if "around" in body.sides:
+                assert (windings(centre, body.x[body.outline]) == 1).all()
+            assert not set(body.surfaces) & set(body.grips)
+
+
+@pytest.mark.serial
+def test_judge_sees_arms_of_one_body_that_cross():
+    case = case_of(3_000_003)
+    (one, other), x = case.pairs[0], case.x.copy()
+    assert own_overlap(case, x, one, other) == 0.0
+    arms = x[case.nodes_of(one)].mean(axis=0), x[case.nodes_of(other)].mean(axis=0)
+    x[case.nodes_of(one)] += 1.1 * (arms[1] - arms[0])
+    depth = own_overlap(case, x, one, other)
+    assert depth == pytest.approx(0.1 * np.linalg.norm(arms[1] - arms[0]), rel=0.1)
+
+
+@pytest.mark.serial
+def test_judge_sees_forces_off_the_law_wrong_pressures_and_strained_bodies():
+    case = case_of(5_000_002)
+    _, scene = run(case)
+    forces, x, rule = scene.bulk_forces(), scene.places(), case.rules[0]
+    normal = case.planes[case.pairs[0][1]][1]
+    nodes = case.nodes_of(case.pairs[0][0])
+    along = np.array([normal[1], -normal[0]])
+    shear = forces[nodes] @ along
+    slipped = x + 1e3 * rule.length * np.sign(shear.sum()) * along
+    assert next(shape_wrongs(scene, forces, slipped, x)).startswith("shears are off the law")
+    forces[nodes] *= -1.0
+    assert any("nodes pull" in wrong for wrong in shape_wrongs(scene, forces, x, x))
+    tubes = case_of(4_000_003)
+    _, scene = run(tubes)
+    state = scene.bulk_forces(), scene.places(), scene.places()
+    assert list(shape_wrongs(scene, *state)) == []
+    assert "off Lame's" in next(shape_wrongs(scene, 1.1 * state[0], *state[1:]))
+    moved = replace(tubes, pressure=None, ends_free=True)
+    scene.case = moved
+    assert any("is strained at the end" in wrong for wrong in shape_wrongs(scene, *state))
+
+
+@pytest.mark.serial
+def test_shears_of_a_law_are_those_of_its_residual():
+    """The formulas of the judge against the laws themselves, at slips of both signs."""
+    slip, pressure = np.linspace(-3.0, 3.0, 13), np.linspace(0.1, 2.0, 13)
+    for seed in range(1, 30):
+        (rule,) = case_of(5_000_000 + seed).rules
+        low, high = shears(rule, slip * rule.length, pressure * rule.stress, 0.0)
+        law = rule.law()
+        bound = law.bound(pressure * rule.stress)
+        assert (low <= high).all() and (np.maximum(-low, high) <= bound * (1 + OF_LAW)).all()
+        if rule.kind in ("tanh", "Stribeck"):
+            value, _ = law.coefficient(slip * rule.length)
+            assert np.allclose(low, value * pressure * rule.stress, rtol=1e-12)
+        else:
+            assert np.allclose(np.where(slip > 0, high, -low), bound, rtol=1e-12)
 
 
 @pytest.mark.serial

@@ -24,6 +24,7 @@ from limit_analysis import (
 )
 from random_bodies import Array, Body, draw_cells, split
 from random_cases import Case, Held
+from user_laws import Rule
 
 # Elastic bodies move by up to this many times the sum of the loads over Young's modulus.
 YIELDING = 60.0
@@ -48,6 +49,8 @@ class HeldCase(Case):
     Attributes:
         planes: Rigid planes by name, among the masters.
         friction: Coefficient of each pair.
+        pulls: Adhesion of each pair; none if empty [stress].
+        fade: Gap over which adhesion falls to a third [length].
         loads: Force and moment about its centre of each body at times 0, 1, 2, (3, bodies, 3).
         clamped: Names of the bodies that are held.
         end: Time at which limit analysis sees bodies give way; infinite if never.
@@ -56,10 +59,21 @@ class HeldCase(Case):
 
     planes: dict[str, Plane] = field(default_factory=dict)
     friction: list[float] = field(default_factory=list)
+    pulls: list[float] = field(default_factory=list)
+    fade: float = 1.0
     loads: Array = field(default_factory=lambda: np.zeros((3, 0, 3)))
     clamped: tuple[str, ...] = ()
     end: float = np.inf
     yielding: float = np.inf
+
+    @property
+    def rules(self) -> list[Rule]:
+        """Law of each pair."""
+        pulls = self.pulls or [0.0] * len(self.pairs)
+        return [
+            Rule("sticky" if pull else "Coulomb", mu, length=self.fade, stress=pull)
+            for mu, pull in zip(self.friction, pulls, strict=True)
+        ]
 
     @property
     def stop(self) -> float:
@@ -135,22 +149,23 @@ def rigid(case: HeldCase) -> Structure:
             number.get(master.split("/")[0], GROUND),
             x,
             n,
-            mu,
+            rule.mu,
+            length * rule.stress if rule.kind == "sticky" else 0.0,
         )
-        for (slave, master), mu in zip(case.pairs, case.friction)
-        for x, n in _touching(case, slave, master)
+        for (slave, master), rule in zip(case.pairs, case.rules)
+        for x, n, length in _touching(case, slave, master)
     ]
     return Structure(points, *wrenches, guided)
 
 
-def _touching(case: HeldCase, slave: str, master: str) -> list[tuple[Array, Array]]:
-    """Places where a pair touches, and the normals on the slave there."""
+def _touching(case: HeldCase, slave: str, master: str) -> list[tuple[Array, Array, float]]:
+    """Places where a pair touches, the normals on the slave there, and the lengths that belong."""
     line = _line(case, slave)
     if master in case.planes:
         point, normal = case.planes[master]
-        return [(x, normal) for x, _ in touching_plane(line, point, normal)]
+        return [(x, normal, share) for x, share in touching_plane(line, point, normal)]
     other = _line(case, master)
-    return [(x, normal_of(other, x)) for x, _ in touching_lines(line, other)]
+    return [(x, normal_of(other, x), share) for x, share in touching_lines(line, other)]
 
 
 def _line(case: HeldCase, boundary: str) -> Array:
@@ -160,6 +175,13 @@ def _line(case: HeldCase, boundary: str) -> Array:
 
 
 # Drawing
+
+
+def hanging_case(seed: int) -> HeldCase:
+    """Draw a scene of blocks that hang by adhesion."""
+    rng = np.random.default_rng([seed, 18])
+    draw = _hanging if rng.random() < 0.7 else _glued
+    return _placed(rng, _loaded(rng, draw(rng, seed)))
 
 
 def held_case(seed: int) -> HeldCase:
@@ -383,6 +405,58 @@ def _arch(rng: np.random.Generator, seed: int) -> HeldCase:
     )
 
 
+def _hanging(rng: np.random.Generator, seed: int) -> HeldCase:
+    """Blocks that hang below each other, the first from a rigid or a clamped ceiling.
+
+    Friction is of pressures alone, so that nothing but a guide holds them sideways; loads pull
+    straight down.
+    """
+    cells, y = draw_cells(rng), 0.0
+    widths = rng.uniform(0.5, 1.3, rng.integers(1, 4))
+    options: dict[str, Any] = {}
+    if rng.random() < 0.5:
+        above, bodies, options["planes"] = "ceiling", [], {"ceiling": (np.zeros(2), DOWN)}
+    else:
+        counts = (int(rng.integers(3, 9)), 2)
+        above, bodies = "base/bottom", [_box(rng, "base", -1.0, 0.0, 2.0, 0.5, counts, cells)]
+        options |= {"clamped": ("base",), "supports": [("base", "top")]}
+    pairs, heights, x = [], [], 0.0
+    for k, width in enumerate(widths):
+        height = rng.uniform(0.2, 0.8)
+        y -= height
+        counts = _counts(rng, width)
+        bodies.append(_box(rng, f"b{k}", x - width / 2, y, width, height, counts, cells))
+        pairs.append((f"b{k}/top", above))
+        above = f"b{k}/bottom"
+        heights.append(height)
+        x += rng.uniform(-0.1, 0.1)
+    if guided := rng.random() < 0.7:
+        options["guides"] = [(f"b{k}", "left", 0) for k in range(len(widths))]
+    hung = np.cumsum((widths * heights)[::-1])[::-1]
+    narrow = np.minimum(widths, np.r_[2.0, widths[:-1]])
+    pulls = hung / narrow * rng.uniform(1.5, 5.0, len(widths))
+    friction = rng.uniform(0.1, 0.8) * rng.uniform(0.7, 1.0, len(pairs))
+    about = {"scene": f"{len(pairs)} hanging", "guided": guided, "straight": True}
+    return _scene(
+        seed, about, bodies, _with_roles(rng, pairs), friction=friction.tolist(),
+        pulls=pulls.tolist(), fade=float(rng.uniform(0.03, 0.1)), **options,
+    )  # fmt: skip
+
+
+def _glued(rng: np.random.Generator, seed: int) -> HeldCase:
+    """A tall block that stands, and sticks too much to slide: adhesion keeps it from tipping."""
+    cells = draw_cells(rng)
+    width, height = rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.5)
+    on = _on(rng, 0.0, width, cells)
+    block = _box(rng, "block", 0.0, 0.0, width, height, _counts(rng, 2 * width), cells)
+    pairs = _with_roles(rng, [("block/bottom", on.pop("top"))])
+    bodies = [*on.pop("bodies"), block]
+    return _scene(
+        seed, {"scene": "glued"}, bodies, pairs, friction=[rng.uniform(2.0, 4.0)],
+        pulls=[height * rng.uniform(0.2, 3.0)], fade=float(rng.uniform(0.03, 0.1)), **on,
+    )  # fmt: skip
+
+
 def _loaded(rng: np.random.Generator, case: HeldCase) -> HeldCase:
     """Draw weight, another load as a part of what limit analysis allows, and stiffness."""
     areas = np.array([area for area, *_ in case.areas])
@@ -399,6 +473,8 @@ def _loaded(rng: np.random.Generator, case: HeldCase) -> HeldCase:
         if rng.random() < 0.3:
             where = free & (np.arange(len(areas)) == rng.choice(np.flatnonzero(free)))
         angle = rng.choice([0.0, np.pi]) + rng.uniform(-0.4, 0.4)
+        if "straight" in case.about:
+            angle = -0.5 * np.pi
         live[where, :2] = areas[where, None] * np.array([np.cos(angle), np.sin(angle)])
     case = replace(case, loads=np.array([0.0 * dead, dead, dead + live]))
     verdict = judge(rigid(case))
@@ -464,5 +540,6 @@ def _placed(rng: np.random.Generator, case: HeldCase) -> HeldCase:
     }
     return replace(
         case, bodies=bodies, held=held, planes=planes, loads=loads,
+        pulls=[stress * pull for pull in case.pulls], fade=length * case.fade,
         yielding=length * case.yielding, about=about,
     )  # fmt: skip

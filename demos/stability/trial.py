@@ -3,7 +3,11 @@
 
     python3 demos/stability/trial.py --cases 500 --seed 1    a line of JSON per case, and a summary
     python3 demos/stability/trial.py --case 17               one case, with its report and picture
-    python3 demos/stability/trial.py --held                  bodies that friction alone holds
+    python3 demos/stability/trial.py --family held           bodies that friction alone holds
+
+The families are blocks that are pushed or pressed, with defaults ("pushed"), bodies that friction
+holds ("held"), or adhesion ("hanging"), and those of ``random_shapes``: surfaces of one body
+("own"), thin bodies ("thin"), laws of a user ("laws"), exchanged roles ("roles").
 
 The outcome of a case is one of
 
@@ -23,6 +27,7 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
+import signal
 import sys
 import time
 from collections import Counter
@@ -38,42 +43,64 @@ import numpy as np
 root = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(root), str(Path(__file__).resolve().parent)]
 from random_cases import Case, random_case
-from random_held import held_case
+from random_held import hanging_case, held_case
+from random_shapes import shape_case
 from trial_judge import Record, check_again, measure, run, wrongs
 from trial_scene import build
 
 import fenics_mortar as fm
 
-# Seeds from here on are of bodies that friction holds.
-HELD = 1_000_000
+# Seeds of the families: the first from zero on, the next ones from one million on, and so on.
+FAMILIES = ("pushed", "held", "hanging", "own", "thin", "laws", "roles")
+SEEDS_OF_FAMILY = 1_000_000
 # Every so many cases is solved a second time.
 EVERY = 4
-# Seconds; a case takes one on an idle machine, with its checks at the most some twenty.
-LIMIT = 300.0
+# Seconds of computing; a case takes one, with its checks at the most some twenty.
+LIMIT = 100.0
+# So many times longer may a case last: other programs run as well.
+PATIENCE = 10.0
 
 
 # Many cases
 
 
 def case_of(seed: int) -> Case:
-    """The case of a seed, held by friction from ``HELD`` on."""
-    return random_case(seed) if seed < HELD else replace(held_case(seed - HELD), seed=seed)
+    """The case of a seed."""
+    family, number = family_of(seed), seed % SEEDS_OF_FAMILY
+    if family == "pushed":
+        return random_case(number)
+    if family == "held":
+        return replace(held_case(number), seed=seed)
+    if family == "hanging":
+        return replace(hanging_case(number), seed=seed)
+    return replace(shape_case(family, number), seed=seed)
+
+
+def family_of(seed: int) -> str:
+    """The family of a seed."""
+    return FAMILIES[seed // SEEDS_OF_FAMILY]
 
 
 def run_seed(seed: int) -> Record:
     """Run one case, and a part of them again."""
     case = case_of(seed)
     record, _ = run(case)
-    if record["outcome"] == "converged" and seed % EVERY == 0:
+    again = seed % EVERY == 0 or family_of(seed) == "roles"
+    if record["outcome"] == "converged" and again:
         check_again(case, record)
     record.pop("objections", None)
+    record["family"] = family_of(seed)
     return record
 
 
 def _serve(connection: Any) -> None:
-    """Run the seeds that come in."""
+    """Run the seeds that come in; the process ends when one computes for longer than its limit."""
     while True:
-        connection.send(run_seed(connection.recv()))
+        seed, limit = connection.recv()
+        signal.setitimer(signal.ITIMER_PROF, limit)
+        record = run_seed(seed)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        connection.send(record)
 
 
 class Worker:
@@ -95,17 +122,23 @@ class Worker:
         try:
             if not self._process.is_alive():  # PETSc makes an end of what writes to a dead process
                 raise EOFError
-            self._connection.send(seed)
-            if self._connection.poll(limit):
+            self._connection.send((seed, limit))
+            if self._connection.poll(PATIENCE * limit):
                 return self._connection.recv()
-            outcome, reason = "hang", f"no answer in {limit:g} s"
+            outcome, reason = "hang", f"no answer in {PATIENCE * limit:g} s"
         except EOFError:
             self._process.join()
             outcome, reason = "crash", f"the process died with code {self._process.exitcode}"
+            if self._process.exitcode == -signal.SIGPROF:
+                outcome, reason = "hang", f"no answer in {limit:g} s of computing"
         self.stop()
         self._start()
         seconds = time.perf_counter() - begin
-        return {"seed": seed, "outcome": outcome, "reason": reason, "seconds": seconds}
+        family = family_of(seed)
+        return {
+            "seed": seed, "family": family, "outcome": outcome, "reason": reason,
+            "seconds": seconds,
+        }  # fmt: skip
 
     def stop(self) -> None:
         """End the process."""
@@ -135,13 +168,7 @@ def run_many(seeds: range, path: Path, workers: int, limit: float) -> list[Recor
 
 def summary(records: list[Record]) -> str:
     """Counts, bad cases, and iterations, in Markdown."""
-    outcomes = Counter(record["outcome"] for record in records)
-    kinds = ["converged", "failed", "wrong", "crash", "hang"]
-    if any("held" in record for record in records):
-        kinds.insert(1, "dead end")
-    lines = ["| cases | " + " | ".join(kinds) + " |", "|---:|" + "---:|" * len(kinds)]
-    cells = [len(records), *(outcomes[kind] for kind in kinds)]
-    lines += ["| " + " | ".join(map(str, cells)) + " |", ""]
+    lines = _counts(records)
     good = [record for record in records if record["outcome"] == "converged"]
     if good:
         per_step = np.concatenate([record["per_step"] for record in good])
@@ -174,6 +201,25 @@ def summary(records: list[Record]) -> str:
         cells = [record["seed"], record["outcome"], record.get("scene", ""), record["reason"]]
         lines.append("| " + " | ".join(str(cell).replace("\n", " ") for cell in cells) + " |")
     return "\n".join(lines)
+
+
+def _counts(records: list[Record]) -> list[str]:
+    """Outcomes of each family, and of all if there are several, as lines of a table."""
+    families: dict[str, list[Record]] = {}
+    for record in records:
+        families.setdefault(record.get("family", ""), []).append(record)
+    if len(families) > 1:
+        families["all"] = records
+    kinds = ["converged", "failed", "wrong", "crash", "hang"]
+    if any(record["outcome"] == "dead end" for record in records):
+        kinds.insert(1, "dead end")
+    lines = ["| family | cases | " + " | ".join(kinds) + " |"]
+    lines.append("|---|---:|" + "---:|" * len(kinds))
+    for family, some in families.items():
+        outcomes = Counter(record["outcome"] for record in some)
+        cells = [family, len(some), *(outcomes[kind] for kind in kinds)]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return [*lines, ""]
 
 
 # One case in full
@@ -213,19 +259,21 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="the first seed")
     parser.add_argument("--case", type=int, help="run this seed alone and show it")
     parser.add_argument("--workers", type=int, default=2, help="processes")
-    parser.add_argument("--limit", type=float, default=LIMIT, help="seconds for a case")
+    parser.add_argument("--limit", type=float, default=LIMIT, help="CPU seconds for a case")
     parser.add_argument("--folder", type=Path, default=Path("results"), help="where to write")
-    held = "cases of bodies that contact with friction alone holds"
-    parser.add_argument("--held", action="store_true", help=held)
+    parser.add_argument("--family", choices=FAMILIES, default="pushed", help="which scenes")
+    held = "the same as --family held"
+    parser.add_argument("--held", action="store_const", const="held", dest="family", help=held)
     chosen = parser.parse_args()
-    chosen.seed += HELD * chosen.held
-    chosen.case = chosen.case and chosen.case + HELD * chosen.held
+    first = SEEDS_OF_FAMILY * FAMILIES.index(chosen.family)
+    chosen.seed += first
+    chosen.case = chosen.case and chosen.case + first
     chosen.folder.mkdir(parents=True, exist_ok=True)
     if chosen.case is not None:
         show(chosen.case, chosen.folder)
         return
     seeds = range(chosen.seed, chosen.seed + chosen.cases)
-    path = chosen.folder / "trial.jsonl"
+    path = chosen.folder / f"trial_{chosen.family}.jsonl"
     print(summary(run_many(seeds, path, chosen.workers, chosen.limit)))
     print(f"\nA line of JSON per case: {path}")
 

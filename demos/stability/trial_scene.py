@@ -10,9 +10,11 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-from random_bodies import Array
-from random_cases import Case
+from random_bodies import Array, Body
+from random_cases import Case, Held
 from random_held import HeldCase
+from random_shapes import ShapeCase
+from shapes import Shape
 
 import ufl
 from dolfinx import fem
@@ -36,7 +38,7 @@ class Scene:
     time: float = 0.0
 
     def set_loads(self, time: float) -> None:
-        """Set prescribed displacements, traction and forces on bodies for a time in [0, 2]."""
+        """Set prescribed displacements, traction and forces on bodies for a time from 0 on."""
         self.time = time
         for constant, held in zip(self.prescribed, self.case.held, strict=True):
             value = _at(held.motion, time)
@@ -44,6 +46,23 @@ class Scene:
         self.traction.value = _at(self.case.traction, time)
         if self.forces is not None:
             self.forces.set(time)
+
+    def places(self) -> Array:
+        """Present places of all nodes in the order of the input, on all ranks (collective)."""
+        return self.case.x + self.problem.equations.bulk.by_input_node()[1]
+
+    def bulk_forces(self) -> Array:
+        """Forces of the stresses, less the loads, on all nodes, as ``places`` (collective).
+
+        Contact balances them, and reactions.
+        """
+        V = self.problem.equations.bulk.V
+        r = compat.create_vector(V)
+        compat.assemble_vector(r, compat.form(self.residual))
+        owned = r.array_r.reshape(-1, 2).copy()
+        r.destroy()
+        names = np.concatenate(V.mesh.comm.allgather(compat.input_nodes(V)[: len(owned), 0]))
+        return np.concatenate(V.mesh.comm.allgather(owned))[np.argsort(names)]
 
 
 class Forces:
@@ -72,8 +91,8 @@ class Forces:
 
 
 def _at(values: Array, time: float) -> Array:
-    """Values (3, k) at times 0, 1, 2, linear in between."""
-    return np.array([np.interp(time, [0.0, 1.0, 2.0], column) for column in values.T])
+    """Values (times, k) at times 0, 1, 2 and so on, linear in between."""
+    return np.array([np.interp(time, np.arange(len(values)), column) for column in values.T])
 
 
 def build(case: Case, comm: MPI.Comm) -> Scene:
@@ -101,7 +120,7 @@ def build(case: Case, comm: MPI.Comm) -> Scene:
     for held in case.held:
         value = fem.Constant(mesh, np.zeros(2) if held.component is None else PETSc.ScalarType(0.0))
         prescribed.append(value)
-        bcs.append(fm.dirichlet(V, data, held.boundary, value, held.component))
+        bcs.append(_dirichlet(case, V, data, held, value))
     pairs = _pairs(case, data)
     problem = fm.ContactProblem(
         residual, u, pairs, bcs=bcs, petsc_options_prefix="trial_", **case.problem_options
@@ -109,16 +128,27 @@ def build(case: Case, comm: MPI.Comm) -> Scene:
     return Scene(case, data, problem, residual, prescribed, traction, forces)
 
 
+def _dirichlet(case: Case, V: Any, data: fm.MeshData, held: Held, value: Any) -> Any:
+    """A prescribed displacement of a boundary, or of the nodes of a grip."""
+    name, side = held.boundary.split("/")
+    body = case.bodies[case.number_of(name)]
+    if not isinstance(body, Shape) or side not in body.grips:
+        return fm.dirichlet(V, data, held.boundary, value, held.component)
+    nodes = np.isin(compat.input_nodes(V)[:, 0], case.nodes_of(held.boundary))
+    dofs = np.flatnonzero(nodes).astype(np.int32)
+    if held.component is None:
+        return fem.dirichletbc(value, dofs, V)
+    return fem.dirichletbc(value, 2 * dofs + held.component, V.sub(held.component))
+
+
 def _pairs(case: Case, data: fm.MeshData) -> list[fm.ContactPair]:
-    """The pairs; those of held bodies have laws, and rigid planes among their masters."""
-    if not isinstance(case, HeldCase):
+    """The pairs; those of held bodies and of shapes have laws, and rigid planes as masters."""
+    if not isinstance(case, (HeldCase, ShapeCase)):
         return [fm.ContactPair(data, *names, **case.pair_options) for names in case.pairs]
     planes = {name: fm.Plane(*where, name=name) for name, where in case.planes.items()}
     return [
-        fm.ContactPair(
-            data, slave, planes.get(master, master), law=fm.Coulomb(mu), **case.pair_options
-        )
-        for (slave, master), mu in zip(case.pairs, case.friction, strict=True)
+        fm.ContactPair(data, slave, planes.get(master, master), law=rule.law(), **case.pair_options)
+        for (slave, master), rule in zip(case.pairs, case.rules, strict=True)
     ]
 
 
@@ -152,7 +182,7 @@ def _mesh_data(case: Case, comm: MPI.Comm) -> fm.MeshData:
     mesh = compat.create_mesh(comm, cells, x, case.cell)
     mesh.topology.create_connectivity(1, 2)
     mesh.topology.create_connectivity(1, 0)
-    names = [f"{body.name}/{side}" for body in case.bodies for side in body.sides]
+    names = [f"{body.name}/{side}" for body in case.bodies for side in _surfaces(body)]
     tag_of_edge = {
         tuple(sorted(edge)): tag
         for tag, name in enumerate(names, start=1)
@@ -164,10 +194,15 @@ def _mesh_data(case: Case, comm: MPI.Comm) -> fm.MeshData:
     given[vertices] = numbers[compat.geometry_dofmap(mesh)]
     facets = dmesh.exterior_facet_indices(mesh.topology)
     ends = mesh.topology.connectivity(1, 0).array.reshape(-1, 2)[facets]
-    tags = [tag_of_edge[tuple(sorted(edge))] for edge in given[ends].tolist()]
+    tags = [tag_of_edge.get(tuple(sorted(edge)), 0) for edge in given[ends].tolist()]
     order = np.argsort(facets)
     facet_tags = dmesh.meshtags(mesh, 1, facets[order], np.array(tags, np.int32)[order])
     return fm.MeshData(mesh, None, facet_tags, {}, dict(zip(names, range(1, 1 + len(names)))))
+
+
+def _surfaces(body: Body) -> list[str]:
+    """Names of the sides that are tagged: a grip may be a part of one."""
+    return body.surfaces if isinstance(body, Shape) else list(body.sides)
 
 
 def _num_vertices(mesh: dmesh.Mesh) -> int:

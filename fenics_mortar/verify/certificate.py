@@ -24,10 +24,11 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import place
 from fenics_mortar.verify.balance import action_and_reaction, balance_of_bodies
 from fenics_mortar.verify.between_nodes import between_nodes, count_unpaired, paired_nodes
-from fenics_mortar.verify.corners import end_pressure, mean_friction, oblique_forces
+from fenics_mortar.verify.corners import end_pressure, mean_friction, oblique_forces, runs_of
 from fenics_mortar.verify.crossing import Crossing
 from fenics_mortar.verify.limits import LIMITS
 from fenics_mortar.verify.pair_certificate import PairCertificate
+from fenics_mortar.verify.resultant import beyond_cover
 
 
 @dataclass(frozen=True)
@@ -154,6 +155,7 @@ def _certify_pair(
         **oblique_forces(contact, pressure),
         friction=mean_friction(limit, pressure),
         **end_pressure(contact, pressure),
+        **beyond_cover(contact, runs_of(contact)),
         overheld=int(contact.overheld.sum()),
         overheld_at=place(contact.operators.x[contact.overheld.argmax()]),
         undecided_at=" and ".join(map(place, contact.operators.x[contact.undecided])),

@@ -137,8 +137,8 @@ def _rotated(a: Array, angle: float) -> Array:
 def _master_around(contact: Contact, run: Flags) -> tuple[Array, bool]:
     """Normal of the master opposite to some slave nodes; whether it is flat (collective).
 
-    The normal, shape (2,), is not scaled. It belongs to a chord that extends beyond them by some facets: beneath a corner these are
-    dented.
+    The normal, shape (2,), is not scaled. It belongs to a chord that extends beyond them by some
+    facets: beneath a corner these are dented.
 
     Args:
         contact: The pair.
