@@ -34,7 +34,7 @@ import numpy.typing as npt
 from fenics_mortar.interface.segments import Integration, Segments, find_segments
 from fenics_mortar.interface.sight import View
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels import basis, curved, normals, segment
+from fenics_mortar.kernels import basis, facets, normals, projection
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 
@@ -204,7 +204,7 @@ class MortarOperators:
     def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
         """Gaps at the points -1..1 of segments, with the slave nodes at ``x``: (n, points)."""
         gaps = np.zeros((s.num_segments, points.size))
-        curved.sample_gaps((x, self.n, self.m), (s.slave, s.master), s.ends, points, gaps)
+        projection.sample_gaps((x, self.n, self.m), (s.slave, s.master), s.ends, points, gaps)
         return gaps
 
     def force_derivative(self, z: Array) -> list[Block]:
@@ -375,26 +375,24 @@ def evaluate_mortar(
     n[given], dn[given] = prescribed_normals[given], 0.0
     if not linearization.normals:
         dn = np.zeros_like(dn)
-    facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
+    share = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
     s = find_segments(
         slave,
         master,
         x,
         n,
         m,
-        facets=facets,
+        facets=share,
         radius=options.radius,
         least_cosine=options.least_cosine,
         integration=options.integration,
         points=options.points,
         view=view,
     )
-    integrate = _integrate_straight if slave.degree == 1 else _integrate_curved
-    geometry = x, n, dn, m
-    D, dD, M, dM, gap, dgap, cover = integrate(
-        slave, s, geometry, carries, options, linearization.segments
+    D, dD, M, dM, gap, dgap, cover = _integrate(
+        slave, s, (x, n, dn, m), carries, options, linearization.segments
     )
-    nodal = sum_over_facets(slave, slave.facets[facets], D, gap, cover)
+    nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
     num_segments = slave.comm.allreduce(s.num_segments)
     return MortarOperators(
         slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
@@ -417,20 +415,20 @@ def sum_over_facets(
 
 
 def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
-    """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.basis``."""
-    facets, count, columns = s.facets.size, s.num_segments, 8 * size - 4
+    """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.facets``."""
+    number, count, columns = s.facets.size, s.num_segments, 8 * size - 4
     return (
-        np.zeros((facets, size, size)),
-        np.empty((count, size, size, columns)),
+        np.zeros((number, size, size)),
+        np.zeros((count, size**2, columns)),
         np.empty((count, size, size)),
-        np.zeros((len(s.pairs), size, size, columns)),
-        np.zeros((facets, size)),
+        np.zeros((len(s.pairs), size**2, columns)),
+        np.zeros((number, size)),
         np.empty((count, size, columns)),
-        np.zeros((facets, size)),
+        np.zeros((number, size)),
     )
 
 
-def _integrate_straight(
+def _integrate(
     slave: Surface,
     s: Segments,
     geometry: tuple[Array, Array, Array, Array],
@@ -438,45 +436,30 @@ def _integrate_straight(
     options: MortarOptions,
     move_ends: bool,
 ) -> tuple[Array, ...]:
-    """D, dD, M, dM, g, dg and cover of facets of two nodes."""
-    nodes, x = slave.facets[s.facets], geometry[0]
-    left = np.where(carries[nodes[:, 1]], basis.BOTH, basis.ONLY_FIRST)
-    left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
-    facets = x[nodes[:, 1]] - x[nodes[:, 0]], left, s.partial
-    moments = _tabulate_moments(s, geometry, move_ends)
-    values = _empty_values(s, 2)
-    basis.tabulate_facets(facets, *options.kinds, s.offsets, s.pair_offsets, moments, values)
-    return values
+    """D, dD, M, dM, g, dg and cover of the facets of this share (collective).
 
-
-def _integrate_curved(
-    slave: Surface,
-    s: Segments,
-    geometry: tuple[Array, Array, Array, Array],
-    carries: npt.NDArray[np.bool_],
-    options: MortarOptions,
-    move_ends: bool,
-) -> tuple[Array, ...]:
-    """The same of curved facets (collective).
-
-    Where a surface is covered up to a place inside a facet, the integral of the far node's shape
-    function can be negative. Such a node carries no multiplier: its function, continuous there,
-    goes to its neighbour.
+    Where a surface is covered up to a place inside a quadratic facet, the integral of the far
+    node's shape function can be negative. Such a node carries no multiplier: its function,
+    continuous there, goes to its neighbour.
     """
     nodes = slave.facets[s.facets]
-    cover = np.empty(nodes.shape)
-    curved.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
-    nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
-    slave.comm.Allreduce(MPI.IN_PLACE, nodal)
-    weights = hand_over((carries & (nodal > 0.0))[nodes])
+    if slave.degree > 1:
+        cover = np.empty(nodes.shape)
+        facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
+        nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
+        slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+        carries = carries & (nodal > 0.0)
+    weights = hand_over(carries[nodes])
     values = _empty_values(s, nodes.shape[1])
-    curved.tabulate_facets(
-        geometry, (nodes, weights), (s.master, s.end_is_fixed, s.ends), s.offsets, s.pair_offsets,
-        s.rule, (*options.kinds, move_ends), values,
+    facets.tabulate_facets(
+        geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
+        s.pair_offsets, s.rule, (*options.kinds, move_ends), values,
     )  # fmt: skip
     if options.integration == "nodes":
         values[0][weights == 0.0] = 0.0  # but for rounding
-    return values
+    D, dD, M, dM, *others = values
+    square = nodes.shape[1], nodes.shape[1], -1
+    return D, dD.reshape(len(dD), *square), M, dM.reshape(len(dM), *square), *others
 
 
 def hand_over(carries: npt.NDArray[np.bool_]) -> Array:
@@ -488,17 +471,3 @@ def hand_over(carries: npt.NDArray[np.bool_]) -> Array:
     distance = np.where(carries[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf)
     nearest = (distance == distance.min(axis=1, keepdims=True)) & carries[:, :, None]
     return nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
-
-
-def _tabulate_moments(
-    s: Segments, geometry: tuple[Array, Array, Array, Array], move_ends: bool
-) -> tuple[Array, ...]:
-    """Ends, spread, moments and derivatives of all segments; see ``kernels.segment``."""
-    count = s.num_segments
-    ends, dends = s.ends.copy(), np.empty((count, 2, 12))
-    M, dM = np.empty((count, 2, 2)), np.empty((count, 2, 2, 12))
-    g, dg = np.empty((count, 2)), np.empty((count, 2, 12))
-    segment.tabulate_segments(
-        geometry, (s.slave, s.master), s.end_is_fixed, s.rule, move_ends, ends, dends, M, dM, g, dg
-    )
-    return ends, dends, s.spread, M, dM, g, dg

@@ -40,7 +40,7 @@ from fenics_mortar.interface.mortar import (
 from fenics_mortar.interface.segments import Segments, facet_rule
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
-from fenics_mortar.kernels.curved import tabulate_shapes
+from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
@@ -279,10 +279,8 @@ def integrate_facets(
 
 def _shapes(points: Array, size: int) -> tuple[Array, Array]:
     """Shape functions of facets of ``size`` nodes and derivatives, each (size, points)."""
-    table = np.empty((points.size, 3, size))
-    for xi, row in zip(points, table, strict=True):
-        tabulate_shapes(xi, row)
-    return table[:, 0].T, table[:, 1].T
+    N, dN = lagrange(points, size - 1)
+    return N.T, dN.T
 
 
 def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> Segments:
@@ -300,6 +298,5 @@ def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> 
         points=rule[0],
         weights=rule[1],
         spans=np.tile([0, rule[0].size], (count, 1)),
-        spread=np.tile([0.0, rule[1] @ rule[0] ** 2 / 2.0], (count, 1)),
         pairs=np.empty((0, 2), np.int64),
     )

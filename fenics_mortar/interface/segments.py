@@ -58,7 +58,6 @@ class Segments:
         points: Quadrature points of all segments between their ends, -1 ... 1, shape (p,).
         weights: Their weights, whose sum is 2 for each segment, shape (p,).
         spans: Segment i has the points spans[i, 0]:spans[i, 1], shape (n, 2).
-        spread: Mean and variance of the points of each segment, shape (n, 2).
         pairs: Segments (i, k) of which M of i depends on the nodes of k, shape (p, 2).
     """
 
@@ -73,7 +72,6 @@ class Segments:
     points: Array
     weights: Array
     spans: Indices
-    spread: Array
     pairs: Indices
 
     @property
@@ -162,7 +160,6 @@ class _Pieces(NamedTuple):
     points: Array
     weights: Array
     spans: Indices
-    spread: Array
 
 
 def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Pieces]:
@@ -170,8 +167,7 @@ def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, I
     offsets, masters, fixed, ends = search.find_segments(*search_for)
     s, w = gauss_rule(points)
     spans = np.tile([0, points], (len(masters), 1))
-    spread = np.tile([0.0, 1.0 / 3.0], (len(masters), 1))
-    return offsets, masters, _Pieces(ends, fixed, s, w, spans, spread)
+    return offsets, masters, _Pieces(ends, fixed, s, w, spans)
 
 
 def _runs(
@@ -186,11 +182,8 @@ def _runs(
     which = runs[owner, 0] + np.arange(owner.size) - starts[owner]
     centres, halves = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2.0
     s, weights = (xi[which] - centres[owner]) / halves[owner], w[which] / halves[owner]
-    spread = np.zeros(ends.shape)
-    np.add.at(spread[:, 0], owner, weights * s / 2.0)
-    np.add.at(spread[:, 1], owner, weights * (s - spread[owner, 0]) ** 2 / 2.0)
     spans = np.stack([starts, stops], axis=1)
-    return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans, spread)
+    return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans)
 
 
 @cache
