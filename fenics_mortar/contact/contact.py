@@ -38,20 +38,14 @@ from fenics_mortar.contact.laws import KINK, STICK, Frictionless, Nodal, Pieces,
 from fenics_mortar.contact.multiplier_nodes import Carriers, normals_on_planes
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.slip import Measure, Partners, find_partners
-from fenics_mortar.interface.mortar import (
-    LINEARIZATIONS,
-    Block,
-    Linearization,
-    MortarOperators,
-    MortarOptions,
-    evaluate_mortar,
-    evaluate_normals,
-)
+from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
+from fenics_mortar.interface.mortar import LINEARIZATIONS, Block, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import (
     ObstacleOperators,
     evaluate_obstacle,
     surface_without_nodes,
 )
+from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.segments import Segments, find_segments
 from fenics_mortar.interface.sight import Outline, Sight, View
 from fenics_mortar.interface.surfaces import Surface

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.mortar import AT_VERTICES, Block, Linearization, MortarOperators
+from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
+from fenics_mortar.interface.options import AT_VERTICES
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface, extract_surface

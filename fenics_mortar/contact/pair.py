@@ -9,7 +9,7 @@ import numpy as np
 
 from fenics_mortar.contact.laws import Frictionless, Law
 from fenics_mortar.contact.slip import Measure
-from fenics_mortar.interface.mortar import Basis, GapWeights, Weighting
+from fenics_mortar.interface.options import Basis, GapWeights, Weighting
 from fenics_mortar.interface.segments import Integration
 from fenics_mortar.mesh.reading import MeshData
 from fenics_mortar.obstacles.obstacle import Obstacle

@@ -37,15 +37,9 @@ from scipy.sparse.linalg import spsolve
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import NO_WELDS, Interface, Rows
 from fenics_mortar.contact.pair import ContactPair, check_reach
-from fenics_mortar.interface.mortar import (
-    Basis,
-    Block,
-    Linearization,
-    MortarOperators,
-    MortarOptions,
-    evaluate_mortar,
-    evaluate_normals,
-)
+from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
+from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
+from fenics_mortar.interface.options import Basis, MortarOptions
 from fenics_mortar.interface.segments import Integration, Segments
 from fenics_mortar.interface.sight import Outline
 from fenics_mortar.interface.surfaces import Surface

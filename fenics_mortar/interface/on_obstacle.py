@@ -29,14 +29,9 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.mortar import (
-    Linearization,
-    MortarOperators,
-    MortarOptions,
-    hand_over,
-    share_of,
-    sum_over_facets,
-)
+from fenics_mortar.interface.integrals import hand_over, share_of, sum_over_facets
+from fenics_mortar.interface.mortar import Linearization, MortarOperators
+from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.segments import Segments, facet_rule
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.basis import BY_STANDARD, DUAL

@@ -107,7 +107,7 @@ def dual_function(t, d, shape, inverse, E, E_dG):
     """Fill ``E`` (K,) = d T(t) G^-1 and its derivative; ``shape`` (2 K - 1,) = dd/dG."""
     count = E.size
     for p in range(count):
-        value, T = 0.0 * d, 1.0
+        value, T = 0.0 * d, 1.0 + 0.0 * t
         for q in range(count):
             value += T * inverse[q, p]
             T *= t
@@ -197,10 +197,10 @@ def edge_beyond(j, count, place):
 
 
 @kernel
-def weigh_gap(kinds, place, weights, B, d, inverse, C, C_dG, C_g, C_g_dG, C_g_dp):
+def weigh_gap(kinds, place, edges, weights, B, d, inverse, C, C_dG, C_g, C_g_dG, C_g_dp):
     """Fill ``C_g``, its derivatives by G and, ``C_g_dp`` (K, K), by the edge next to each node.
 
-    ``kinds`` = (basis, what weighs the gap).
+    ``kinds`` = (basis, what weighs the gap); ``edges``: ends of the cover, ``place`` as numbers.
     """
     basis, by = kinds
     count = d.size
@@ -215,12 +215,14 @@ def weigh_gap(kinds, place, weights, B, d, inverse, C, C_dG, C_g, C_g_dG, C_g_dp
         if basis == STANDARD or by == BY_BASIS or (by == BY_COVER and edge == 0):
             continue
         if by == BY_COVER and count == 2 and whole:
-            dual_function(edge, d[j], B[j], inverse, C_g[j], C_g_dG[j])
-            for p in range(count):
-                C_g_dp[j, p] = d[j] * inverse[1, p] * 2.0 / (place[1] - place[0])
+            p = edges[0] if edge < 0 else edges[1]
+            t = (2.0 * p - place[0] - place[1]) / (place[1] - place[0])
+            dual_function(t, d[j], B[j], inverse, C_g[j], C_g_dG[j])
+            for q in range(count):
+                C_g_dp[j, q] = d[j] * inverse[1, q] * 2.0 / (place[1] - place[0])
             continue
         C_g_dG[j] = 0.0
-        for p in range(count):
-            C_g[j, p] = 0.0
+        for q in range(count):
+            C_g[j, q] = 0.0
             for r in range(count):
-                C_g[j, p] += weights[j, r] * B[r, p]
+                C_g[j, q] += weights[j, r] * B[r, q]

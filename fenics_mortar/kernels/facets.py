@@ -157,8 +157,9 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
         else:
             standard_multipliers(weights[e], G, B, C, C_dG, D[e], D_dG)
         weigh_gap(
-            (basis, gap_weights), place, weights[e], B, d, inverse, C, C_dG, C_g, C_g_dG, C_g_dp
-        )
+            (basis, gap_weights), place, (ends[first, 0], ends[last, 1]), weights[e], B, d, inverse,
+            C, C_dG, C_g, C_g_dG, C_g_dp,
+        )  # fmt: skip
         cover[e] = d
         apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g[e], g_dG, g_dp)
         pairs, step = pair_offsets[e], number + 1 if partial[e] else 1

@@ -119,7 +119,7 @@ class Curves:
                 kinds = self.basis, self.gap_weights
                 D[e], more, g[e], cover[e] = integrate_facet(kinds, self.left[e], own)
                 M += more
-        return {"D": D, "M": np.array(M), "g": np.array(g), "cover": np.array(cover)}
+        return {"D": D, "M": np.reshape(M, (-1, 2, 2)), "g": np.array(g), "cover": np.array(cover)}
 
     def assemble(self, values):
         """Dense derivatives of D (f, K, K), M (n, K, K) and g (f, K) by all positions."""

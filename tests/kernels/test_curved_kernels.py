@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from curves import CurvedCurves, wavy, wavy_curved, with_inner_nodes
+from curves import CurvedCurves, wavy_curved, with_inner_nodes
 
 from fenics_mortar.kernels import basis
 
