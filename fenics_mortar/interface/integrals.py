@@ -150,8 +150,9 @@ def _integrate(
     if options.integration == "nodes":
         values[0][weights == 0.0] = 0.0  # but for rounding
     D, dD, M, dM, *others = values
-    square = nodes.shape[1], nodes.shape[1], -1
-    return D, dD.reshape(len(dD), *square), M, dM.reshape(len(dM), *square), *others
+    size = nodes.shape[1]
+    dD, dM = (array.reshape(len(array), size, size, array.shape[2]) for array in (dD, dM))
+    return D, dD, M, dM, *others
 
 
 def hand_over(carries: npt.NDArray[np.bool_]) -> Array:

@@ -96,7 +96,7 @@ class Curves:
         )  # fmt: skip
         found = dict(zip(("D", "dD", "M", "dM", "g", "dg", "cover"), values))
         for name in ("dD", "dM"):
-            found[name] = found[name].reshape(-1, size, size, columns)
+            found[name] = found[name].reshape(len(found[name]), size, size, columns)
         return found
 
     def exact(self, positions):
@@ -145,7 +145,7 @@ class Curves:
         )
         cuts = np.cumsum([values[name].size for name in ("D", "M")])
         return {
-            name: part.reshape(*values[name].shape, -1)
+            name: part.reshape(*values[name].shape, self.positions.size)
             for name, part in zip(("D", "M", "g"), np.split(exact, cuts))
         }
 
