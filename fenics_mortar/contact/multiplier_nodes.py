@@ -37,7 +37,7 @@ from fenics_mortar.utils.arrays import Array, Indices
 # the free component is above the first (20 degrees), and is held along its normal if below the
 # second.
 PLANE_COSINE, HELD_COSINE = 0.94, 0.1
-# Covered fraction of a node below which it hands its multiplier to a neighbour that is covered more.
+# Covered fraction of a node below which it hands its multiplier to one that is covered more.
 HAND_OVER = 0.05
 # Changes of one node in one solve: with and without its multiplier the cover may be on the other
 # side of HAND_OVER, and the iteration would not end.

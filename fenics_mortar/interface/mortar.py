@@ -216,7 +216,7 @@ class MortarOperators:
         ]
 
     def freeze(self) -> Self:
-        """The same without derivatives, for small motions; see ``after_small_motion``."""
+        """These operators without derivatives, for small motions; see ``after_small_motion``."""
         at_rest = {name: np.zeros_like(getattr(self, name)) for name in ("dn", "dD", "dM", "dgap")}
         return replace(self, linearization=LINEARIZATIONS["frozen"], **at_rest)
 

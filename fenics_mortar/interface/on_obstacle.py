@@ -52,7 +52,7 @@ class ObstacleOperators(MortarOperators):
         phi: Signed distance of the slave nodes, shape (slave nodes,) [length].
         V: Motions at the slave nodes, shape (slave nodes, 3, 2).
         dn_dq: Derivative of the normals by the motions, shape (slave nodes, 2, 3) [1 / length].
-        dgap_dq: The same of the weighted gap, shape (slave nodes, 3) [length].
+        dgap_dq: Derivative of the weighted gap by the motions, shape (slave nodes, 3) [length].
     """
 
     obstacle: Obstacle
@@ -63,7 +63,7 @@ class ObstacleOperators(MortarOperators):
     dgap_dq: Array
 
     def freeze(self) -> Self:
-        """The same without derivatives, but for that of the gap by the motions."""
+        """These operators without derivatives, but for that of the gap by the motions."""
         return replace(super().freeze(), dn_dq=np.zeros_like(self.dn_dq))
 
     def after_small_motion(self, x: Array, m: Array, dq: Array | None = None) -> Self:

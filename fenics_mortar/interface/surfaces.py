@@ -2,8 +2,8 @@
 """Contact surfaces: the facets of a tag as curves, replicated on every rank.
 
 A curve is small, O(sqrt(N)) nodes beside a bulk of N: so every rank holds all of it, and nothing
-in the contact evaluation asks who owns a facet. Nodes are numbered along the curves, from ends
-and in an order that follow from the coordinates alone, so the numbering does not depend on how
+in the contact evaluation depends on who owns a facet. Nodes are numbered along the curves, from
+ends and in an order that follow from the coordinates alone, so the numbering does not depend on how
 the mesh is distributed.
 
 What that costs each rank: with S slave and M master nodes, and B nodes on the outlines of their

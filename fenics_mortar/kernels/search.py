@@ -2,11 +2,11 @@
 """Which slave facet meets which master facet: a tree of boxes, and the facets that it finds.
 
 The boxes of the master facets, taken in the order of the curve, are the leaves of a complete
-binary tree in heap layout (children of node i: 2i and 2i + 1, root 1). A slave facet asks for the
-boxes that its strip meets: the quadrilateral x_k -+ radius n_k. So the search costs
+binary tree in heap layout (children of node i: 2i and 2i + 1, root 1). The candidates of a slave
+facet are the boxes that its strip meets, the quadrilateral x_k -+ radius n_k. So the search costs
 O(log N + hits) per facet, whatever the radius and the direction of the interface.
 
-What a slave facet has to do with the master facets near it is in ``pairing``.
+Segments and partners among the master facets that are found: see ``pairing``.
 """
 
 import numpy as np
@@ -59,7 +59,7 @@ def misses(box, strip):
 
 @kernel
 def misses_along(box, tx, ty, low, high):
-    """The same along the direction of the facet, where the strip is thin."""
+    """Whether ``box`` and the strip are apart along the facet, where the strip is thin."""
     middle = 0.5 * ((box[0] + box[2]) * tx + (box[1] + box[3]) * ty)
     half = 0.5 * ((box[2] - box[0]) * abs(tx) + (box[3] - box[1]) * abs(ty))
     return middle - half > high or middle + half < low
