@@ -15,7 +15,8 @@ import numpy as np
 root = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(root)]
 from fenics_mortar.interface.segments import find_segments
-from fenics_mortar.kernels import basis, normals, segment
+from fenics_mortar.kernels import basis, normals
+from fenics_mortar.kernels.facets import tabulate_facets
 
 # -
 
@@ -51,26 +52,20 @@ def measure(facets, **integration):
 
     s = find()
     count = s.num_segments
-    ends, dends, *moments = (
-        s.ends.copy(), np.empty((count, 2, 12)), np.empty((count, 2, 2)),
-        np.empty((count, 2, 2, 12)), np.empty((count, 2)), np.empty((count, 2, 12)),
-    )  # fmt: skip
     values = (
-        np.zeros((facets, 2, 2)), np.empty((count, 2, 2, 12)), np.empty((count, 2, 2)),
-        np.zeros((len(s.pairs), 2, 2, 12)), np.zeros((facets, 2)), np.empty((count, 2, 12)),
+        np.zeros((facets, 2, 2)), np.zeros((count, 4, 12)), np.empty((count, 2, 2)),
+        np.zeros((len(s.pairs), 4, 12)), np.zeros((facets, 2)), np.empty((count, 2, 12)),
         np.zeros((facets, 2)),
     )  # fmt: skip
-    own = np.diff(x, axis=0), np.full(facets, basis.BOTH), s.partial
+    sides = surface.facets, np.tile(np.eye(2), (facets, 1, 1)), s.partial
+    found = s.master, s.end_is_fixed, s.ends
     nodal = integration.get("integration") == "nodes"
-    kinds = basis.STANDARD if nodal else basis.DUAL, basis.BY_COVER
+    options = basis.STANDARD if nodal else basis.DUAL, basis.BY_COVER, True
 
     def integrate():
-        connectivity = s.slave, s.master
-        segment.tabulate_segments(
-            (x, n, dn, m), connectivity, s.end_is_fixed, s.rule, True, ends, dends, *moments
-        )
-        all_moments = ends, dends, s.spread, *moments
-        basis.tabulate_facets(own, *kinds, s.offsets, s.pair_offsets, all_moments, values)
+        values[1][:], values[3][:] = 0.0, 0.0
+        offsets = s.offsets, s.pair_offsets
+        tabulate_facets((x, n, dn, m), sides, found, *offsets, s.rule, options, values)
 
     return count, median(find), median(integrate)
 

@@ -337,7 +337,7 @@ WRONG_ANSWERS = [
     ("piece", lambda p: p + 0.5, ValueError, "piece returned .*; right are whole numbers"),
     ("tangential", spoil_row("residual"), NotFiniteError, r"not finite at 5 nodes .* one at \("),
     ("tangential", spoil_row("by_slip"), NotFiniteError, "tangential returned numbers"),
-    ("tangential", lambda row: None, ValueError, "tangential returned None; right is a Row"),
+    ("tangential", lambda row: None, ValueError, "tangential returned None; expected a Row"),
     ("tangential", lambda row: row._replace(residual=row[0][:2]), ValueError, r"shape \(2,\)"),
     ("bound", lambda b: b * np.nan, NotFiniteError, "bound returned nan for a pressure of"),
     ("bound", lambda b: b - 1.0, NotFiniteError, "bound returned -0.* for a pressure of"),

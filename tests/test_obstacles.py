@@ -9,8 +9,9 @@ from scenes import TIGHT, internal, linear_elastic, neo_hookean, read
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.interface.mortar import MortarOptions, hand_over
+from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.on_obstacle import integrate_facets, obstacle_normals
+from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.segments import facet_rule
 
 E, NU = 100.0, 0.3

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scenes import pressed_blocks
 
-from fenics_mortar.interface.mortar import share_of
+from fenics_mortar.interface.integrals import share_of
 
 comm = MPI.COMM_WORLD
 

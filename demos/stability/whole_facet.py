@@ -17,8 +17,8 @@ from unittest.mock import patch
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.interface import mortar
-from fenics_mortar.kernels import basis
+from fenics_mortar.interface import integrals
+from fenics_mortar.kernels import basis, facets
 
 A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 
@@ -26,27 +26,35 @@ A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 @contextmanager
 def whole_facet_basis() -> Iterator[None]:
     """Use it in all pairs evaluated meanwhile."""
-    function = partial(tabulate_facets, basis.tabulate_facets)
+    function = partial(tabulate_facets, facets.tabulate_facets)
     with (
-        patch.object(mortar.basis, "tabulate_facets", function),
+        patch.object(integrals.facets, "tabulate_facets", function),
         patch.object(Contact, "update_carriers", lambda self: 0),  # hardly covered nodes stay
     ):
         yield
 
 
-def tabulate_facets(standard: Any, facets: Any, kind: int, *others: Any) -> None:
-    """As ``kernels.basis.tabulate_facets``, by way of the integrals of the standard basis."""
-    standard(facets, basis.STANDARD, *others)
-    edges, left, _ = facets
-    *_, offsets, pair_offsets, _, (D, dD, M, dM, g, dg, cover) = others
-    dual = (left == basis.BOTH) & (cover.sum(axis=1) > 0.0) & (kind == basis.DUAL)
+def tabulate_facets(standard: Any, geometry: Any, sides: Any, *others: Any) -> None:
+    """As ``kernels.facets.tabulate_facets``, by way of the integrals of the standard basis."""
+    segments, offsets, pair_offsets, rule, (kind, *options), values = others
+    if kind != basis.DUAL or sides[0].shape[1] != 2:
+        standard(geometry, sides, *others)
+        return
+    standard(
+        geometry, sides, segments, offsets, pair_offsets, rule, (basis.STANDARD, *options), values
+    )
+    D, dD, M, dM, g, dg, cover = values
+    nodes, weights, _ = sides
+    edges = np.diff(geometry[0][nodes], axis=1)[:, 0]
+    dual = (weights == np.eye(2)).all(axis=(1, 2)) & (cover.sum(axis=1) > 0.0)
     of_segment = np.repeat(dual, np.diff(offsets))
     of_pair = np.repeat(dual, np.diff(pair_offsets))
     for array, chosen in ((M, of_segment), (dM, of_pair), (g, dual), (dg, of_segment)):
-        array[chosen] = np.einsum("ij,nj...->ni...", A, array[chosen])
+        rows = array[chosen].reshape(np.count_nonzero(chosen), 2, -1)
+        array[chosen] = np.einsum("ij,njr->nir", A, rows).reshape(array[chosen].shape)
     length = np.linalg.norm(edges[dual], axis=1)[:, None]
     D[dual] = 0.5 * length[:, :, None] * np.eye(2)
     dD[of_segment] = 0.0
     change = 0.5 * edges[dual] / length
     for j in range(2):  # the facet's first segment tells all of it
-        dD[offsets[:-1][dual], j, j, 2:6] = np.hstack([-change, change])
+        dD[offsets[:-1][dual], 3 * j, 2:6] = np.hstack([-change, change])

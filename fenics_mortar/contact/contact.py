@@ -47,15 +47,12 @@ from fenics_mortar.contact.rows import (
     rows_of,
 )
 from fenics_mortar.contact.slip import Measure, find_partners
-from fenics_mortar.interface.mortar import (
-    Linearization,
-    MortarOperators,
-    MortarOptions,
-    evaluate_normals,
-)
+from fenics_mortar.interface.integrals import evaluate_normals
+from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import (
     surface_without_nodes,
 )
+from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface

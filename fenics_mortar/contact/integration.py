@@ -11,15 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.mortar import (
-    LINEARIZATIONS,
-    Linearization,
-    MortarOperators,
-    MortarOptions,
-    evaluate_mortar,
-    evaluate_normals,
-)
+from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
+from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
+from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments, find_segments
 from fenics_mortar.interface.sight import Sight, View

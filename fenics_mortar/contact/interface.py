@@ -13,7 +13,8 @@ import numpy as np
 from fenics_mortar.contact.fields import InterfaceFields
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.mortar import AT_VERTICES, Block, Linearization, MortarOperators
+from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
+from fenics_mortar.interface.options import AT_VERTICES
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface, extract_surface

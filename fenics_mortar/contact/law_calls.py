@@ -60,7 +60,7 @@ class Asker:
         def ask() -> Row:
             row = law.tangential(_protected(node), _read_only(piece))
             if not isinstance(row, tuple) or len(row) != len(Row._fields):
-                raise ValueError(f"{law!r}: tangential returned {row!r}; right is a Row")
+                raise ValueError(f"{law!r}: tangential returned {row!r}; expected a Row")
             row = Row(*self._numbers(law, "tangential", row, piece.size))
             self._check_finite(law, "tangential", row, used & _all_finite(node), x)
             return row
@@ -82,7 +82,7 @@ class Asker:
                 j = int(np.argmax(wrong))
                 raise NotFiniteError(
                     f"{law!r}: bound returned {bound[j]:g} for a pressure of {pressure[j]:g}, at "
-                    f"'{self._name}' {place(x[j])}; right is zero, a positive number or infinity"
+                    f"'{self._name}' {place(x[j])}; expected zero, a positive number or infinity"
                 )
             return bound
 
@@ -105,7 +105,7 @@ class Asker:
             if (pull < 0.0).any():
                 j = int(np.argmin(pull))
                 raise ValueError(
-                    f"{law!r}: adhesion returned {pull[j]:g} for a gap of {gap[j]:g}; right is a "
+                    f"{law!r}: adhesion returned {pull[j]:g} for a gap of {gap[j]:g}; expected a "
                     "pull, zero or positive"
                 )
             return pull, by_gap
@@ -169,7 +169,7 @@ def _all_finite(node: Nodal) -> Marks:
 
 
 def _protected(node: Nodal) -> Nodal:
-    """The same, for a law that might write into it."""
+    """Read-only views of ``node``, for a law that might write into it."""
     return Nodal(**{name: _read_only(values) for name, values in vars(node).items()})
 
 

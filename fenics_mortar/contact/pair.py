@@ -9,7 +9,7 @@ import numpy as np
 
 from fenics_mortar.contact.laws import Frictionless, Law
 from fenics_mortar.contact.slip import Measure
-from fenics_mortar.interface.mortar import Basis, GapWeights, Weighting
+from fenics_mortar.interface.options import Basis, GapWeights, Weighting
 from fenics_mortar.interface.segments import Integration
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -51,7 +51,7 @@ class ContactPair:
         gap_weights: What the gap of a node is weighted by. "cover": by the multiplier's function if
             the node is covered; beyond the edge of the master the dual function would continue the
             gap to the node, see overlap where the surfaces are apart and press from a distance, so
-            there it is one that asks for the gap at the edge. "basis": always by the multiplier's
+            there it is one that evaluates the gap at the edge. "basis": always by the multiplier's
             function, as most codes do. "standard": by the standard functions (Petrov-Galerkin).
         integration: Where the gap is looked at. "segments": exactly, on every intersection of a
             slave with a master facet. "elements": at ``points`` Gauss points per slave facet, each

@@ -52,7 +52,8 @@ import numpy.typing as npt
 from scipy.sparse import coo_array, csr_array
 
 from fenics_mortar.interface.facing import Facing, face, nearest_facets
-from fenics_mortar.interface.mortar import Block, MortarOperators, evaluate_normals, share_of
+from fenics_mortar.interface.integrals import evaluate_normals, share_of
+from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.utils.arrays import Array, Indices
 

@@ -36,14 +36,9 @@ from fenics_mortar.contact.fields import InterfaceFields
 from fenics_mortar.contact.interface import Interface, read_only
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.contact.tied_pair import TiedPair
-from fenics_mortar.interface.mortar import (
-    Block,
-    Linearization,
-    MortarOperators,
-    MortarOptions,
-    evaluate_mortar,
-    evaluate_normals,
-)
+from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
+from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
+from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface

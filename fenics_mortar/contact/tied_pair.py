@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 from fenics_mortar.contact.pair import check_reach
-from fenics_mortar.interface.mortar import Basis
+from fenics_mortar.interface.options import Basis
 from fenics_mortar.interface.segments import Integration
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number

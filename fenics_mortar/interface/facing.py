@@ -10,6 +10,7 @@ import numpy as np
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.segments import Segments, gauss_rule
 from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.utils.arrays import Array, Indices
 
 Rule = tuple[Array, Array]
@@ -139,14 +140,6 @@ def nearest_facets(x: Array, m: Array, surface: Surface) -> tuple[Indices, Array
     rest = away - np.clip(part, 0.0, 1.0)[:, :, None] * chord
     facet = np.argmin((rest**2).sum(axis=2), axis=1)
     return ends[facet], part[np.arange(len(x)), facet]
-
-
-def lagrange(s: Array, degree: int) -> tuple[Array, Array]:
-    """Shape functions along a facet at ``s`` in -1 ... 1 and their slopes: (..., degree + 1)."""
-    if degree == 1:
-        return np.stack([1 - s, 1 + s], -1) / 2, np.stack([-0.5 + 0 * s, 0.5 + 0 * s], -1)
-    shape = np.stack([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2], -1)
-    return shape, np.stack([s - 0.5, -2 * s, s + 0.5], -1)
 
 
 def _places_on(m: Array, y: Array) -> Array:

@@ -24,37 +24,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple, Self
+from typing import NamedTuple, Self
 
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
-from fenics_mortar.interface.segments import Integration, Segments, find_segments
-from fenics_mortar.interface.sight import View
+from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels import basis, curved, normals, segment
+from fenics_mortar.kernels import projection
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.clock import clock
-
-Basis = Literal["dual", "standard", "vertices", "linear"]
-Weighting = Literal["opposite", "unit", "own"]
-GapWeights = Literal["cover", "basis", "standard"]
-BASES = {
-    "dual": basis.DUAL,
-    "standard": basis.STANDARD,
-    "vertices": basis.DUAL,
-    "linear": basis.STANDARD,
-}
-# Those without multipliers at the nodes inside quadratic facets.
-AT_VERTICES = ("vertices", "linear")
-GAP_WEIGHTS = {
-    "basis": basis.BY_BASIS,
-    "cover": basis.BY_COVER,
-    "standard": basis.BY_STANDARD,
-}
-WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
 
 
 class Block(NamedTuple):
@@ -86,40 +65,6 @@ LINEARIZATIONS = {
     "no_segments": Linearization(segments=False),
     "frozen": Linearization(normals=False, segments=False, frozen=True),
 }
-
-
-@dataclass(frozen=True)
-class MortarOptions:
-    """How one pair is integrated.
-
-    Attributes:
-        basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear".
-        weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
-        gap_weights: What weighs the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
-        integration: "segments", "elements" or "nodes"; see ``segments``.
-        points: Gauss points per segment, with "elements" per slave facet.
-        radius: Farthest distance along the normal at which partners are looked for, behind the
-            slave surface less where the bodies are thin, see ``sight`` [length].
-        least_cosine: Least cosine between the slave's normal and the reversed master's.
-    """
-
-    basis: Basis
-    weighting: Weighting
-    gap_weights: GapWeights
-    integration: Integration
-    points: int
-    radius: float
-    least_cosine: float
-
-    @property
-    def kinds(self) -> tuple[int, int]:
-        """Basis and weights of the gap, as the kernels take them.
-
-        On points that are the nodes the standard functions are the dual ones of any cover.
-        """
-        if self.integration == "nodes":
-            return basis.STANDARD, basis.BY_BASIS
-        return BASES[self.basis], GAP_WEIGHTS[self.gap_weights]
 
 
 @dataclass(frozen=True)
@@ -204,7 +149,7 @@ class MortarOperators:
     def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
         """Gaps at the points -1..1 of segments, with the slave nodes at ``x``: (n, points)."""
         gaps = np.zeros((s.num_segments, points.size))
-        curved.sample_gaps((x, self.n, self.m), (s.slave, s.master), s.ends, points, gaps)
+        projection.sample_gaps((x, self.n, self.m), (s.slave, s.master), s.ends, points, gaps)
         return gaps
 
     def force_derivative(self, z: Array) -> list[Block]:
@@ -271,7 +216,7 @@ class MortarOperators:
         ]
 
     def freeze(self) -> Self:
-        """The same without derivatives, for small motions; see ``after_small_motion``."""
+        """These operators without derivatives, for small motions; see ``after_small_motion``."""
         at_rest = {name: np.zeros_like(getattr(self, name)) for name in ("dn", "dD", "dM", "dgap")}
         return replace(self, linearization=LINEARIZATIONS["frozen"], **at_rest)
 
@@ -324,181 +269,3 @@ class MortarOperators:
     def tangential_derivative(self, z: Array) -> Array:
         """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""
         return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]
-
-
-def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
-    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 4 K - 2)."""
-    n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
-    curve = surface.previous, surface.following, surface.inner
-    normals.tabulate_normals(x, *curve, WEIGHTINGS[weighting], n, dn)
-    return n, dn
-
-
-def share_of(items: Indices, comm: MPI.Comm) -> Indices:
-    """This rank's contiguous, equal share of ``items``, whoever owns what they stand for."""
-    bounds = [items.size * rank // comm.size for rank in (comm.rank, comm.rank + 1)]
-    return items[bounds[0] : bounds[1]]
-
-
-@clock("integrals")
-def evaluate_mortar(
-    slave: Surface,
-    master: Surface,
-    x: Array,
-    m: Array,
-    carries: npt.NDArray[np.bool_],
-    prescribed_normals: Array,
-    options: MortarOptions,
-    linearization: Linearization,
-    view: View | None = None,
-) -> MortarOperators:
-    """Evaluate the mortar operators at current positions (collective).
-
-    Args:
-        slave: The side that carries the multiplier.
-        master: The side projected to.
-        x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
-        m: Current positions of the master nodes, shape (master nodes, 2) [length].
-        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
-            neighbours take over the weight of those that do not.
-        prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2);
-            nan where the averaged normal is right.
-        options: How to integrate.
-        linearization: Which derivatives to fill; the others are zero.
-        view: What lies behind the slave's facets at these positions.
-
-    Returns:
-        The operators.
-    """
-    n, dn = evaluate_normals(slave, x, options.weighting)
-    given = np.isfinite(prescribed_normals[:, 0])
-    n[given], dn[given] = prescribed_normals[given], 0.0
-    if not linearization.normals:
-        dn = np.zeros_like(dn)
-    facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
-    s = find_segments(
-        slave,
-        master,
-        x,
-        n,
-        m,
-        facets=facets,
-        radius=options.radius,
-        least_cosine=options.least_cosine,
-        integration=options.integration,
-        points=options.points,
-        view=view,
-    )
-    integrate = _integrate_straight if slave.degree == 1 else _integrate_curved
-    geometry = x, n, dn, m
-    D, dD, M, dM, gap, dgap, cover = integrate(
-        slave, s, geometry, carries, options, linearization.segments
-    )
-    nodal = sum_over_facets(slave, slave.facets[facets], D, gap, cover)
-    num_segments = slave.comm.allreduce(s.num_segments)
-    return MortarOperators(
-        slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
-    )
-
-
-def sum_over_facets(
-    slave: Surface, nodes: Indices, D: Array, gap: Array, cover: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Diagonal of D, gap, cover and row sum of D of each slave node, shapes (slave nodes,).
-
-    Collective; ``nodes`` (f, K), ``D`` (f, K, K), ``gap`` and ``cover`` (f, K) are of this share.
-    """
-    nodal = np.zeros((4, slave.num_nodes))
-    on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
-    for row, values in zip(nodal, on_facets, strict=True):
-        row += np.bincount(nodes.ravel(), values.ravel(), slave.num_nodes)
-    slave.comm.Allreduce(MPI.IN_PLACE, nodal)
-    return nodal[0], nodal[1], nodal[2], nodal[3]
-
-
-def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
-    """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.basis``."""
-    facets, count, columns = s.facets.size, s.num_segments, 8 * size - 4
-    return (
-        np.zeros((facets, size, size)),
-        np.empty((count, size, size, columns)),
-        np.empty((count, size, size)),
-        np.zeros((len(s.pairs), size, size, columns)),
-        np.zeros((facets, size)),
-        np.empty((count, size, columns)),
-        np.zeros((facets, size)),
-    )
-
-
-def _integrate_straight(
-    slave: Surface,
-    s: Segments,
-    geometry: tuple[Array, Array, Array, Array],
-    carries: npt.NDArray[np.bool_],
-    options: MortarOptions,
-    move_ends: bool,
-) -> tuple[Array, ...]:
-    """D, dD, M, dM, g, dg and cover of facets of two nodes."""
-    nodes, x = slave.facets[s.facets], geometry[0]
-    left = np.where(carries[nodes[:, 1]], basis.BOTH, basis.ONLY_FIRST)
-    left = np.where(carries[nodes[:, 0]], left, basis.ONLY_SECOND)
-    facets = x[nodes[:, 1]] - x[nodes[:, 0]], left, s.partial
-    moments = _tabulate_moments(s, geometry, move_ends)
-    values = _empty_values(s, 2)
-    basis.tabulate_facets(facets, *options.kinds, s.offsets, s.pair_offsets, moments, values)
-    return values
-
-
-def _integrate_curved(
-    slave: Surface,
-    s: Segments,
-    geometry: tuple[Array, Array, Array, Array],
-    carries: npt.NDArray[np.bool_],
-    options: MortarOptions,
-    move_ends: bool,
-) -> tuple[Array, ...]:
-    """The same of curved facets (collective).
-
-    Where a surface is covered up to a place inside a facet, the integral of the far node's shape
-    function can be negative. Such a node carries no multiplier: its function, continuous there,
-    goes to its neighbour.
-    """
-    nodes = slave.facets[s.facets]
-    cover = np.empty(nodes.shape)
-    curved.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
-    nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
-    slave.comm.Allreduce(MPI.IN_PLACE, nodal)
-    weights = hand_over((carries & (nodal > 0.0))[nodes])
-    values = _empty_values(s, nodes.shape[1])
-    curved.tabulate_facets(
-        geometry, (nodes, weights), (s.master, s.end_is_fixed, s.ends), s.offsets, s.pair_offsets,
-        s.rule, (*options.kinds, move_ends), values,
-    )  # fmt: skip
-    if options.integration == "nodes":
-        values[0][weights == 0.0] = 0.0  # but for rounding
-    return values
-
-
-def hand_over(carries: npt.NDArray[np.bool_]) -> Array:
-    """Which part of node k's function node j of a facet gets, shape (f, K, K).
-
-    A node that carries keeps its own; the nearest ones that carry share that of another equally.
-    """
-    place = np.arange(carries.shape[1])
-    distance = np.where(carries[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf)
-    nearest = (distance == distance.min(axis=1, keepdims=True)) & carries[:, :, None]
-    return nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)
-
-
-def _tabulate_moments(
-    s: Segments, geometry: tuple[Array, Array, Array, Array], move_ends: bool
-) -> tuple[Array, ...]:
-    """Ends, spread, moments and derivatives of all segments; see ``kernels.segment``."""
-    count = s.num_segments
-    ends, dends = s.ends.copy(), np.empty((count, 2, 12))
-    M, dM = np.empty((count, 2, 2)), np.empty((count, 2, 2, 12))
-    g, dg = np.empty((count, 2)), np.empty((count, 2, 12))
-    segment.tabulate_segments(
-        geometry, (s.slave, s.master), s.end_is_fixed, s.rule, move_ends, ends, dends, M, dM, g, dg
-    )
-    return ends, dends, s.spread, M, dM, g, dg

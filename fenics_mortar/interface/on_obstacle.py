@@ -29,18 +29,13 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.mortar import (
-    Linearization,
-    MortarOperators,
-    MortarOptions,
-    hand_over,
-    share_of,
-    sum_over_facets,
-)
+from fenics_mortar.interface.integrals import hand_over, share_of, sum_over_facets
+from fenics_mortar.interface.mortar import Linearization, MortarOperators
+from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.segments import Segments, facet_rule
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.basis import BY_STANDARD, DUAL
-from fenics_mortar.kernels.curved import tabulate_shapes
+from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
@@ -57,7 +52,7 @@ class ObstacleOperators(MortarOperators):
         phi: Signed distance of the slave nodes, shape (slave nodes,) [length].
         V: Motions at the slave nodes, shape (slave nodes, 3, 2).
         dn_dq: Derivative of the normals by the motions, shape (slave nodes, 2, 3) [1 / length].
-        dgap_dq: The same of the weighted gap, shape (slave nodes, 3) [length].
+        dgap_dq: Derivative of the weighted gap by the motions, shape (slave nodes, 3) [length].
     """
 
     obstacle: Obstacle
@@ -68,7 +63,7 @@ class ObstacleOperators(MortarOperators):
     dgap_dq: Array
 
     def freeze(self) -> Self:
-        """The same without derivatives, but for that of the gap by the motions."""
+        """These operators without derivatives, but for that of the gap by the motions."""
         return replace(super().freeze(), dn_dq=np.zeros_like(self.dn_dq))
 
     def after_small_motion(self, x: Array, m: Array, dq: Array | None = None) -> Self:
@@ -279,10 +274,8 @@ def integrate_facets(
 
 def _shapes(points: Array, size: int) -> tuple[Array, Array]:
     """Shape functions of facets of ``size`` nodes and derivatives, each (size, points)."""
-    table = np.empty((points.size, 3, size))
-    for xi, row in zip(points, table, strict=True):
-        tabulate_shapes(xi, row)
-    return table[:, 0].T, table[:, 1].T
+    N, dN = lagrange(points, size - 1)
+    return N.T, dN.T
 
 
 def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> Segments:
@@ -300,6 +293,5 @@ def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> 
         points=rule[0],
         weights=rule[1],
         spans=np.tile([0, rule[0].size], (count, 1)),
-        spread=np.tile([0.0, rule[1] @ rule[0] ** 2 / 2.0], (count, 1)),
         pairs=np.empty((0, 2), np.int64),
     )

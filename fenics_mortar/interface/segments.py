@@ -32,12 +32,10 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 
 Integration = Literal["segments", "elements", "nodes"]
-# Facets covered by less than this (in xi) are left out; overlaps below it are rounding. A fixed
-# point lies upon a master node within this part of its facet.
-LEAST_COVER = 1e-10
-# A facet counts as fully covered if less than this (in xi) is missing; its dual basis is then
-# that of the whole facet.
-FULL_COVER = 1e-12
+# Lengths in xi below this are rounding: facets covered by less are left out, those of which less is
+# missing count as covered, segments may overlap by it, and a fixed point lies upon a master node
+# within this fraction of its facet.
+NEGLIGIBLE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,8 @@ class Segments:
         partial: Whether the multiplier functions of a facet move with its segments, shape (f,): it
             is curved, or a part of it has no partner and its segments have ends that move.
         offsets: Segments of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
-        pair_offsets: The same for the pairs of segments coupled by these functions, (f + 1,).
+        pair_offsets: Pairs of segments coupled by these functions: those of facet i are
+            pair_offsets[i]:pair_offsets[i + 1], shape (f + 1,).
         slave: Slave nodes of each segment, shape (n, K).
         master: Master nodes, shape (n, K).
         ends: Ends on the slave facet, -1 ... 1, shape (n, 2).
@@ -58,7 +57,6 @@ class Segments:
         points: Quadrature points of all segments between their ends, -1 ... 1, shape (p,).
         weights: Their weights, whose sum is 2 for each segment, shape (p,).
         spans: Segment i has the points spans[i, 0]:spans[i, 1], shape (n, 2).
-        spread: Mean and variance of the points of each segment, shape (n, 2).
         pairs: Segments (i, k) of which M of i depends on the nodes of k, shape (p, 2).
     """
 
@@ -73,7 +71,6 @@ class Segments:
     points: Array
     weights: Array
     spans: Indices
-    spread: Array
     pairs: Indices
 
     @property
@@ -126,8 +123,8 @@ def find_segments(
     """
     geometry, nodes = (x, n, m), slave.facets[facets]
     view = open_view(facets.size) if view is None else view.of(facets)
-    seen = (*view, LEAST_COVER)
-    search_for = geometry, nodes, master.facets, radius, seen, (least_cosine, LEAST_COVER)
+    seen = (*view, NEGLIGIBLE)
+    search_for = geometry, nodes, master.facets, radius, seen, (least_cosine, NEGLIGIBLE)
     if integration == "segments":
         offsets, masters, pieces = _intersections(search_for, points)
     else:
@@ -139,7 +136,7 @@ def find_segments(
     ends, fixed = pieces[:2]
     cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
     moves = np.bincount(owner, ~fixed.all(axis=1), facets.size) > 0
-    partial = ((cover < 2.0 - FULL_COVER) & moves) | (slave.degree > 1)
+    partial = ((cover < 2.0 - NEGLIGIBLE) & moves) | (slave.degree > 1)
     pair_counts = np.where(partial, counts**2, counts)
     pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
     return Segments(
@@ -162,7 +159,6 @@ class _Pieces(NamedTuple):
     points: Array
     weights: Array
     spans: Indices
-    spread: Array
 
 
 def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Pieces]:
@@ -170,14 +166,13 @@ def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, I
     offsets, masters, fixed, ends = search.find_segments(*search_for)
     s, w = gauss_rule(points)
     spans = np.tile([0, points], (len(masters), 1))
-    spread = np.tile([0.0, 1.0 / 3.0], (len(masters), 1))
-    return offsets, masters, _Pieces(ends, fixed, s, w, spans, spread)
+    return offsets, masters, _Pieces(ends, fixed, s, w, spans)
 
 
 def _runs(
     search_for: tuple[Any, ...], xi: Array, w: Array, *, least: int
 ) -> tuple[Indices, Indices, _Pieces]:
-    """The same of runs of points of the rule ``xi``, ``w`` on whole facets."""
+    """Offsets, master facets and pieces of runs of points of the rule ``xi``, ``w``."""
     offsets, masters, runs = search.find_points(*search_for, xi, least)
     cuts = np.concatenate([[-1.0], np.cumsum(w)[:-1] - 1.0, [1.0]])
     ends, lengths = cuts[runs], np.diff(runs, axis=1)[:, 0]
@@ -186,11 +181,8 @@ def _runs(
     which = runs[owner, 0] + np.arange(owner.size) - starts[owner]
     centres, halves = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2.0
     s, weights = (xi[which] - centres[owner]) / halves[owner], w[which] / halves[owner]
-    spread = np.zeros(ends.shape)
-    np.add.at(spread[:, 0], owner, weights * s / 2.0)
-    np.add.at(spread[:, 1], owner, weights * (s - spread[owner, 0]) ** 2 / 2.0)
     spans = np.stack([starts, stops], axis=1)
-    return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans, spread)
+    return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans)
 
 
 @cache

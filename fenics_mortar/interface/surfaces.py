@@ -2,8 +2,8 @@
 """Contact surfaces: the facets of a tag as curves, replicated on every rank.
 
 A curve is small, O(sqrt(N)) nodes beside a bulk of N: so every rank holds all of it, and nothing
-in the contact evaluation asks who owns a facet. Nodes are numbered along the curves, from ends
-and in an order that follow from the coordinates alone, so the numbering does not depend on how
+in the contact evaluation depends on who owns a facet. Nodes are numbered along the curves, from
+ends and in an order that follow from the coordinates alone, so the numbering does not depend on how
 the mesh is distributed.
 
 What that costs each rank: with S slave and M master nodes, and B nodes on the outlines of their
@@ -40,6 +40,7 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
+from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
@@ -343,7 +344,6 @@ def _measures(X: Array) -> Array:
     if X.shape[1] == 2:
         return np.repeat(np.linalg.norm(X[:, 1] - X[:, 0], axis=1)[:, None] / 2, 2, axis=1)
     points, weights = np.polynomial.legendre.leggauss(5)
-    N = np.stack([points * (points - 1) / 2, 1 - points**2, points * (points + 1) / 2])
-    dN = np.stack([points - 0.5, -2 * points, points + 0.5])
-    J = np.linalg.norm(np.einsum("kp,mkc->mpc", dN, X), axis=2)
-    return np.einsum("kp,mp,p->mk", N, J, weights)
+    N, dN = lagrange(points, X.shape[1] - 1)
+    J = np.linalg.norm(np.einsum("pk,mkc->mpc", dN, X), axis=2)
+    return np.einsum("pk,mp,p->mk", N, J, weights)

@@ -1,25 +1,53 @@
 # SPDX-License-Identifier: MIT
-"""Projections along the continuous field of slave normals, with their derivatives.
+"""Projections along the continuous field of slave normals, for facets of K = 2 or 3 nodes.
 
 ===========  ====================================================================  =========
 symbol       meaning                                                               shape
 ===========  ====================================================================  =========
-y            local coordinates of one slave and one master facet:                  (12,)
-             x1, x2 (slave nodes), n1, n2 (their normals), m1, m2 (master nodes)
+y            one slave and one master facet: slave nodes, their normals, master    (6 K,)
+             nodes, each in order along its curve
 xi, eta      coordinate on the slave / master facet, -1 ... 1                      ()
-x(xi)        N1 x1 + N2 x2;  N1 = (1 - xi) / 2, N2 = (1 + xi) / 2                  (2,)
-n(xi)        N1 n1 + N2 n2, not normalised; tau(xi) = (-n_y, n_x)                  (2,)
-dxi_dy       derivative of a segment end by ``y``                                  (12,)
+N, L         shape functions of the slave / master facet at xi / eta, and their    (3, K)
+             first and second derivatives
+x(xi), n(xi) N x and N n, the latter not normalised; tau(xi) = (-n_y, n_x)         (2,)
 ===========  ====================================================================  =========
 
 Both directions use the slave's normals, so they are inverse to each other: a master point x_m and
 a slave point x(xi) are partners where q(xi) = tau(xi) . (x_m - x(xi)) = 0 (Popp, Gee & Wall 2009,
-section 4). For two-node facets q is quadratic and no iteration is needed.
+section 4).
 """
 
 import numpy as np
 
 from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.shapes import tabulate_shapes
+
+# Newton's method for the partner of a master node starts with about three digits and doubles them:
+# 5 steps suffice. Its bracket halves at worst, so that this many reach rounding from an interval of
+# length 2.
+MAX_STEPS = 60
+
+
+@kernel
+def gather(x, n, m, slave, master, y):
+    """Gather ``y`` (6 K,) of one slave facet and one master facet (K node numbers each)."""
+    count = slave.size
+    for i in range(count):
+        for d in range(2):
+            y[2 * i + d] = x[slave[i], d]
+            y[2 * (count + i) + d] = n[slave[i], d]
+            y[2 * (2 * count + i) + d] = m[master[i], d]
+
+
+@kernel
+def combine(y, which, N, order):
+    """Nodes (0), normals (1) or master nodes (2) in ``y`` combined by ``N[order]``: (x, y)."""
+    start = 2 * which * N.shape[1]
+    vx, vy = 0.0 * y[0], 0.0 * y[0]
+    for i in range(N.shape[1]):
+        vx += N[order, i] * y[start + 2 * i]
+        vy += N[order, i] * y[start + 2 * i + 1]
+    return vx, vy
 
 
 @kernel
@@ -29,73 +57,135 @@ def side_of_ray(x, n, point):
 
 
 @kernel
-def master_to_slave(y, k):
-    """``xi`` of the partner of master node ``k`` (0 or 1) on the slave facet.
+def side_of_normal(y, k, xi, N):
+    """Q = tau . (x_m - x) of master node ``k`` and the slave point ``xi``, and dq/dxi."""
+    tabulate_shapes(xi, N)
+    x, y_ = combine(y, 0, N, 0)
+    tx, ty = combine(y, 0, N, 1)
+    nx, ny = combine(y, 1, N, 0)
+    bx, by = combine(y, 1, N, 1)
+    at = y.size - 2 * N.shape[1] + 2 * k
+    rx, ry = y[at] - x, y[at + 1] - y_
+    return nx * ry - ny * rx, bx * ry - by * rx - nx * ty + ny * tx
 
-    The root of smaller size, in the form without cancellation. It is the one in [-1, 1] whenever q
-    changes its sign there, which the caller has tested.
-    """
-    cx = 0.5 * (y[0] + y[2])
-    cy = 0.5 * (y[1] + y[3])
-    ax = 0.5 * (y[2] - y[0])
-    ay = 0.5 * (y[3] - y[1])
-    nx = 0.5 * (y[4] + y[6])
-    ny = 0.5 * (y[5] + y[7])
-    bx = 0.5 * (y[6] - y[4])
-    by = 0.5 * (y[7] - y[5])
-    rx = y[8 + 2 * k] - cx
-    ry = y[9 + 2 * k] - cy
-    A = by * ax - bx * ay
-    B = bx * ry - by * rx + ny * ax - nx * ay
-    C = nx * ry - ny * rx
+
+@kernel
+def small_root(A, B, C):
+    """Root of smaller size of A t^2 + B t + C, in the form without cancellation."""
     root = np.sqrt(B * B - 4.0 * A * C)
     return -2.0 * C / (B + (root if B.real >= 0.0 else -root))
 
 
 @kernel
-def master_to_slave_derivative(y, k, xi, dxi_dy):
-    """Fill ``dxi_dy`` for the partner ``xi`` of master node ``k``: dq = 0 along the root."""
-    N1, N2 = 0.5 * (1.0 - xi), 0.5 * (1.0 + xi)
-    nx, ny = N1 * y[4] + N2 * y[6], N1 * y[5] + N2 * y[7]
-    rx = y[8 + 2 * k] - N1 * y[0] - N2 * y[2]
-    ry = y[9 + 2 * k] - N1 * y[1] - N2 * y[3]
-    ax, ay = 0.5 * (y[2] - y[0]), 0.5 * (y[3] - y[1])
-    bx, by = 0.5 * (y[6] - y[4]), 0.5 * (y[7] - y[5])
-    dq_dxi = bx * ry - by * rx + ny * ax - nx * ay
-    s = -1.0 / dq_dxi
-    dxi_dy[:] = 0.0
-    dxi_dy[0], dxi_dy[1] = s * N1 * ny, -s * N1 * nx
-    dxi_dy[2], dxi_dy[3] = s * N2 * ny, -s * N2 * nx
-    dxi_dy[4], dxi_dy[5] = s * N1 * ry, -s * N1 * rx
-    dxi_dy[6], dxi_dy[7] = s * N2 * ry, -s * N2 * rx
-    dxi_dy[8 + 2 * k], dxi_dy[9 + 2 * k] = -s * ny, s * nx
+def master_to_slave(y, k, N):
+    """``xi`` of the partner of master node ``k`` on the slave facet; real numbers only.
 
-
-@kernel
-def slave_to_master(y, xi):
-    """``eta`` and ``alpha`` of the partner x + alpha n of the slave point ``xi``."""
-    N1, N2 = 0.5 * (1.0 - xi), 0.5 * (1.0 + xi)
-    nx, ny = N1 * y[4] + N2 * y[6], N1 * y[5] + N2 * y[7]
-    x0, x1 = N1 * y[0] + N2 * y[2], N1 * y[1] + N2 * y[3]
-    ax, ay = 0.5 * (y[10] - y[8]), 0.5 * (y[11] - y[9])
-    rx, ry = 0.5 * (y[8] + y[10]) - x0, 0.5 * (y[9] + y[11]) - x1
-    across = nx * ay - ny * ax
-    eta = -(nx * ry - ny * rx) / across
-    alpha = (ay * rx - ax * ry) / (ay * nx - ax * ny)
-    return eta, alpha
-
-
-@kernel
-def segment_ends(y, lower_is_fixed, upper_is_fixed, ends, dends_dy):
-    """Fill those ends (2,) of a segment that move, and the derivative (2, 12) of both.
-
-    The master facet runs against the slave facet: the lower end is fixed (at slave node 1) or the
-    partner of master node 2, the upper end is fixed (at slave node 2) or that of master node 1.
+    Newton from the root of the parabola through q at -1, 0 and 1, which is q itself for two nodes,
+    kept between ends of different sign. The caller has tested that there are.
     """
-    dends_dy[:] = 0.0
-    if not lower_is_fixed:
-        ends[0] = master_to_slave(y, 1)
-        master_to_slave_derivative(y, 1, ends[0], dends_dy[0])
-    if not upper_is_fixed:
-        ends[1] = master_to_slave(y, 0)
-        master_to_slave_derivative(y, 0, ends[1], dends_dy[1])
+    low, high = -1.0, 1.0
+    first = side_of_normal(y, k, low, N)[0]
+    last = side_of_normal(y, k, high, N)[0]
+    middle = side_of_normal(y, k, 0.0, N)[0]
+    xi = small_root(0.5 * (first + last) - middle, 0.5 * (last - first), middle)
+    if not abs(xi) <= 1.0:
+        xi = 0.0
+    for _ in range(MAX_STEPS):
+        q, slope = side_of_normal(y, k, xi, N)
+        if q * first > 0.0:
+            low = xi
+        else:
+            high = xi
+        new = xi - q / slope
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        change = abs(new - xi)
+        xi = new
+        if change < 1e-13:
+            break
+    return xi
+
+
+@kernel
+def move_end(y, k, found, N, dxi_dy):
+    """``xi`` of the partner of master node ``k``, ``found`` but for rounding; fill dxi/dy (6 K,).
+
+    One step of Newton's method in the numbers of ``y``; dq = 0 along the root.
+    """
+    q, slope = side_of_normal(y, k, found, N)
+    xi = found - q / slope
+    _, slope = side_of_normal(y, k, xi, N)
+    count = N.shape[1]
+    at = 4 * count + 2 * k
+    x, y_ = combine(y, 0, N, 0)
+    nx, ny = combine(y, 1, N, 0)
+    rx, ry = y[at] - x, y[at + 1] - y_
+    s = -1.0 / slope
+    dxi_dy[:] = 0.0
+    for i in range(count):
+        own, normal = 2 * i, 2 * (count + i)
+        dxi_dy[own], dxi_dy[own + 1] = s * N[0, i] * ny, -s * N[0, i] * nx
+        dxi_dy[normal], dxi_dy[normal + 1] = s * N[0, i] * ry, -s * N[0, i] * rx
+    dxi_dy[at], dxi_dy[at + 1] = -s * ny, s * nx
+    return xi
+
+
+@kernel
+def slave_to_master(y, xi, N, L):
+    """``eta`` and ``alpha`` of the partner x + alpha n of the slave point ``xi``; fill N and L.
+
+    tau . (m(eta) - x) is linear or quadratic in eta. The root of smaller size is the one in
+    [-1, 1], if there is only one there.
+    """
+    count = N.shape[1]
+    tabulate_shapes(xi, N)
+    x, y_ = combine(y, 0, N, 0)
+    nx, ny = combine(y, 1, N, 0)
+    first, last = 4 * count, 6 * count - 2
+    cx, cy = 0.5 * (y[first] + y[last]), 0.5 * (y[first + 1] + y[last + 1])
+    ax, ay = 0.5 * (y[last] - y[first]), 0.5 * (y[last + 1] - y[first + 1])
+    B = nx * ay - ny * ax
+    if count == 2:
+        eta = (ny * (cx - x) - nx * (cy - y_)) / B
+    else:
+        mx, my = y[first + 2], y[first + 3]
+        A = nx * (cy - my) - ny * (cx - mx)
+        eta = small_root(A, B, nx * (my - y_) - ny * (mx - x))
+    tabulate_shapes(eta, L)
+    mx, my = combine(y, 2, L, 0)
+    return eta, (nx * (mx - x) + ny * (my - y_)) / (nx * nx + ny * ny)
+
+
+@kernel
+def segment_ends(y, is_fixed, found, N, ends, dends_dy):
+    """Fill the ends (2,) of a segment near those ``found``, and their derivative (2, 6 K).
+
+    The master facet runs against the slave facet: the lower end is a fixed place on the slave facet
+    or the partner of the last master node, the upper end is fixed or that of the first.
+    """
+    for end in range(2):
+        if is_fixed[end]:
+            ends[end] = found[end]
+            dends_dy[end] = 0.0
+        else:
+            ends[end] = move_end(y, (1 - end) * (N.shape[1] - 1), found[end], N, dends_dy[end])
+
+
+@kernel
+def sample_gaps(geometry, connectivity, places, points, gaps):
+    """Fill ``gaps`` (n, p) at the places s = ``points`` (p,) of n segments.
+
+    ``geometry`` = (x, n, m); ``connectivity`` = (slave nodes (n, K), master nodes (n, K));
+    ``places``: their ends (n, 2).
+    """
+    x, n, m = geometry
+    slave, master = connectivity
+    count = slave.shape[1]
+    y, N, L = np.empty(6 * count), np.empty((3, count)), np.empty((3, count))
+    for i in range(slave.shape[0]):
+        gather(x, n, m, slave[i], master[i], y)
+        c, h = 0.5 * (places[i, 0] + places[i, 1]), 0.5 * (places[i, 1] - places[i, 0])
+        for p in range(points.size):
+            _, alpha = slave_to_master(y, c + h * points[p], N, L)
+            nx, ny = combine(y, 1, N, 0)
+            gaps[i, p] = alpha * np.sqrt(nx * nx + ny * ny)

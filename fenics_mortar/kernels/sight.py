@@ -19,7 +19,9 @@ thickness, and with t_m alone, or the lesser of both, a thin master would be los
 
 import numpy as np
 
-from fenics_mortar.kernels import curved, kernel
+from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.projection import combine
+from fenics_mortar.kernels.shapes import tabulate_shapes
 
 
 @kernel
@@ -79,12 +81,12 @@ def length_inside(origin, direction, outline, own, least):
 def is_way_out(y, N, xi, depth, outline, bodies, least):
     """Whether a partner at ``depth`` behind the slave point ``xi`` is the nearer way out.
 
-    ``y`` as in ``curved``; ``bodies`` = (slave's, master's), ``least`` as above.
+    ``y`` as in ``projection``; ``bodies`` = (slave's, master's), ``least`` as above.
     """
-    curved.tabulate_shapes(xi, N)
+    tabulate_shapes(xi, N)
     start, back, partner = np.empty(2), np.empty(2), np.empty(2)
-    start[0], start[1] = curved.combine(y, 0, N, 0)
-    nx, ny = curved.combine(y, 1, N, 0)
+    start[0], start[1] = combine(y, 0, N, 0)
+    nx, ny = combine(y, 1, N, 0)
     size = np.sqrt(nx * nx + ny * ny)
     back[0], back[1] = -nx / size, -ny / size
     own = length_inside(start, back, outline, bodies[0], least)
@@ -101,7 +103,7 @@ def tabulate_lengths(x, n, facets, bodies, outline, least, lengths):
     ``x`` and ``n`` are positions and normals of the nodes; ``least`` is a part of each facet.
     """
     N = np.empty((3, facets.shape[1]))
-    curved.tabulate_shapes(0.0, N)
+    tabulate_shapes(0.0, N)
     start, back = np.empty(2), np.empty(2)
     for f in range(facets.shape[0]):
         start[:], back[:] = 0.0, 0.0

@@ -114,7 +114,7 @@ class Obstacle(ABC):
         if flat.any():
             raise NotFiniteError(
                 f"the distance of '{self.name}' has no gradient at {flat.sum()} points, one at "
-                f"{self._where(x, flat)}; right is one of length 1, about"
+                f"{self._where(x, flat)}; expected one of length 1, about"
             )
         return phi, gradient, hessian
 

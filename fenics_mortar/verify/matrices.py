@@ -16,7 +16,8 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.interface.mortar import Block, share_of
+from fenics_mortar.interface.integrals import share_of
+from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.utils.arrays import Array, Indices
 

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
+from closed_form import BOTH, integrate_facet
 from derivatives import complex_step
 
 from fenics_mortar.interface.segments import find_segments
-from fenics_mortar.kernels import basis, curved, normals, segment
+from fenics_mortar.kernels import basis, facets, normals
 
 LIMITS = (0.1, 1e-10)
 
@@ -35,9 +36,15 @@ class Curves:
         self.previous = np.arange(count) - 1
         self.following = np.append(np.arange(1, count), -1)
         if self.left is None:
-            self.left = np.full(count - 1, basis.BOTH)
+            self.left = np.full(count - 1, BOTH)
         n, _ = self.normals(self.x)
         self.find(n)
+
+    @property
+    def weights(self):
+        """H of each facet: who has the functions of its nodes."""
+        of_left = np.array([np.eye(2), [[1, 1], [0, 0]], [[0, 0], [1, 1]]])
+        return of_left[self.left]
 
     def find(self, n):
         """Find the segments as a problem does."""
@@ -68,32 +75,51 @@ class Curves:
 
         The segments keep the kind of their ends; complex positions give complex values.
         """
-        kind = positions.dtype
+        kind, size = positions.dtype, self.slave.shape[1]
         x, m = positions[: len(self.x)], positions[len(self.x) :]
         n, dn = self.normals(x)
-        count, facets = len(self.masters), len(self.slave)
+        count, number, columns = len(self.masters), len(self.slave), 8 * size - 4
 
-        def empty(*shape):
+        def zeros(*shape):
             return np.zeros(shape, kind)
 
-        s = self.segments
-        ends, dends, *moments = (
-            s.ends.astype(kind), empty(count, 2, 12), empty(count, 2, 2),
-            empty(count, 2, 2, 12), empty(count, 2), empty(count, 2, 12),
+        values = (
+            zeros(number, size, size), zeros(count, size**2, columns),
+            zeros(count, size, size), zeros(len(self.pairs), size**2, columns),
+            zeros(number, size), zeros(count, size, columns), zeros(number, size),
         )  # fmt: skip
-        segment.tabulate_segments(
-            (x, n, dn, m), self.nodes, s.end_is_fixed, s.rule, True, ends, dends, *moments
-        )
-        moments = ends, dends, s.spread, *moments
-        D, dD = empty(facets, 2, 2), empty(count, 2, 2, 12)
-        M, dM = empty(count, 2, 2), empty(len(self.pairs), 2, 2, 12)
-        g, dg, cover = empty(facets, 2), empty(count, 2, 12), empty(facets, 2)
-        edges = x[self.slave[:, 1]] - x[self.slave[:, 0]]
-        values = (D, dD, M, dM, g, dg, cover)
-        own = (edges, self.left, self.partial)
-        kinds = self.basis, self.gap_weights
-        basis.tabulate_facets(own, *kinds, self.offsets, self.pair_offsets, moments, values)
-        return {"D": D, "M": M, "g": g, "dD": dD, "dM": dM, "dg": dg, "cover": cover}
+        s = self.segments
+        facets.tabulate_facets(
+            (x, n, dn, m), (self.slave, self.weights, self.partial),
+            (s.master, s.end_is_fixed, s.ends), self.offsets, self.pair_offsets, s.rule,
+            (self.basis, self.gap_weights, True), values,
+        )  # fmt: skip
+        found = dict(zip(("D", "dD", "M", "dM", "g", "dg", "cover"), values))
+        for name in ("dD", "dM"):
+            found[name] = found[name].reshape(len(found[name]), size, size, columns)
+        return found
+
+    def exact(self, positions):
+        """D, M, weighted gap and cover in closed form."""
+        x, m = positions[: len(self.x)], positions[len(self.x) :]
+        (n, _), s = self.normals(x), self.segments
+        D, M, g, cover = (np.zeros((len(self.slave), 2, 2), x.dtype), [], [], [])
+        for e, nodes in enumerate(self.slave):
+            own = [
+                (
+                    np.concatenate([x[nodes], n[nodes], m[s.master[i]]]).ravel(),
+                    s.end_is_fixed[i], s.ends[i],
+                    s.points[slice(*s.spans[i])], s.weights[slice(*s.spans[i])],
+                )
+                for i in range(self.offsets[e], self.offsets[e + 1])
+            ]  # fmt: skip
+            g.append(np.zeros(2, x.dtype))
+            cover.append(np.zeros(2, x.dtype))
+            if own:
+                kinds = self.basis, self.gap_weights
+                D[e], more, g[e], cover[e] = integrate_facet(kinds, self.left[e], own)
+                M += more
+        return {"D": D, "M": np.reshape(M, (-1, 2, 2)), "g": np.array(g), "cover": np.array(cover)}
 
     def assemble(self, values):
         """Dense derivatives of D (f, K, K), M (n, K, K) and g (f, K) by all positions."""
@@ -107,18 +133,19 @@ class Curves:
             found["M"][i][..., self.columns(k)] += values["dM"][p]
         return {name: array[..., :-1] for name, array in found.items()}
 
-    def exact_derivatives(self):
-        """The same by complex steps."""
-        values = self.evaluate(self.positions)
+    def exact_derivatives(self, evaluate=None):
+        """Those of ``evaluate`` by complex steps."""
+        evaluate = evaluate or self.evaluate
+        values = evaluate(self.positions)
         exact = complex_step(
             lambda moved: np.concatenate(
-                [self.evaluate(moved)[name].ravel() for name in ("D", "M", "g")]
+                [evaluate(moved)[name].ravel() for name in ("D", "M", "g")]
             ),
             self.positions,
         )
         cuts = np.cumsum([values[name].size for name in ("D", "M")])
         return {
-            name: part.reshape(*values[name].shape, -1)
+            name: part.reshape(*values[name].shape, self.positions.size)
             for name, part in zip(("D", "M", "g"), np.split(exact, cuts))
         }
 
@@ -143,12 +170,13 @@ def wavy(seed, slaves=5, masters=8, start=-0.05, stop=1.05):
 
 @dataclass
 class CurvedCurves(Curves):
-    """The same by the kernels for any number of nodes per facet, ``degree`` + 1."""
+    """The same with ``degree`` + 1 nodes a facet."""
 
     degree: int = 2
     drop: int | None = None
     share: bool = False  # whether the node inside a facet hands its function to both ends
     coupled = True
+    weights = None
 
     def __post_init__(self):
         k = self.degree
@@ -181,33 +209,6 @@ class CurvedCurves(Curves):
         near[(near < 0) | (near >= len(self.x))] = -1
         nodes = [*near, *(self.nodes[1][i] + len(self.x))]
         return np.ravel([(2 * j, 2 * j + 1) if j >= 0 else (-1, -1) for j in nodes])
-
-    def evaluate(self, positions):
-        """As for two nodes."""
-        kind, size = positions.dtype, self.degree + 1
-        x, m = positions[: len(self.x)], positions[len(self.x) :]
-        n, dn = self.normals(x)
-        count, facets, columns = len(self.masters), len(self.slave), 8 * size - 4
-
-        def zeros(*shape):
-            return np.zeros(shape, kind)
-
-        values = (
-            zeros(facets, size, size), zeros(count, size, size, columns),
-            zeros(count, size, size), zeros(len(self.pairs), size, size, columns),
-            zeros(facets, size), zeros(count, size, columns), zeros(facets, size),
-        )  # fmt: skip
-        curved.tabulate_facets(
-            (x, n, dn, m),
-            (self.slave, self.weights),
-            (self.segments.master, self.segments.end_is_fixed, self.segments.ends),
-            self.offsets,
-            self.pair_offsets,
-            self.segments.rule,
-            (self.basis, self.gap_weights, True),
-            values,
-        )
-        return dict(zip(("D", "dD", "M", "dM", "g", "dg", "cover"), values))
 
 
 def with_inner_nodes(x, seed, bulge=0.1):

@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from closed_form import BOTH, ONLY_FIRST, ONLY_SECOND
 from curves import Curves, wavy
 
 from fenics_mortar.kernels import basis, normals
@@ -121,14 +122,36 @@ def test_tiny_cover_keeps_the_dual_basis_finite_and_the_sums_exact(cover):
     assert np.abs(M.sum(axis=1) - np.diag(D)).max() < 1e-15 * cover + 1e-17
 
 
-@pytest.mark.parametrize("left", [basis.ONLY_FIRST, basis.ONLY_SECOND])
+@pytest.mark.parametrize("left", [ONLY_FIRST, ONLY_SECOND])
 def test_neighbour_takes_over_the_weight_of_a_node_without_multiplier(left):
     x, m = wavy(0)
     pair = Curves(x, m, left=np.full(len(x) - 1, left))
     values = pair.evaluate(pair.positions)
-    dropped = 1 if left == basis.ONLY_FIRST else 0
+    dropped = 1 if left == ONLY_FIRST else 0
     assert np.abs(values["D"][:, dropped]).max() < 1e-17
     assert np.abs(values["D"][:, 1 - dropped] - values["cover"]).max() < 1e-15
+
+
+@pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
+@pytest.mark.parametrize("kind, rule", product(BASES, ["segments", "elements", "nodes"]))
+@pytest.mark.parametrize("left", [BOTH, ONLY_FIRST, ONLY_SECOND])
+@pytest.mark.parametrize("gap_weights", GAP_WEIGHTS)
+def test_values_and_derivatives_are_those_of_the_closed_form(cover, kind, rule, left, gap_weights):
+    if rule == "nodes":
+        kind, gap_weights = basis.STANDARD, basis.BY_BASIS
+    points = 9 if rule == "elements" else 5
+    more = {"integration": rule, "points": points, "gap_weights": gap_weights}
+    pair = curves(cover, basis=kind, **more)
+    pair.left[:] = left
+    values, exact = pair.evaluate(pair.positions), pair.exact(pair.positions)
+    for name in exact:
+        size = np.abs(exact[name]).max(initial=0.0)
+        assert np.abs(values[name] - exact[name]).max(initial=0.0) <= 1e-13 * size, name
+    if gap_weights == basis.BY_BASIS or (cover == "one end" and left == BOTH):
+        found, exact = pair.assemble(values), pair.exact_derivatives(pair.exact)
+        for name, array in exact.items():
+            error = np.abs(found[name] - array).max(initial=0.0)
+            assert error <= 1e-12 * np.abs(array).max(initial=0.0), name
 
 
 @pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
@@ -136,15 +159,15 @@ def test_neighbour_takes_over_the_weight_of_a_node_without_multiplier(left):
 @pytest.mark.parametrize(
     "left, gap_weights",
     [
-        *product([basis.BOTH], GAP_WEIGHTS),
-        *product([basis.ONLY_FIRST, basis.ONLY_SECOND], [basis.BY_COVER]),
+        *product([BOTH], GAP_WEIGHTS),
+        *product([ONLY_FIRST, ONLY_SECOND], [basis.BY_COVER]),
     ],
 )
 def test_all_derivatives_equal_the_complex_step(cover, kind, weighting, left, gap_weights):
     pair = curves(cover, basis=kind, weighting=weighting, gap_weights=gap_weights)
     pair.left[:] = left
     found, exact = pair.assemble(pair.evaluate(pair.positions)), pair.exact_derivatives()
-    if kind == basis.DUAL and left == basis.BOTH:  # the off-diagonal is zero by construction
+    if kind == basis.DUAL and left == BOTH:  # the off-diagonal is zero by construction
         exact["D"][:, [0, 1], [1, 0]] = 0.0
     for name, array in exact.items():
         error = np.abs(found[name] - array).max()

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: MIT
+"""Evaluation of the mortar operators: normals, segments, integrals, sums over the ranks."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.interface.mortar import Linearization, MortarOperators
+from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
+from fenics_mortar.interface.segments import Segments, find_segments
+from fenics_mortar.interface.sight import View
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.kernels import facets, normals
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
+
+
+def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
+    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 4 K - 2)."""
+    n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
+    curve = surface.previous, surface.following, surface.inner
+    normals.tabulate_normals(x, *curve, WEIGHTINGS[weighting], n, dn)
+    return n, dn
+
+
+def share_of(items: Indices, comm: MPI.Comm) -> Indices:
+    """This rank's contiguous, equal share of ``items``, whoever owns what they stand for."""
+    bounds = [items.size * rank // comm.size for rank in (comm.rank, comm.rank + 1)]
+    return items[bounds[0] : bounds[1]]
+
+
+@clock("integrals")
+def evaluate_mortar(
+    slave: Surface,
+    master: Surface,
+    x: Array,
+    m: Array,
+    carries: npt.NDArray[np.bool_],
+    prescribed_normals: Array,
+    options: MortarOptions,
+    linearization: Linearization,
+    view: View | None = None,
+) -> MortarOperators:
+    """Evaluate the mortar operators at current positions (collective).
+
+    Args:
+        slave: The side that carries the multiplier.
+        master: The side projected to.
+        x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
+        m: Current positions of the master nodes, shape (master nodes, 2) [length].
+        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
+            neighbours take over the weight of those that do not.
+        prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2);
+            nan where the averaged normal is right.
+        options: How to integrate.
+        linearization: Which derivatives to fill; the others are zero.
+        view: What lies behind the slave's facets at these positions.
+
+    Returns:
+        The operators.
+    """
+    n, dn = evaluate_normals(slave, x, options.weighting)
+    given = np.isfinite(prescribed_normals[:, 0])
+    n[given], dn[given] = prescribed_normals[given], 0.0
+    if not linearization.normals:
+        dn = np.zeros_like(dn)
+    share = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
+    s = find_segments(
+        slave,
+        master,
+        x,
+        n,
+        m,
+        facets=share,
+        radius=options.radius,
+        least_cosine=options.least_cosine,
+        integration=options.integration,
+        points=options.points,
+        view=view,
+    )
+    D, dD, M, dM, gap, dgap, cover = _integrate(
+        slave, s, (x, n, dn, m), carries, options, linearization.segments
+    )
+    nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
+    num_segments = slave.comm.allreduce(s.num_segments)
+    return MortarOperators(
+        slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
+    )
+
+
+def sum_over_facets(
+    slave: Surface, nodes: Indices, D: Array, gap: Array, cover: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Diagonal of D, gap, cover and row sum of D of each slave node, shapes (slave nodes,).
+
+    Collective; ``nodes`` (f, K), ``D`` (f, K, K), ``gap`` and ``cover`` (f, K) are of this share.
+    """
+    nodal = np.zeros((4, slave.num_nodes))
+    on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
+    for row, values in zip(nodal, on_facets, strict=True):
+        row += np.bincount(nodes.ravel(), values.ravel(), slave.num_nodes)
+    slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+    return nodal[0], nodal[1], nodal[2], nodal[3]
+
+
+def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
+    """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.facets``."""
+    number, count, columns = s.facets.size, s.num_segments, 8 * size - 4
+    return (
+        np.zeros((number, size, size)),
+        np.zeros((count, size**2, columns)),
+        np.empty((count, size, size)),
+        np.zeros((len(s.pairs), size**2, columns)),
+        np.zeros((number, size)),
+        np.empty((count, size, columns)),
+        np.zeros((number, size)),
+    )
+
+
+def _integrate(
+    slave: Surface,
+    s: Segments,
+    geometry: tuple[Array, Array, Array, Array],
+    carries: npt.NDArray[np.bool_],
+    options: MortarOptions,
+    move_ends: bool,
+) -> tuple[Array, ...]:
+    """D, dD, M, dM, g, dg and cover of the facets of this share (collective).
+
+    Where a surface is covered up to a place inside a quadratic facet, the integral of the far
+    node's shape function can be negative. Such a node carries no multiplier: its function,
+    continuous there, goes to its neighbour.
+    """
+    nodes = slave.facets[s.facets]
+    if slave.degree > 1:
+        cover = np.empty(nodes.shape)
+        facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
+        nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
+        slave.comm.Allreduce(MPI.IN_PLACE, nodal)
+        carries = carries & (nodal > 0.0)
+    weights = hand_over(carries[nodes])
+    values = _empty_values(s, nodes.shape[1])
+    facets.tabulate_facets(
+        geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
+        s.pair_offsets, s.rule, (*options.kinds, move_ends), values,
+    )  # fmt: skip
+    if options.integration == "nodes":
+        values[0][weights == 0.0] = 0.0  # but for rounding
+    D, dD, M, dM, *others = values
+    size = nodes.shape[1]
+    dD, dM = (array.reshape(len(array), size, size, array.shape[2]) for array in (dD, dM))
+    return D, dD, M, dM, *others
+
+
+def hand_over(carries: npt.NDArray[np.bool_]) -> Array:
+    """Which part of node k's function node j of a facet gets, shape (f, K, K).
+
+    A node that carries keeps its own; the nearest ones that carry share that of another equally.
+    """
+    place = np.arange(carries.shape[1])
+    distance = np.where(carries[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf)
+    nearest = (distance == distance.min(axis=1, keepdims=True)) & carries[:, :, None]
+    return nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: MIT
+"""How a pair is integrated: basis, normals, weights of the gap, quadrature, reach."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from fenics_mortar.interface.segments import Integration
+from fenics_mortar.kernels import basis, normals
+
+Basis = Literal["dual", "standard", "vertices", "linear"]
+Weighting = Literal["opposite", "unit", "own"]
+GapWeights = Literal["cover", "basis", "standard"]
+BASES = {
+    "dual": basis.DUAL,
+    "standard": basis.STANDARD,
+    "vertices": basis.DUAL,
+    "linear": basis.STANDARD,
+}
+# Those without multipliers at the nodes inside quadratic facets.
+AT_VERTICES = ("vertices", "linear")
+GAP_WEIGHTS = {
+    "basis": basis.BY_BASIS,
+    "cover": basis.BY_COVER,
+    "standard": basis.BY_STANDARD,
+}
+WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals.OWN}
+
+
+@dataclass(frozen=True)
+class MortarOptions:
+    """How one pair is integrated.
+
+    Attributes:
+        basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear".
+        weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
+        gap_weights: What weighs the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
+        integration: "segments", "elements" or "nodes"; see ``segments``.
+        points: Gauss points per segment, with "elements" per slave facet.
+        radius: Farthest distance along the normal at which partners are looked for, behind the
+            slave surface less where the bodies are thin, see ``sight`` [length].
+        least_cosine: Least cosine between the slave's normal and the reversed master's.
+    """
+
+    basis: Basis
+    weighting: Weighting
+    gap_weights: GapWeights
+    integration: Integration
+    points: int
+    radius: float
+    least_cosine: float
+
+    @property
+    def kinds(self) -> tuple[int, int]:
+        """Basis and weights of the gap, as the kernels take them.
+
+        On points that are the nodes the standard functions are the dual ones of any cover.
+        """
+        if self.integration == "nodes":
+            return basis.STANDARD, basis.BY_BASIS
+        return BASES[self.basis], GAP_WEIGHTS[self.gap_weights]

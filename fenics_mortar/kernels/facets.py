@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: MIT
+"""D, M, the weighted gap and all derivatives of slave facets with K = 2 or 3 nodes.
+
+Two passes over the segments of a facet: the moments of its covered part make the multiplier
+functions, and with these the integrals and their derivatives follow. For the symbols see ``basis``
+and ``moments``.
+
+Where the functions of a facet change with its segments, M on segment i has derivatives by the nodes
+of each segment k, hence pairs (i, k). They change on curved facets, since J varies, and where a
+part of the facet has no partner and an end of the cover moves. Else the terms of all segments
+together vanish and are left out.
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.basis import (
+    DUAL,
+    dual_multipliers,
+    invert_mass,
+    outermost,
+    shape_coefficients,
+    standard_multipliers,
+    weigh_gap,
+)
+from fenics_mortar.kernels.moments import (
+    add_product,
+    chain_normals,
+    integrate_derivatives,
+    integrate_moments,
+)
+from fenics_mortar.kernels.projection import combine, gather, segment_ends
+from fenics_mortar.kernels.shapes import tabulate_shapes
+
+
+@kernel
+def tabulate_covers(x, facets, ends, offsets, rule, cover):
+    """Fill ``cover`` (f, K): the integrals of N over the covered parts; see below."""
+    points, weights, spans = rule
+    y, N = np.empty(6 * facets.shape[1]), np.empty((3, facets.shape[1]))
+    cover[:] = 0.0
+    for e in range(facets.shape[0]):
+        gather(x, x, x, facets[e], facets[e], y)
+        for i in range(offsets[e], offsets[e + 1]):
+            c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
+            for p in range(spans[i, 0], spans[i, 1]):
+                tabulate_shapes(c + h * points[p], N)
+                tx, ty = combine(y, 0, N, 1)
+                J = np.sqrt(tx * tx + ty * ty)
+                for j in range(facets.shape[1]):
+                    cover[e, j] += weights[p] * J * h * N[0, j]
+
+
+@kernel
+def apply_functions(C, C_dG, T_M, M, M_dG):
+    """Fill M (K, K) = C T_M and its derivative by G, (K K, 2 K - 1)."""
+    count = C.shape[0]
+    M_dG[:] = 0.0
+    for j in range(count):
+        for l in range(count):
+            M[j, l] = 0.0
+            for p in range(count):
+                M[j, l] += C[j, p] * T_M[p, l]
+                for q in range(M_dG.shape[1]):
+                    M_dG[count * j + l, q] += C_dG[j, p, q] * T_M[p, l]
+
+
+@kernel
+def apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g, g_dG, g_dp):
+    """Fill g (K,) = C_g T_g and its derivatives by G, (K, 2 K - 1), and by the edges, (K,)."""
+    g_dG[:] = 0.0
+    for j in range(g.size):
+        g[j], g_dp[j] = 0.0, 0.0
+        for p in range(g.size):
+            g[j] += C_g[j, p] * T_g[p]
+            g_dp[j] += C_g_dp[j, p] * T_g[p]
+            for q in range(g_dG.shape[1]):
+                g_dG[j, q] += C_g_dG[j, p, q] * T_g[p]
+
+
+@kernel
+def square(count, kind):
+    """An array (count, count) to be filled."""
+    return np.empty((count, count), kind)
+
+
+@kernel
+def add_edge(g_dp, dend, dn_dx, nodes, row, dg):
+    """Add to dg (K, columns) what the derivative ``dend`` (6 K,) of an edge changes."""
+    chain_normals(dend, dn_dx, nodes, row)
+    for q in range(row.size):
+        dg[q] += g_dp * row[q]
+
+
+@kernel
+def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, options, values):
+    """Make D, M and the weighted gap of all facets.
+
+    Args:
+        geometry: (x, n, dn_dx, m): slave positions, normals and their derivatives, master
+            positions.
+        facets: (slave nodes (f, K), weights H (f, K, K), partial (f,): whether the functions of a
+            facet move with its segments).
+        segments: (master nodes (n, K), end_is_fixed (n, 2), ends (n, 2)).
+        offsets: Facet e has the segments offsets[e]:offsets[e+1].
+        pair_offsets: And the pairs pair_offsets[e]:pair_offsets[e+1] of them: (i, k), k running
+            fastest, if it is partial, else only i = k.
+        rule: (s, w, spans (n, 2)): segment i has the points spans[i, 0]:spans[i, 1].
+        options: (basis, what weighs the gap, whether the ends of segments have derivatives).
+        values: Filled; (D (f, K, K), dD (n, K K, C), M (n, K, K), dM (pairs, K K, C), g (f, K), dg
+            (n, K, C), cover (f, K)) with C = 8 K - 4 columns. Rows of facets without segments are
+            left as they are; dD and dM must come zeroed.
+    """
+    x, n, dn_dx, m = geometry
+    nodes, weights, partial = facets
+    masters, end_is_fixed, found = segments
+    points, point_weights, spans = rule
+    basis, gap_weights, move_ends = options
+    D, dD, M, dM, g, dg, cover = values
+    kind, count, columns = x.dtype, nodes.shape[1], dD.shape[2]
+    size, most = 2 * count - 1, np.max(offsets[1:] - offsets[:-1]) if nodes.shape[0] else 0
+    of_M, of_g, rows = size, size + count * count, size + count * count + count
+    shapes = np.empty((3, count), kind), np.empty((3, count), kind)
+    work = shapes, np.empty((4, 6 * count), kind), np.empty((rows, 4), kind)
+    y, ends = np.empty((most, 6 * count), kind), np.empty((most, 2), kind)
+    dends, by_y = np.empty((most, 2, 6 * count), kind), np.empty((rows, 6 * count), kind)
+    G, T_M, T_g = np.empty(size, kind), np.empty((most, count, count), kind), np.empty(count, kind)
+    C, C_g, C_g_dp = square(count, kind), square(count, kind), square(count, kind)
+    inverse, scratch = square(count, kind), square(count, kind)
+    C_dG, C_g_dG = np.empty((count, count, size), kind), np.empty((count, count, size), kind)
+    M_dG, D_dG = np.empty((most, count**2, size), kind), np.empty((count**2, size), kind)
+    g_dG = np.empty((count, size), kind)
+    B, d, g_dp = np.zeros((count, size)), np.empty(count, kind), np.empty(count, kind)
+    dG, row = np.empty((most, size, columns), kind), np.empty(columns, kind)
+    for e in range(nodes.shape[0]):
+        start, number = offsets[e], offsets[e + 1] - offsets[e]
+        if number == 0:
+            continue
+        for i in range(number):
+            gather(x, n, m, nodes[e], masters[start + i], y[i])
+            segment_ends(
+                y[i], end_is_fixed[start + i], found[start + i], shapes[0], ends[i], dends[i]
+            )
+        first, last = outermost(ends[:number])
+        place = ends[first, 0].real, ends[last, 1].real
+        G[:] = 0.0
+        T_g[:] = 0.0
+        for i in range(number):
+            span = slice(spans[start + i, 0], spans[start + i, 1])
+            own_rule = points[span], point_weights[span]
+            integrate_moments(y[i], ends[i], place, own_rule, shapes, G, T_M[i], T_g)
+        shape_coefficients(place, G, B, d)
+        if basis == DUAL:
+            invert_mass(G, scratch, inverse)
+            own = g_dp, g_dG
+            dual_multipliers(place, weights[e], B, d, inverse, own, C, C_dG, D[e], D_dG)
+        else:
+            standard_multipliers(weights[e], G, B, C, C_dG, D[e], D_dG)
+        weigh_gap(
+            (basis, gap_weights), place, (ends[first, 0], ends[last, 1]), weights[e], B, d, inverse,
+            C, C_dG, C_g, C_g_dG, C_g_dp,
+        )  # fmt: skip
+        cover[e] = d
+        apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g[e], g_dG, g_dp)
+        pairs, step = pair_offsets[e], number + 1 if partial[e] else 1
+        for i in range(number):
+            own = start + i
+            apply_functions(C, C_dG, T_M[i], M[own], M_dG[i])
+            if not move_ends:
+                dends[i] = 0.0
+            span = slice(spans[own, 0], spans[own, 1])
+            integrate_derivatives(
+                y[i], ends[i], dends[i], place, (points[span], point_weights[span]), (C, C_g), work,
+                by_y,
+            )  # fmt: skip
+            for r in range(rows):
+                if r < of_M:
+                    target = dG[i, r]
+                elif r < of_g:
+                    target = dM[pairs + i * step, r - of_M]
+                else:
+                    target = dg[own, r - of_g]
+                chain_normals(by_y[r], dn_dx, nodes[e], target)
+            add_product(D_dG, dG[i], dD[own])
+        if not partial[e]:
+            continue
+        for k in range(number):
+            add_product(g_dG, dG[k], dg[start + k])
+            for i in range(number):
+                add_product(M_dG[i], dG[k], dM[pairs + i * number + k])
+        for j in range(count):
+            if g_dp[j] != 0.0:
+                edge, end = (first, 0) if j == 0 else (last, 1)
+                add_edge(g_dp[j], dends[edge, end], dn_dx, nodes[e], row, dg[start + edge, j])
