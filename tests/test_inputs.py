@@ -36,7 +36,7 @@ from fenics_mortar.obstacles import ObstacleOperators
 
 COMM = MPI.COMM_WORLD
 LAST = COMM.rank == COMM.size - 1
-several_ranks = pytest.mark.skipif(COMM.size == 1, reason="needs several ranks")
+several_ranks = pytest.mark.ranks
 
 
 @contextmanager

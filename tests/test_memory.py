@@ -14,8 +14,8 @@ from scenes import linear_elastic, neo_hookean, pressed_blocks
 import fenics_mortar as fm
 
 comm = MPI.COMM_WORLD
-MESH = {"n_upper": 30, "n_lower": 35, "layers_upper": 30, "layers_lower": 30}
-WARM, MEASURED = 60, 200
+MESH = {"n_upper": 20, "n_lower": 23, "layers_upper": 20, "layers_lower": 20}
+WARM, MEASURED = 40, 80
 # A vector of all dofs that is lost in each iteration takes 8 bytes a dof.
 ALLOWED = 3.0
 
