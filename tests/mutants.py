@@ -213,6 +213,9 @@ class Calls:
     def __init__(self):
         self.prefix = str(ROOT / PACKAGE) + os.sep
         self.known, self.now, self.tests, self.shared = {}, set(), {}, defaultdict(set)
+
+    def pytest_runtest_logstart(self, nodeid, location):
+        """Anew for each test: some set a trace function of their own, and then none."""
         sys.settrace(self.trace)
 
     def trace(self, frame, event, argument):

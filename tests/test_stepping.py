@@ -279,7 +279,6 @@ class Stribeck(fm.Law):
     "law, most",
     [
         (Stribeck(0.3, 0.3, 1.0, 1e-5), 120),  # cuts in vain: 271 iterations
-        (Stribeck(0.3, 0.3, 1.0, 1e-7), 550),  # the path ended at 0.11 after 1540
         (Stribeck(0.5, 0.2, 0.003, 1e-5), 200),  # 311
     ],
 )
