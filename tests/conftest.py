@@ -22,8 +22,8 @@ import pytest  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: of tests with many cases one of so many runs.
 ONE_OF = 12
-# Tests run on several ranks because bodies are cut there: of one with many cases so many will do.
-CASES_ON_RANKS = 4
+# Tests run on several ranks because bodies are cut there: of many cases the first and the last do.
+CASES_ON_RANKS = 2
 
 
 def pytest_collection_modifyitems(items):

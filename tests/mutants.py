@@ -376,7 +376,7 @@ class Run:
         return cache
 
 
-def varied(tests: list[tuple[str, float]], cases: int = 3) -> list[tuple[str, float]]:
+def varied(tests: list[tuple[str, float]], cases: int = 12) -> list[tuple[str, float]]:
     """The first few cases of each test function before the other cases."""
     seen, first, later = Counter(), [], []
     for name, seconds in tests:

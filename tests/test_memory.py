@@ -37,6 +37,7 @@ def iterate(scene, least):
     return done
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "material, options",
     [
@@ -55,6 +56,7 @@ def test_iterations_take_no_memory(material, options):
     assert grown < ALLOWED * scene.problem.bulk.r.getSize() * done
 
 
+@pytest.mark.serial
 def test_what_is_asked_of_a_state_takes_no_memory():
     """Estimates, matrices and the check of the tangent make vectors and matrices of their own."""
     scene = pressed_blocks(n_upper=20, n_lower=23)

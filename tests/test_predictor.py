@@ -87,6 +87,7 @@ def test_states_travel_with_the_contact(degree):
     assert travel.guess(last, before, np.nan * moved, 2.0) is None
 
 
+@pytest.mark.serial
 def test_path_that_turns_begins_at_its_last_state():
     """The tool goes down, and then along; before and after that guesses are far better."""
     (plain, _), (guessed, _) = paths(ironing, 0.25, stop=1.75)
