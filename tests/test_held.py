@@ -202,7 +202,7 @@ def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough(number):
 @pytest.mark.parametrize("cells", [(2, 2, 3), (3, 4, 5)])
 @pytest.mark.parametrize("side", [None, 0.0])
 def test_joint_of_two_blocks_under_a_third_passes_the_patch_test(side, cells, slave):
-    """All stick, and the exact state has no slip; a joint in the middle: see ``test_redundancy``."""
+    """All stick, and the exact state has no slip. ``test_redundancy``: a joint in the middle."""
     held = t_junction(cells, side=side, slave=slave)
     held.set()
     report = held.problem.solve()
