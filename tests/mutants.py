@@ -7,11 +7,11 @@
 
 A mutant is one change in one file of the package: of a sign, a constant or a comparison, or a term,
 factor or statement dropped. Files are drawn by their number of lines. First all tests run once in
-serial, and the functions that each test calls are noted (``--map FILE`` keeps that, or reads it if
-it is there). Then each mutant gets the tests that call the function changed, cheapest first, until
-one fails or they have used ``--budget`` seconds of CPU time; what survives in serial gets the same
-tests on two ranks. Of compiled functions no calls are seen: their tests are those of files that
-import the module, first without JIT. Needs nothing but what the tests need. Prints a table, and
+serial, and the lines that each test runs are noted (``--map FILE`` keeps that, or reads it if it is
+there). Then each mutant gets the tests that run the line changed, cheapest first, until one fails
+or they have used ``--budget`` seconds of CPU time; what survives in serial gets the same tests on
+two ranks. Of compiled functions no lines are seen: their tests are those of files that import the
+module, first without JIT. Needs nothing but what the tests need. Prints a table, and
 survivors with place and difference; ``--log FILE`` has a line of JSON for each mutant.
 """
 
@@ -20,6 +20,7 @@ from __future__ import annotations
 import argparse
 import ast
 import difflib
+import functools
 import json
 import os
 import random
@@ -31,6 +32,7 @@ import tempfile
 from collections import Counter, defaultdict
 from dataclasses import asdict, dataclass
 from itertools import accumulate
+from operator import or_
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -52,10 +54,14 @@ DROPPED = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.BitAnd, ast.BitOr)
 
 @dataclass
 class Mutant:
-    """One change: ``text`` is the whole file, ``function`` the first line of the function, or 0."""
+    """One change, from ``line`` to ``last``: ``text`` is the whole file.
+
+    ``function``: the first line of the function, 0 where there is none.
+    """
 
     path: str
     line: int
+    last: int
     function: int
     kind: str
     difference: str
@@ -89,7 +95,7 @@ class Changes(ast.NodeVisitor):
 
     def add(self, node: ast.AST, kind: str, new: str) -> None:
         new = new if kind == "statement" else f"({new})"
-        self.found.append((node.lineno, self.span(node), kind, new, self.function))
+        self.found.append((node, self.span(node), kind, new, self.function))
 
     @property
     def function(self) -> int:
@@ -195,7 +201,7 @@ def draw(folder: Path, count: int, seed: int, only: str) -> list[Mutant]:
     return list(mutants.values())
 
 
-def changed(path: Path, old: str, line: int, span, kind: str, new: str, function: int):
+def changed(path: Path, old: str, node: ast.AST, span, kind: str, new: str, function: int):
     """The mutant, or None if it reads as before."""
     first, last = span
     text = old[:first] + new + old[last:]
@@ -203,46 +209,63 @@ def changed(path: Path, old: str, line: int, span, kind: str, new: str, function
         return None
     lines = difflib.unified_diff(old.splitlines(), text.splitlines(), lineterm="", n=0)
     difference = "\n".join(line for line in lines if line[:3] not in ("---", "+++"))
-    return Mutant(str(path), line, function, kind, difference, text)
+    return Mutant(str(path), node.lineno, node.end_lineno, function, kind, difference, text)
 
 
-# Which tests call which functions
+# Which tests run which lines
 
 
-class Calls:
-    """A plugin of pytest: functions of the package that each test calls, and its CPU time."""
+class Lines:
+    """A plugin of pytest: the lines of the package that each test runs, and its CPU time [s].
+
+    Tests are numbered in the order in which they run; ``by_line`` holds for each (path, line) the
+    set of tests as the bits of an integer.
+    """
 
     def __init__(self):
         self.prefix = str(ROOT / PACKAGE) + os.sep
-        self.known, self.now, self.tests, self.shared = {}, set(), {}, defaultdict(set)
+        self.paths, self.now, self.used = {}, set(), cpu()
+        self.tests, self.by_line, self.of_fixtures = [], defaultdict(int), defaultdict(set)
+
+    def trace(self, frame, event, argument):
+        """Trace function of Python: None where a function is none of the package."""
+        name = frame.f_code.co_filename
+        if name not in self.paths:
+            inside = name.startswith(self.prefix)
+            self.paths[name] = name[len(str(ROOT)) + 1 :] if inside else None
+        path = self.paths[name]
+        if path is not None:
+            self.now.add((path, frame.f_lineno))
+            return self.trace
 
     def pytest_runtest_logstart(self, nodeid, location):
         """Anew for each test: some set a trace function of their own, and then none."""
+        self.tests.append({"name": nodeid, "failed": False})
+        self.now, self.used = set(), cpu()
         sys.settrace(self.trace)
 
-    def trace(self, frame, event, argument):
-        code = frame.f_code
-        if code not in self.known:
-            inside = code.co_filename.startswith(self.prefix)
-            place = code.co_filename[len(str(ROOT)) + 1 :], code.co_firstlineno
-            self.known[code] = place if inside else None
-        if self.known[code] is not None:
-            self.now.add(self.known[code])
-
     def pytest_runtest_logreport(self, report):
-        """What fixtures call counts for all tests of the file, as they may share the fixture."""
-        test = self.tests.setdefault(report.nodeid, {"calls": set(), "failed": False})
+        test = self.tests[-1]
         test["failed"] |= report.failed
-        test["calls"] |= self.now
         if report.when == "setup":
-            self.shared[report.nodeid.split("::")[0]] |= self.now
-        self.now = set()
-        used = cpu()
-        test["seconds"] = test.get("seconds", 0.0) + used - getattr(self, "used", used)
-        self.used = used
+            self.of_fixtures[file_of(test["name"])] |= self.now
+        if report.when == "teardown":
+            test["seconds"] = cpu() - self.used
+            for place in self.now:
+                self.by_line[place] |= 1 << (len(self.tests) - 1)
+
+    def pytest_sessionfinish(self):
+        """What fixtures run counts for all tests of a file, as they may share the fixture."""
+        sys.settrace(None)
+        bits = defaultdict(int)
+        for number, test in enumerate(self.tests):
+            bits[file_of(test["name"])] |= 1 << number
+        for file, places in self.of_fixtures.items():
+            for place in places:
+                self.by_line[place] |= bits[file]
 
     def compiled(self) -> list[tuple[str, int]]:
-        """Functions that numba compiles: no call of them is seen."""
+        """Functions that numba compiles: no line of them is seen."""
         found = set()
         for module in [each for name, each in sys.modules.items() if name.startswith(PACKAGE)]:
             for value in vars(module).values():
@@ -252,11 +275,16 @@ class Calls:
         return sorted(found)
 
     def write(self, path: str) -> None:
-        tests = {}
-        for name, test in self.tests.items():
-            calls = test["calls"] | self.shared[name.split("::")[0]]
-            tests[name] = {**test, "calls": sorted(calls)}
-        Path(path).write_text(json.dumps({"tests": tests, "compiled": self.compiled()}))
+        lines = defaultdict(dict)
+        for (file, line), tests in sorted(self.by_line.items()):
+            lines[file][line] = hex(tests)
+        seen = {"tests": self.tests, "lines": lines, "compiled": self.compiled()}
+        Path(path).write_text(json.dumps(seen))
+
+
+def file_of(test: str) -> str:
+    """The file of a test that pytest names."""
+    return test.split("::")[0]
 
 
 def cpu() -> float:
@@ -267,13 +295,12 @@ def cpu() -> float:
 
 
 def trace_tests(path: str, arguments: list[str]) -> None:
-    """Run the tests and write which functions each calls; demos are processes of their own."""
+    """Run the tests and write which lines each runs; demos are processes of their own."""
     import pytest
 
-    calls = Calls()
-    pytest.main(["-q", "-p", "no:cacheprovider", "-m", "not demo", *arguments], plugins=[calls])
-    sys.settrace(None)
-    calls.write(path)
+    lines = Lines()
+    pytest.main(["-q", "-p", "no:cacheprovider", "-m", "not demo", *arguments], plugins=[lines])
+    lines.write(path)
 
 
 # Runs
@@ -310,29 +337,32 @@ class Run:
         failed = [line for line in ended.stdout.splitlines() if line.startswith(words)]
         return ("killed" if failed else "ends"), (failed or [""])[0][:300]
 
+    def is_compiled(self, mutant: Mutant) -> bool:
+        return [mutant.path, mutant.function] in self.seen["compiled"]
+
     def tests_of(self, mutant: Mutant) -> list[tuple[str, float]]:
-        """Tests and their CPU time [s], cheapest first; without repeating a kind too often."""
-        place, tests = [mutant.path, mutant.function], self.seen["tests"]
-        if place in self.seen["compiled"]:
+        """Tests and their CPU time [s]: those that run the lines changed, or else the file."""
+        tests, lines = self.seen["tests"], self.seen["lines"].get(mutant.path, {})
+        if self.is_compiled(mutant):
             near = importing_tests(self.folder, module_name(mutant.path))
-            found = [name for name in tests if name.split("::")[0] in near]
+            found = [test for test in tests if file_of(test["name"]) in near]
         else:
-            found = [name for name, test in tests.items() if place in test["calls"]]
-        if not found:
-            found = [n for n, t in tests.items() if any(c[0] == mutant.path for c in t["calls"])]
-        found = [(name, tests[name]["seconds"]) for name in found if not tests[name]["failed"]]
+            changed = [str(line) for line in range(mutant.line, mutant.last + 1)]
+            bits = [int(lines[line], 16) for line in changed if line in lines]
+            bits = functools.reduce(or_, bits or (int(each, 16) for each in lines.values()), 0)
+            found = [test for number, test in enumerate(tests) if bits >> number & 1]
+        found = [(test["name"], test["seconds"]) for test in found if not test["failed"]]
         return varied(sorted(found, key=lambda each: each[1]))
 
     def judge(self, mutant: Mutant) -> dict:
         """Apply the mutant, run its tests, and take it back."""
         begin, file = cpu(), self.folder / mutant.path
         old, stamps = file.read_text(), file.stat()
-        compiled = [mutant.path, mutant.function] in self.seen["compiled"]
         cache = self.cache_without(mutant.path)
         file.write_text(mutant.text)
         outcome, by = "survived", ""
         try:
-            for group, options in self.groups(mutant, compiled):
+            for group, options in self.groups(mutant):
                 names, allowed = [name for name, _ in group], START + sum(s for _, s in group)
                 if cache and options.get("jit", True):
                     allowed += 60.0  # kernels are compiled anew
@@ -347,7 +377,7 @@ class Run:
         result = {**asdict(mutant), "outcome": outcome, "by": by, "seconds": cpu() - begin}
         return {name: value for name, value in result.items() if name != "text"}
 
-    def groups(self, mutant: Mutant, compiled: bool):
+    def groups(self, mutant: Mutant):
         """Groups of tests, one after the other, with options of ``pytest``."""
         chosen, used = [], 0.0
         for name, seconds in self.tests_of(mutant):
@@ -356,6 +386,7 @@ class Run:
                 used += seconds
         if not chosen:
             return
+        compiled = self.is_compiled(mutant)
         if compiled:  # without JIT a test takes longer than is known: what hangs says nothing
             yield varied(chosen, cases=1)[:INTERPRETED], {"jit": False}
         yield chosen[:40], {}
@@ -430,7 +461,7 @@ def copy_checkout() -> Path:
 
 
 def seen_by_tests(folder: Path, path: Path, arguments: list[str]) -> dict:
-    """The map of calls: read, or made by one run of all tests."""
+    """The map of lines: read, or made by one run of all tests."""
     if not path.exists():
         environment = {**os.environ, "PYTHONPATH": str(folder)}
         environment["NUMBA_CACHE_DIR"] = str(folder / "numba")
@@ -464,7 +495,7 @@ def main() -> None:
     parser.add_argument("--skip", type=int, default=0, help="leave out the first ones")
     parser.add_argument("--only", default="", help="a part of the path of the files to change")
     parser.add_argument("--budget", type=float, default=40.0, help="CPU seconds of tests each")
-    parser.add_argument("--map", type=Path, help="file of the calls of each test")
+    parser.add_argument("--map", type=Path, help="file of the lines that each test runs")
     parser.add_argument("--log", type=Path, help="file that gets a line for each mutant")
     parser.add_argument("--list", action="store_true", help="only print the mutants")
     parser.add_argument("--trace", help=argparse.SUPPRESS)
@@ -480,7 +511,7 @@ def main() -> None:
             for mutant in mutants:
                 print(f"{mutant.path}:{mutant.line} ({mutant.kind})\n{mutant.difference}")
             return
-        seen = seen_by_tests(folder, given.map or folder / "calls.json", given.tests)
+        seen = seen_by_tests(folder, given.map or folder / "lines.json", given.tests)
         run, results = Run(folder, seen, given.budget), []
         for mutant in mutants:
             results.append(run.judge(mutant))
