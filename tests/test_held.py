@@ -248,7 +248,7 @@ def test_other_walls_of_five_bricks(options):
 
 @pytest.mark.slow
 def test_wall_pushed_by_more_than_friction_bears_gives_way():
-    gives_way(wall(2, 2, 0.4, push=1.2))
+    gives_way(wall(2, 1, 0.4, push=1.2))
 
 
 @pytest.mark.slow
