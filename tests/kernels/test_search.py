@@ -75,3 +75,11 @@ def test_found_segments_do_not_depend_on_size():
         other = Curves(x * scale, m * scale, radius=10.0 * scale)
         assert np.array_equal(other.masters, pair.masters)
         assert np.abs(other.ends - pair.ends).max() < 1e-12
+
+
+def test_control_points_of_a_quadratic_facet_are_where_its_end_tangents_meet():
+    """A parabola over a chord, and a straight facet, whose nodes stay."""
+    x = np.array([(1.0, 2.0), (2.0, 2.5), (3.0, 2.0), (4.0, 2.0)])
+    found = search.control_points(x, np.array([[0, 1, 2]]))
+    assert np.allclose(found, [(1.0, 2.0), (2.0, 3.0), (3.0, 2.0), (4.0, 2.0)], atol=1e-15)
+    assert np.array_equal(search.control_points(x, np.array([[2, 3]])), x)
