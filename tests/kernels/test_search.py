@@ -83,3 +83,9 @@ def test_control_points_of_a_quadratic_facet_are_where_its_end_tangents_meet():
     found = search.control_points(x, np.array([[0, 1, 2]]))
     assert np.allclose(found, [(1.0, 2.0), (2.0, 3.0), (3.0, 2.0), (4.0, 2.0)], atol=1e-15)
     assert np.array_equal(search.control_points(x, np.array([[2, 3]])), x)
+
+
+@pytest.mark.parametrize("left, right", [(1e-12, 1.2), (-0.2, 1.0 - 1e-12)])
+def test_end_of_which_next_to_nothing_is_missing_counts_as_covered(left, right):
+    pair = Curves(np.array([[0.0, 0], [1, 0]]), np.array([[right, -0.1], [left, -0.1]]))
+    assert pair.ends.tolist() == [[-1.0, 1.0]] and not np.any(pair.partial)
