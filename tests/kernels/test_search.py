@@ -89,3 +89,11 @@ def test_control_points_of_a_quadratic_facet_are_where_its_end_tangents_meet():
 def test_end_of_which_next_to_nothing_is_missing_counts_as_covered(left, right):
     pair = Curves(np.array([[0.0, 0], [1, 0]]), np.array([[right, -0.1], [left, -0.1]]))
     assert pair.ends.tolist() == [[-1.0, 1.0]] and not np.any(pair.partial)
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e-3])
+def test_search_knows_no_unit_of_length(unit):
+    x, m = wavy(2, slaves=40, masters=57)
+    one, other = Curves(x, m), Curves(unit * x, unit * m, radius=10.0 * unit)
+    assert np.array_equal(one.masters, other.masters)
+    assert np.abs(one.ends - other.ends).max() < 1e-9
