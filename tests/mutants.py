@@ -319,7 +319,8 @@ class Run:
         environment = {**os.environ, "NUMBA_DISABLE_JIT": "0" if jit else "1"}
         environment["NUMBA_CACHE_DIR"] = str(cache or self.folder / "numba")
         environment["PYTHONPATH"] = str(self.folder)
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+        options = ["-x", "-q", "--color=no", "-p", "no:cacheprovider"]
+        command = [sys.executable, "-m", "pytest", *options, *tests]
         if ranks > 1:
             command = ["mpirun.openmpi", "-n", str(ranks), *command]
         limited = f'ulimit -t {int(PATIENCE * allowed)}; exec "$@"'
