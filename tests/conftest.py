@@ -22,21 +22,44 @@ import pytest  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: of tests with many cases one of so many runs.
 ONE_OF = 12
+# Tests run on several ranks because bodies are cut there: of many cases the first and the last do.
+CASES_ON_RANKS = 2
 
 
 def pytest_collection_modifyitems(items):
-    """Leave out what needs exactly one rank when there are several; kernels know no ranks."""
-    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
-        cases = Counter()
-        for item in items:
-            cases[item.function] += 1
-            item.keep = cases[item.function] % ONE_OF == 1
-        items[:] = [item for item in items if item.keep]
+    """Leave out what needs exactly one rank, or several; files with slow tests come first.
+
+    Where a core works on one file at a time, the longest must not be the last. Kernels know no
+    ranks. What only several ranks run is no repetition: there all cases do.
+    """
     for item in items:
         if "kernels" in item.path.parts:
             item.add_marker("serial")
-    if MPI.COMM_WORLD.size > 1:
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        items[:] = [item for cases in by_function(items) for item in cases[::ONE_OF]]
+    if MPI.COMM_WORLD.size == 1:
+        items[:] = [item for item in items if "ranks" not in item.keywords]
+    else:
         items[:] = [item for item in items if "serial" not in item.keywords]
+        items[:] = [item for cases in by_function(items) for item in on_ranks(cases)]
+    slow = Counter(item.path for item in items if "slow" in item.keywords)
+    items.sort(key=lambda item: -slow[item.path])
+
+
+def by_function(items):
+    """Tests in lists of the cases of one function each."""
+    cases = {}
+    for item in items:
+        cases.setdefault((item.path, item.cls, item.originalname), []).append(item)
+    return cases.values()
+
+
+def on_ranks(cases):
+    """Of many cases some from the first to the last: all that is varied differs between those."""
+    if "ranks" in cases[0].keywords or len(cases) <= CASES_ON_RANKS:
+        return cases
+    last = len(cases) - 1
+    return [cases[round(i * last / (CASES_ON_RANKS - 1))] for i in range(CASES_ON_RANKS)]
 
 
 @pytest.fixture(autouse=True)

@@ -20,6 +20,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.contact.laws import Stick
 from fenics_mortar.models.model_error import (
     ENERGY,
     PEAK,
@@ -28,6 +29,7 @@ from fenics_mortar.models.model_error import (
     differences,
     estimate_wider,
     largest_strain,
+    shear_demand,
     strained,
 )
 
@@ -321,6 +323,15 @@ def test_frictionless_against_stick(width, push, friction, verdict):
     assert (true[ENERGY] <= 0.02) == (verdict == "enough")
     for name in QUANTITIES:
         assert 0.8 < assumption.errors[name] / true[name] < 1.25, (name, true, assumption.errors)
+
+
+def test_only_a_pair_whose_law_is_to_stick_asks_for_friction():
+    for law, asks in ((fm.Coulomb(0.3), False), (Stick(), True)):
+        scene = pressed_blocks(**MESH, pair={"law": law})
+        scene.loads["push"].value[:] = (0.02, -0.05)
+        scene.problem.solve()
+        assert np.abs(scene.contact.shear_force).max() > 0.0
+        assert (shear_demand(scene.problem) > 0.0) == asks
 
 
 def test_friction_counts_the_slip_of_all_steps():

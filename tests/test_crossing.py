@@ -275,6 +275,7 @@ def test_hertz_is_silent():
         assert is_silent(report) and max(c.facets for c in report.certificate.crossings) < 0.2
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_ironing_by_many_facets_a_step_is_silent(degree):
     """The sides of the tool move by ten facets, and its corners over the wave ahead of it."""

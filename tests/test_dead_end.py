@@ -68,6 +68,7 @@ ENDS = {
 }
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("end", ENDS)
 def test_path_says_why_it_ends(end):
     scene, last, words = ENDS[end]

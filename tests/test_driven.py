@@ -55,6 +55,7 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
     assert np.abs(driven.reaction - moved.reaction).max() < 1e-12 * np.abs(moved.reaction).max()
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_egg_rolls_until_it_lies(degree):
     """An ellipse, free to move and to turn, on nodes that hardly resist its rolling: springs hold
@@ -274,6 +275,7 @@ def refuse(obstacle, loads, message):
     assert len(set(comm.allgather(str(error.value)))) == 1
 
 
+@pytest.mark.serial
 def test_loaded_obstacle_that_slides_away_is_named():
     """Pressed on the block first, then pushed along it."""
     obstacle = fm.Plane((0.5, 1.0), (0.0, -1.0))

@@ -200,7 +200,7 @@ def test_facets_inside_a_body_are_refused():
         problem_on(data)
 
 
-@pytest.mark.skipif(COMM.size == 1, reason="needs several ranks")
+@pytest.mark.ranks
 @pytest.mark.parametrize("tagged_by", ["both ranks", "owner", "the other"])
 def test_facets_between_two_ranks_are_known_to_be_inside(tagged_by):
     """Without ghost cells (dolfinx 0.9) a rank sees only one cell of such a facet."""
@@ -422,7 +422,7 @@ def test_offset_that_is_not_finite_since_it_was_set_is_refused_by_solve():
         scene.problem.solve()
 
 
-@pytest.mark.skipif(COMM.size == 1, reason="needs several ranks")
+@pytest.mark.ranks
 @pytest.mark.parametrize(
     "what", ["offset of", "a prescribed displacement", "place of", "push of", "nan in offset of"]
 )

@@ -167,6 +167,7 @@ def test_disk_that_may_roll_falls_in_one_solve(size):
     assert problem.solve().certificate.violations() == []  # and on from there
 
 
+@pytest.mark.serial
 def test_disk_that_may_roll_needs_springs_that_let_go(monkeypatch):
     def give_up(equations, options, failed):
         raise failed

@@ -302,6 +302,7 @@ def test_closing_arcs_do_not_slip():
     assert np.abs(contact.slip[inside]).max() < 0.1 * by_slave[inside].max()
 
 
+@pytest.mark.serial
 def test_reversal_closes_a_loop():
     """Forth and back twice: the second loop is the first, and friction takes up its area."""
     scene = blocks(fm.Coulomb(0.3))
@@ -360,6 +361,7 @@ def ironing(cells: int):
     return fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), start=1.5, stop=2.5)
 
 
+@pytest.mark.serial
 def test_ironing_in_long_steps_balances_its_work():
     """What contact takes up is the work of friction, but for what vanishes with the facets."""
     defects = []
@@ -420,7 +422,7 @@ def test_ranks_agree(pair):
 @pytest.mark.serial
 def test_four_ranks_agree(tmp_path):
     """The test above on more ranks than the others run on."""
-    test = f"{__file__}::test_ranks_agree"
+    test = f"{__file__}::test_ranks_agree[pair0]"
     finished = run(tmp_path, 4, "-m", "pytest", "-q", "-p", "no:cacheprovider", test)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-2000:]
 

@@ -57,7 +57,7 @@ def gives_way(held):
 
 
 @BASES
-@pytest.mark.parametrize("mu", [0.2, 0.5, 0.9])
+@pytest.mark.parametrize("mu", [0.2, 0.9])
 def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(mu, base):
     """The contact force is the weight, upright; the shear strains the block a little downhill."""
     for factor in (0.5, 0.95):
@@ -260,10 +260,10 @@ def test_walls_whose_sets_would_go_in_circles(options):
 
 
 @pytest.mark.parametrize("slave", ["upper", "lower"])
-@pytest.mark.parametrize("cells", [(2, 2, 3), (3, 4, 5), (2, 2, 4)])
-@pytest.mark.parametrize("side", [None, 0.0, 0.5])
+@pytest.mark.parametrize("cells", [(2, 2, 3), (3, 4, 5)])
+@pytest.mark.parametrize("side", [None, 0.0])
 def test_joint_of_two_blocks_under_a_third_passes_the_patch_test(side, cells, slave):
-    """All stick, and the exact state has no slip: pressures are exact, the joint's too."""
+    """All stick, and the exact state has no slip. ``test_redundancy``: a joint in the middle."""
     held = t_junction(cells, side=side, slave=slave)
     held.set()
     report = held.problem.solve()
@@ -271,10 +271,17 @@ def test_joint_of_two_blocks_under_a_third_passes_the_patch_test(side, cells, sl
     assert held.wrong(held) == "", held.note(held)
 
 
-@pytest.mark.parametrize("cells", [(4,), (4, 6, 2)])
 @pytest.mark.parametrize(
-    "rows, cols, mu",
-    [(2, 1, 0.2), (2, 1, 1.0), (2, 2, 0.1), (2, 2, 0.4), (2, 2, 1.0), (3, 2, 0.2), (3, 2, 1.0)],
+    "rows, cols, mu, cells",
+    [
+        (2, 1, 0.2, (4,)),
+        (2, 1, 1.0, (4, 6, 2)),
+        (2, 2, 0.1, (4, 6, 2)),
+        (2, 2, 0.4, (4,)),
+        (2, 2, 1.0, (4, 6, 2)),
+        (3, 2, 0.2, (4, 6, 2)),
+        (3, 2, 1.0, (4,)),
+    ],
 )
 def test_brick_wall_bears_its_weight_and_a_quarter_of_what_friction_does(rows, cols, mu, cells):
     held = wall(rows, cols, mu, cells=cells)
@@ -301,16 +308,16 @@ def test_other_walls_of_five_bricks(options):
 
 @pytest.mark.slow
 def test_wall_pushed_by_more_than_friction_bears_gives_way():
-    gives_way(wall(2, 2, 0.4, push=1.2))
+    gives_way(wall(2, 1, 0.4, push=1.2))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rows, cols, mu", [(4, 3, 0.3), (6, 4, 0.7), (3, 9, 0.5)])
+@pytest.mark.parametrize("rows, cols, mu", [(4, 3, 0.3), (3, 9, 0.5)])
 def test_large_wall(rows, cols, mu):
     stays(wall(rows, cols, mu, cells=(4, 2)), most=MOST)
 
 
-@pytest.mark.parametrize("seed", range(1, 9))
+@pytest.mark.parametrize("seed", range(1, 5))
 def test_random_tower_bears_half_of_the_lateral_force_that_limit_analysis_allows(seed):
     stays(tower(seed), most=MOST)
 

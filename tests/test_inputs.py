@@ -37,7 +37,7 @@ from fenics_mortar.utils.errors import NotFiniteError
 
 COMM = MPI.COMM_WORLD
 LAST = COMM.rank == COMM.size - 1
-several_ranks = pytest.mark.skipif(COMM.size == 1, reason="needs several ranks")
+several_ranks = pytest.mark.ranks
 
 
 @contextmanager

@@ -125,14 +125,14 @@ def test_a_solve_may_be_interrupted_anywhere(name):
     push[1] = -0.05
     scene.problem.solve()
     push[:] = (0.1, -0.1)
-    interrupt_at_random(scene.problem, scene.problem.solve, seed=len(name), times=25)
+    interrupt_at_random(scene.problem, scene.problem.solve, seed=len(name), times=12)
 
 
 @pytest.mark.serial
 def test_a_release_by_springs_may_be_interrupted_anywhere():
     """A disk that may roll, held by springs that let go."""
     problem = falling_disk(0.1)
-    interrupt_at_random(problem, problem.solve, seed=3, times=4)
+    interrupt_at_random(problem, problem.solve, seed=3, times=2)
 
 
 @pytest.mark.serial
@@ -162,7 +162,7 @@ def test_a_path_may_be_interrupted_anywhere():
     counter = Interrupt()
     counter.run(follow)
     end = problem.state()
-    for at in rng.integers(1, counter.count + 1, 12):
+    for at in rng.integers(1, counter.count + 1, 6):
         problem.restore(start)
         times[:] = [0.0]
         try:
@@ -187,7 +187,7 @@ def test_a_climb_may_be_interrupted_anywhere(check):
     problem.solve()
     push[:] = (0.02, -0.03)
     start = problem.adequacy.remember()
-    interrupt_at_random(problem, lambda: (start(), problem.solve()), seed=1, times=12)
+    interrupt_at_random(problem, lambda: (start(), problem.solve()), seed=1, times=6)
 
 
 def test_an_error_of_a_law_of_the_user_leaves_the_problem_as_it_was():

@@ -14,8 +14,8 @@ from scenes import linear_elastic, neo_hookean, pressed_blocks
 import fenics_mortar as fm
 
 comm = MPI.COMM_WORLD
-MESH = {"n_upper": 30, "n_lower": 35, "layers_upper": 30, "layers_lower": 30}
-WARM, MEASURED = 60, 200
+MESH = {"n_upper": 20, "n_lower": 23, "layers_upper": 20, "layers_lower": 20}
+WARM, MEASURED = 40, 80
 # A vector of all dofs that is lost in each iteration takes 8 bytes a dof.
 ALLOWED = 3.0
 
@@ -37,6 +37,7 @@ def iterate(scene, least):
     return done
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "material, options",
     [
@@ -55,6 +56,7 @@ def test_iterations_take_no_memory(material, options):
     assert grown < ALLOWED * scene.problem.equations.bulk.r.getSize() * done
 
 
+@pytest.mark.serial
 def test_what_is_asked_of_a_state_takes_no_memory():
     """Estimates, matrices and the check of the tangent make vectors and matrices of their own."""
     scene = pressed_blocks(n_upper=20, n_lower=23)

@@ -79,8 +79,9 @@ def off(problem, exact):
 # Patch tests
 
 
-@pytest.mark.parametrize("counts", [(4, 4), (3, 10), (2, 34)])
-@pytest.mark.parametrize("angle", [0, 30, 90])
+@pytest.mark.parametrize(
+    "angle, counts", [(0, (4, 4)), (0, (2, 34)), (30, (3, 10)), (90, (4, 4)), (90, (2, 34))]
+)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_homogeneous_finite_strain_passes_any_interface(degree, angle, counts):
     """All sides prescribed, so that the ends of the slave hand their functions over."""
@@ -92,8 +93,17 @@ def test_a_homogeneous_finite_strain_passes_any_interface(degree, angle, counts)
         assert off(problem, exact) < EXACT
 
 
-@pytest.mark.parametrize("basis", ["dual", "standard", "vertices", "linear"])
-@pytest.mark.parametrize("counts", [(4, 4), (3, 10), (1, 17)])
+@pytest.mark.parametrize(
+    "basis, counts",
+    [
+        ("dual", (4, 4)),
+        ("dual", (1, 17)),
+        ("standard", (3, 10)),
+        ("standard", (1, 17)),
+        ("vertices", (3, 10)),
+        ("linear", (1, 17)),
+    ],
+)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_uniaxial_tension_passes_with_its_traction(degree, counts, basis):
     """Free sides; linear elastic with nu = 0: the traction is E times the strain."""
@@ -265,7 +275,7 @@ def test_conjugate_gradients_with_multigrid_solve_the_reduced_system(degree):
 # Crosspoints, other pairs, ranks
 
 
-@pytest.mark.parametrize("roles", product((True, False), repeat=4))
+@pytest.mark.parametrize("roles", list(product((True, False), repeat=4))[::3])
 def test_four_blocks_meet_in_a_point_whatever_their_roles(roles):
     data, pairs = four_blocks(roles)
     around = ["a/top", "b/top", "c/bottom", "d/bottom", "a/left", "c/left", "b/right", "d/right"]

@@ -26,7 +26,7 @@ from trial import Worker, case_of, summary  # noqa: E402
 from trial_judge import check_again, confirm, measure, run, wrongs  # noqa: E402
 
 COMM = MPI.COMM_WORLD
-SEEDS = range(1, 41)
+SEEDS = range(1, 21)
 # pushed, pressed, two tools, clamped and guided stack, small ones
 ON_RANKS = (2, 8, 10, 9, 129)
 # Of bodies that friction holds: row, block, wall, tower, T-junction, groove
@@ -45,7 +45,7 @@ def test_random_cases_converge_and_none_is_wrong():
     table = summary(records)
     outcomes = Counter(record["outcome"] for record in records)
     assert not outcomes["crash"] and not outcomes["wrong"], table
-    assert outcomes["converged"] >= 39, table
+    assert outcomes["converged"] >= 19, table
     assert {record["scene"] for record in records} >= {"pushed", "pressed", "two tools"}
 
 

@@ -249,3 +249,12 @@ def test_segments_in_a_line_but_for_rounding_do_not_cross():
     assert not crossing.cross_properly(x, one, other)
     x[2:] += [(0.0, 0.1), (-0.3, -0.1)]
     assert crossing.cross_properly(x, one, other)
+
+
+def test_place_on_a_segment_is_that_of_the_foot_of_the_perpendicular():
+    along, across = np.array([0.8, 0.6]), np.array([-0.6, 0.8])
+    x = np.array([3.0, -2.0]) + np.outer([0.0, 1.0], along)
+    for place, expected in ((-0.5, 0.0), (0.25, 0.25), (0.9, 0.9), (1.5, 1.0)):
+        for side in (-2.0, 0.3):
+            p = x[0] + place * along + side * across
+            assert crossing.place_on(x, np.array([0, 1]), p) == pytest.approx(expected, abs=1e-14)

@@ -75,3 +75,25 @@ def test_found_segments_do_not_depend_on_size():
         other = Curves(x * scale, m * scale, radius=10.0 * scale)
         assert np.array_equal(other.masters, pair.masters)
         assert np.abs(other.ends - pair.ends).max() < 1e-12
+
+
+def test_control_points_of_a_quadratic_facet_are_where_its_end_tangents_meet():
+    """A parabola over a chord, and a straight facet, whose nodes stay."""
+    x = np.array([(1.0, 2.0), (2.0, 2.5), (3.0, 2.0), (4.0, 2.0)])
+    found = search.control_points(x, np.array([[0, 1, 2]]))
+    assert np.allclose(found, [(1.0, 2.0), (2.0, 3.0), (3.0, 2.0), (4.0, 2.0)], atol=1e-15)
+    assert np.array_equal(search.control_points(x, np.array([[2, 3]])), x)
+
+
+@pytest.mark.parametrize("left, right", [(1e-12, 1.2), (-0.2, 1.0 - 1e-12)])
+def test_end_of_which_next_to_nothing_is_missing_counts_as_covered(left, right):
+    pair = Curves(np.array([[0.0, 0], [1, 0]]), np.array([[right, -0.1], [left, -0.1]]))
+    assert pair.ends.tolist() == [[-1.0, 1.0]] and not np.any(pair.partial)
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e-3])
+def test_search_knows_no_unit_of_length(unit):
+    x, m = wavy(2, slaves=40, masters=57)
+    one, other = Curves(x, m), Curves(unit * x, unit * m, radius=10.0 * unit)
+    assert np.array_equal(one.masters, other.masters)
+    assert np.abs(one.ends - other.ends).max() < 1e-9

@@ -19,8 +19,6 @@ from norms import errors
 from scenes_exact import ELEMENTS, Choice, curved, flat, hertz, lame, press_fit
 
 pytestmark = pytest.mark.serial
-# Of the energy: the solution is smooth but for r^(3/2) at the ends of the contact
-RATES = {"P1": 1.0, "Q1": 1.0, "P2": 1.5, "Q2": 1.5}
 slides = partial(flat, friction=0.3)
 
 
@@ -55,7 +53,7 @@ def test_smooth_solutions_have_full_rates(scene, element):
     assert found["displacement"] == pytest.approx(degree + 1, abs=0.15)
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("element", ["P1", "Q2"])
 def test_press_fit_on_a_curved_interface_has_full_rates_of_energy(element):
     degree = ELEMENTS[element][1]
     found = rates(press_fit, element, (96 // degree, 192 // degree))
@@ -63,11 +61,13 @@ def test_press_fit_on_a_curved_interface_has_full_rates_of_energy(element):
 
 
 @pytest.mark.parametrize(
-    "element, basis, rate",
-    [*((element, "dual", rate) for element, rate in RATES.items()), ("Q2", "vertices", 1.5)],
+    "element, basis, rate", [("Q1", "dual", 1.0), ("P2", "dual", 1.5), ("Q2", "vertices", 1.5)]
 )
 def test_hertz_has_the_rates_that_the_ends_of_the_contact_allow(element, basis, rate):
-    """Over two halvings, after which the ends lie at the same place of a facet again."""
+    """Over two halvings, after which the ends lie at the same place of a facet again.
+
+    The solution is smooth but for r^(3/2) at the ends of the contact.
+    """
     found = rates(hertz, element, (32, 128), basis)
     assert found["energy"] == pytest.approx(rate, abs=0.15)
     assert found["pressure"] == pytest.approx(1.0, abs=0.15)

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: MIT
+"""Free rigid motions of a body in words."""
+
+import numpy as np
+import pytest
+
+from fenics_mortar.bulk.bodies import FloatingBody
+
+pytestmark = pytest.mark.serial
+
+
+@pytest.mark.parametrize(
+    "motion, words",
+    [
+        ((0.6, -0.8, 0.0), r"move along (0.6, -0.8)"),
+        ((0.6, 0.8, 0.0), r"move along (0.6, 0.8)"),
+        ((0.0, 1.0, 0.0), r"move along (0, 1)"),
+        ((0.0, 0.0, 1.0), r"rotate about (3, 4)"),
+        ((0.6, 0.0, 0.8), r"rotate about (3, 5.5)"),  # 0.8 / 2 of turn for 0.6 of way: 1.5 off
+    ],
+)
+def test_free_motion_and_its_opposite_are_described_alike(motion, words):
+    body = FloatingBody(0, np.array([3.0, 4.0]), 2.0, np.eye(3), 1.0, 4)
+    for sign in (1.0, -1.0):
+        assert body.describe(sign * np.array(motion)) == words
