@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from fenics_mortar.complementarity import FrictionProblem, lemke, solve_friction
+from fenics_mortar.rigid.complementarity import FrictionProblem, lemke, solve_friction
 
 
 def problem(rng, n, *, rank=None, mu=0.5):
