@@ -45,9 +45,9 @@ def measure(dofs):
         crossings.restore(before, problem.equations.bulk.u.x.array.copy())
         state, found = seconds_of(crossings.find, REPEATS)
         step, passed = seconds_of(
-            lambda: crossings.passages(problem.equations.tools.places), REPEATS
+            lambda: crossings.passages(problem.equations.motions.places), REPEATS
         )
-        crossings.accept(problem.equations.tools.places)
+        crossings.accept(problem.equations.motions.places)
         assert passed == [] and all(crossing.facets < 0.1 for crossing in found)
         costs.append((seconds / report.num_iterations, state, step))
     return size_of(problem), len(crossings.outline.segments), *np.median(costs, axis=0)

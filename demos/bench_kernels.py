@@ -47,7 +47,7 @@ def measure(facets, **integration):
     normals.tabulate_normals(x, chain - 1, following, inner, normals.OPPOSITE, n, dn)
 
     def find():
-        options = {"facets": chain[:-1], "radius": 0.5, "least_cosine": 0.1, **integration}
+        options = {"facets": chain[:-1], "radius": 0.5, "min_cosine": 0.1, **integration}
         return find_segments(surface, surface, x, n, m, **options)
 
     s = find()

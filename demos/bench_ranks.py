@@ -130,7 +130,7 @@ def refined(x, count):
     return np.stack([np.interp(places, np.arange(len(x)), c) for c in x.T], axis=1)
 
 
-def pieces(count, length, ranks):
+def branches(count, length, ranks):
     """Nodes (count,) cut among the squares that lie along a surface: first and last of each."""
     side = np.sqrt(AREA / ranks)
     parts = min(ranks, max(1, round(length / side)))
@@ -157,9 +157,9 @@ def held_bytes():
 def ghosts(x, m, ranks):
     """Of each rank along the slave: its own nodes, nodes of others it needs, whom it needs."""
     reach = RADIUS * np.linalg.norm(np.diff(x, axis=0), axis=1).max()
-    starts, ends = pieces(len(m), LENGTHS[1], ranks)
+    starts, ends = branches(len(m), LENGTHS[1], ranks)
     rows = []
-    for first, last in zip(*pieces(len(x), LENGTHS[0], ranks), strict=True):
+    for first, last in zip(*branches(len(x), LENGTHS[0], ranks), strict=True):
         box = x[first:last].min(axis=0) - reach, x[first:last].max(axis=0) + reach
         low, high = np.minimum(m[:-1], m[1:]), np.maximum(m[:-1], m[1:])
         touched = np.flatnonzero(((high >= box[0]) & (low <= box[1])).all(axis=1))
@@ -186,7 +186,7 @@ def simulate(dofs):
     for ranks in (1, 10, 100, 1000):
         now = S * slave + M * master + segments / ranks * segment
         own, other, needed, partners = ghosts(x, m, ranks)
-        at = len(pieces(S, LENGTHS[0], ranks)[0])
+        at = len(branches(S, LENGTHS[0], ranks)[0])
         ghosted = (own + other) * slave + needed * master + segments / at * segment
         # positions and forces of master nodes; positions, forces, sums of slave nodes of others
         sent = 32 * needed * (ranks > 1) + 80 * other

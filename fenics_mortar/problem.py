@@ -175,7 +175,7 @@ class ContactProblem:
     @property
     def obstacles(self) -> list[Obstacle]:
         """The rigid obstacles of the pairs, each once."""
-        return self.equations.tools.obstacles
+        return self.equations.motions.obstacles
 
     @property
     def newton(self) -> NewtonOptions:
@@ -372,7 +372,7 @@ class ContactProblem:
             e = self.equations
             e.evaluate_operators()
             e.bulk.free_garbage()
-            linearized = LinearizedEquations(e.bulk, e.contacts, e.tools, e.system)
+            linearized = LinearizedEquations(e.bulk, e.contacts, e.motions, e.system)
             return linearized.solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:

@@ -137,7 +137,7 @@ def add_cells(grid: Grid, numbers: np.ndarray, cell: str, order: int) -> None:
     corners = cells[:, ::order, ::order].reshape(-1, 4)[:, [0, 2, 3, 1]]
     if turns_left(x[:, :2], corners - tags[0]) < 0.0:
         cells = cells[:, :, ::-1]
-    nodes = [cells[:, i, j] for piece in NODES[cell][order] for i, j in piece]
+    nodes = [cells[:, i, j] for branch in NODES[cell][order] for i, j in branch]
     kind = gmsh.model.mesh.getElementType(GMSH_FAMILIES[cell], order)
     gmsh.model.mesh.addElementsByType(surface, kind, [], np.stack(nodes, axis=1).ravel())
     name_group(2, [surface], grid.name)

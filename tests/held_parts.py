@@ -174,7 +174,7 @@ def _points(touch: Touch, grids: dict[str, Grid], number: dict[str, int]) -> Ite
 
     law = touch.law or fm.Frictionless()
     mu = np.inf if isinstance(law, Stick) else getattr(law, "mu", 0.0)
-    pull = float(law.adhesion(np.zeros(1))[0][0]) if law.attracts else 0.0
+    pull = float(law.adhesion(np.zeros(1))[0][0]) if law.has_adhesion else 0.0
     if touch.at is not None:
         found = [(np.array(x, float), 0.0) for x in touch.at]
     for x, share in found:

@@ -229,7 +229,7 @@ def t_junction_error(scene: Held) -> float:
     """Largest error of pressure and shear at nodes that carry any, over the largest pressure."""
     exact, worst = scene.exact, 0.0  # type: ignore[attr-defined]
     for contact, what in zip(scene.problem.equations.contacts, ("level", "level", "upright")):
-        on = contact.carries & contact.covered
+        on = contact.multiplier_nodes & contact.covered
         z_n, z_tau = contact.pressure[on], contact.z_tau[on]
         worst = max(worst, np.abs(z_n - exact[what]).max(), np.abs(z_tau).max())
     return float(worst / max(exact["level"], exact["upright"]))

@@ -39,8 +39,8 @@ class Glued(Sticky):
         bound, by_gap, by_z_n = super().limit(replaced(node, z_n=node.z_n + STRESS))
         return bound, by_gap, by_z_n
 
-    def bound(self, pressure):
-        return super().bound(pressure + STRESS)
+    def friction_limit(self, pressure):
+        return super().friction_limit(pressure + STRESS)
 
 
 def replaced(node, **values):
@@ -124,8 +124,8 @@ def test_tangent_has_slope_two(degree, law):
     first = np.arange(contact.active.size) < contact.active.size // 2
     contact.change(active=contact.active & ~first)
     assert contact.active.any() and contact.attracted.any()
-    for pieces in ([0], [1, 0, -1]):
-        contact.change(piece=np.resize(pieces, contact.piece.size))
+    for branches in ([0], [1, 0, -1]):
+        contact.change(branch=np.resize(branches, contact.branch.size))
         assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(
             2.0, abs=0.02
         )

@@ -19,12 +19,12 @@ def violation(p, found):
     n = p.slope.size
     gap, slip = np.split(p.q + p.V @ np.concatenate([found.z_n, found.z_tau]), 2)
     limit = p.slope * found.z_n
-    sticks = found.active & (found.piece == 0)
-    slides = found.active & (found.piece != 0)
+    sticks = found.active & (found.branch == 0)
+    slides = found.active & (found.branch != 0)
     parts = [
         -gap, -found.z_n, np.abs(gap[found.active]), np.abs(found.z_n[~found.active]),
         np.abs(slip[sticks]), np.abs(found.z_tau) - limit,
-        np.abs(found.z_tau - found.piece * limit)[slides], -(found.piece * slip)[slides],
+        np.abs(found.z_tau - found.branch * limit)[slides], -(found.branch * slip)[slides],
     ]  # fmt: skip
     assert len(gap) == n
     return max(part.max(initial=0.0) for part in parts) / np.abs(p.q).max()
@@ -48,12 +48,12 @@ def test_without_friction_there_is_no_shear(seed):
 
 
 @pytest.mark.parametrize("push, piece", [(0.2, 0), (0.4, 0), (0.6, 1), (-0.6, -1)])
-def test_one_node_sticks_up_to_its_limit_and_slides_beyond(push, piece):
+def test_one_node_sticks_up_to_its_limit_and_slides_beyond(push, branch):
     """A node pressed with a force of one: it sticks where the push is below mu."""
     p = FrictionProblem(np.diag([1.0, -1.0]), np.array([-1.0, push]), np.array([0.5]))
     found = solve_friction(p)
     assert found.active.all()
-    assert found.piece[0] == piece
+    assert found.branch[0] == branch
     assert found.z_n[0] == pytest.approx(1.0)
     assert found.z_tau[0] == pytest.approx(np.clip(push, -0.5, 0.5))
 

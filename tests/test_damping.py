@@ -57,17 +57,17 @@ class Arctan:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("options", [{"line_search": True}, {"most_motion": 1.0}])
+@pytest.mark.parametrize("options", [{"line_search": True}, {"max_motion": 1.0}])
 def test_damped_steps_converge_where_whole_ones_diverge(options):
     chosen = NewtonOptions(**options)
     with np.errstate(over="ignore", invalid="ignore"), pytest.raises(fm.NotConvergedError):
         solve(Arctan(3.0), NewtonOptions())
     report = solve(Damped(Arctan(3.0), chosen), chosen)
-    assert report.iterations[1].part < 1.0 and report.iterations[-1].part == 1.0
+    assert report.iterations[1].fraction < 1.0 and report.iterations[-1].fraction == 1.0
     assert report.residuals == sorted(report.residuals, reverse=True)
 
 
-@pytest.mark.parametrize("options", [{"line_search": True}, {"most_motion": 0.25}])
+@pytest.mark.parametrize("options", [{"line_search": True}, {"max_motion": 0.25}])
 def test_contact_comes_to_the_same_state(options):
     states, reports = [], []
     for newton in (NewtonOptions(), NewtonOptions(**options)):
@@ -77,16 +77,16 @@ def test_contact_comes_to_the_same_state(options):
         states.append(nodal(scene.problem))
     assert np.allclose(*states, rtol=0.0, atol=1e-9)
     assert all(report.certificate.violations() == [] for report in reports)
-    if "most_motion" in options:  # the push is 0.15 over facets of 1/8: more than four iterations
-        parts = [it.part for it in reports[1].iterations]
+    if "max_motion" in options:  # the push is 0.15 over facets of 1/8: more than four iterations
+        parts = [it.fraction for it in reports[1].iterations]
         assert min(parts) < 0.5 and reports[1].num_iterations > reports[0].num_iterations
     else:  # never up but for what the shortest part allows
         steps = zip(reports[1].residuals, reports[1].iterations[1:], strict=False)
-        assert all(it.residual <= before or it.part < 0.1 for before, it in steps)
+        assert all(it.residual <= before or it.fraction < 0.1 for before, it in steps)
 
 
 def test_options_are_checked():
     with pytest.raises(ValueError, match="most_motion=0.0: expected a positive number of facets"):
-        NewtonOptions(most_motion=0.0)
+        NewtonOptions(max_motion=0.0)
     with pytest.raises(ValueError, match="linear_bulk=True takes whole steps"):
         pressed_blocks(problem={"newton": NewtonOptions(line_search=True), "linear_bulk": True})

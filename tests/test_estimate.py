@@ -187,7 +187,7 @@ def test_shear_below_the_bound_in_sliding_is_seen():
     problem = column(scenes.linear_elastic, 1, 0.0, pair=rubbing)
     problem.solve()
     (contact,) = problem.equations.contacts
-    contact.change(piece=np.ones_like(contact.piece))
+    contact.change(branch=np.ones_like(contact.branch))
     move_upper(problem, (0.01, 0.0))
     wrong = problem.estimate()
     assert wrong.parts["slip"] == pytest.approx(np.sqrt(0.3 * 3.0 * 0.01), rel=1e-9)

@@ -37,7 +37,7 @@ SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
 LAWS = {
     "coulomb": fm.Coulomb(0.3),
     "by pressure": fm.Coulomb(0.3, limit_by="pressure"),
-    "capped": fm.Coulomb(0.3, most=2.0),
+    "capped": fm.Coulomb(0.3, max_shear=2.0),
     "tresca": fm.Tresca(1.0),
 }
 E, NU = 100.0, 0.3
@@ -47,10 +47,10 @@ WORKS = "contact", "friction"
 class Creeping(fm.Law):
     """What the docstring of ``laws`` shows."""
 
-    def piece(self, node: Nodal, before):
+    def branch(self, node: Nodal, before):
         return np.ones_like(before)
 
-    def tangential(self, node: Nodal, piece) -> Row:
+    def tangential(self, node: Nodal, branch) -> Row:
         part = np.tanh(node.slip / 0.01)
         return Row(
             node.z_tau - 0.3 * node.z_n * part,
@@ -59,7 +59,7 @@ class Creeping(fm.Law):
             by_z_tau=1.0,
         )
 
-    def bound(self, pressure):
+    def friction_limit(self, pressure):
         return 0.3 * pressure
 
 
@@ -101,11 +101,11 @@ def block_on(obstacle, *, degree=1, law=None, angle=0.0, weight=0.0):
     return problem, along
 
 
-def slopes(problem, pieces=None):
+def slopes(problem, branches=None):
     """Slopes of the whole system; 1 where a term is missing."""
-    if pieces is not None:
+    if branches is not None:
         problem.equations.contacts[0].change(
-            piece=np.resize(pieces, problem.equations.contacts[0].piece.size)
+            branch=np.resize(branches, problem.equations.contacts[0].branch.size)
         )
     return problem.check_tangent(print_table=False).slopes["whole"]
 
@@ -123,8 +123,8 @@ def test_tangent_has_slope_two(law, pair, degree):
     """Mixed as solved, then all sticking, all sliding, and sliding both ways by force."""
     scene = blocks(LAWS.get(law) or Creeping(), degree=degree, pair=pair)
     drive(scene, (0.0, -0.03), (0.02, -0.04))
-    for pieces in (None, [0], [1], [1, 0, -1, 0]):
-        assert slopes(scene.problem, pieces) == pytest.approx(2.0, abs=0.02)
+    for branches in (None, [0], [1], [1, 0, -1, 0]):
+        assert slopes(scene.problem, branches) == pytest.approx(2.0, abs=0.02)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -135,8 +135,8 @@ def test_tangent_on_an_obstacle_has_slope_two(degree):
     problem.solve()
     circle.move(x=0.01, angle=0.002)
     problem.solve()
-    for pieces in (None, [0], [1, 0, -1]):
-        assert slopes(problem, pieces) == pytest.approx(2.0, abs=0.02)
+    for branches in (None, [0], [1, 0, -1]):
+        assert slopes(problem, branches) == pytest.approx(2.0, abs=0.02)
 
 
 @pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
@@ -272,7 +272,7 @@ def test_nodes_that_enter_slip_by_the_motion_of_their_material(pair):
     moved = np.where(upper[:, None], [-0.4, 0.0], 0.0).ravel()
     for _ in range(2):
         contact.evaluate(moved, scene.problem.equations.linearization)
-        contact.update_carriers()
+        contact.update_multiplier_nodes()
     assert (contact.covered & uncovered).any()
     assert np.abs(np.abs(contact.slip) - 0.4).max() < 1e-13
 
@@ -413,7 +413,7 @@ def test_ranks_agree(pair):
     assert 0 < ours.contact.sticking.sum() < ours.contact.active.sum()
     first, second = drive(mine, path[2])[0], drive(ours, path[2])[0]
     assert first.num_iterations == second.num_iterations
-    assert np.array_equal(mine.contact.piece, ours.contact.piece)
+    assert np.array_equal(mine.contact.branch, ours.contact.branch)
     for quantity in ("z", "slip", "friction_work"):
         one, all_ = (np.asarray(getattr(scene.contact, quantity)) for scene in (mine, ours))
         assert np.abs(all_ - one).max() < 1e-11 * np.abs(one).max()
@@ -451,7 +451,7 @@ def test_both_algorithms_and_contact_dofs_agree(pair):
         lambda: fm.Coulomb(-0.1),
         lambda: fm.Coulomb(0.1, c_t=0.0),
         lambda: fm.Coulomb(0.1, limit_by="force"),
-        lambda: fm.Coulomb(0.1, most=0.0),
+        lambda: fm.Coulomb(0.1, max_shear=0.0),
         lambda: fm.Tresca(-1.0),
         lambda: fm.ContactPair(fm.MeshData(None, None, None), 1, 2, law="coulomb"),
         lambda: fm.ContactPair(fm.MeshData(None, None, None), 1, 2, slip="textbook"),
@@ -479,8 +479,8 @@ def test_edge_that_shear_peels_off_is_named_with_a_law_that_has_a_solution():
     circle.move(x=0.1)
     with pytest.raises(fm.NotConvergedError, match=r"1 nodes of 'block/top' .*one at \(1.6.*peel"):
         problem.solve()
-    problem.restore(replace(pressed, places=problem.equations.tools.places))
-    pair.law = fm.Coulomb(1.0, most=law.stress)
+    problem.restore(replace(pressed, places=problem.equations.motions.places))
+    pair.law = fm.Coulomb(1.0, max_shear=law.stress)
     problem.solve()
     contact = problem.equations.contacts[0]
     assert np.abs(contact.z_tau).max() == pytest.approx(law.stress, rel=1e-9)

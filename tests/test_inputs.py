@@ -306,14 +306,14 @@ class Spoilt(fm.Coulomb):
     def _answer(self, method, answer):
         return self._spoil(answer) if self._on and method == self.method else answer
 
-    def piece(self, node, before):
-        return self._answer("piece", super().piece(node, before))
+    def branch(self, node, before):
+        return self._answer("branch", super().branch(node, before))
 
-    def tangential(self, node, piece):
-        return self._answer("tangential", super().tangential(node, piece))
+    def tangential(self, node, branch):
+        return self._answer("tangential", super().tangential(node, branch))
 
-    def bound(self, pressure):
-        return self._answer("bound", super().bound(pressure))
+    def friction_limit(self, pressure):
+        return self._answer("friction_limit", super().friction_limit(pressure))
 
     def adhesion(self, gap):
         pull = 0.1 * np.exp(-gap / 0.1)
@@ -331,17 +331,32 @@ def spoil_row(name):
 
 
 WRONG_ANSWERS = [
-    ("piece", lambda p: p * np.nan, NotFiniteError, "piece returned numbers .* not finite at 5"),
-    ("piece", lambda p: p[:2], ValueError, r"piece returned an array of shape \(2,\)"),
-    ("piece", lambda p: None, ValueError, "piece returned an array of .* type object"),
-    ("piece", lambda p: p + 0.5, ValueError, "piece returned .*; right are whole numbers"),
+    ("branch", lambda p: p * np.nan, NotFiniteError, "piece returned numbers .* not finite at 5"),
+    ("branch", lambda p: p[:2], ValueError, r"piece returned an array of shape \(2,\)"),
+    ("branch", lambda p: None, ValueError, "piece returned an array of .* type object"),
+    ("branch", lambda p: p + 0.5, ValueError, "piece returned .*; right are whole numbers"),
     ("tangential", spoil_row("residual"), NotFiniteError, r"not finite at 5 nodes .* one at \("),
     ("tangential", spoil_row("by_slip"), NotFiniteError, "tangential returned numbers"),
     ("tangential", lambda row: None, ValueError, "tangential returned None; expected a Row"),
     ("tangential", lambda row: row._replace(residual=row[0][:2]), ValueError, r"shape \(2,\)"),
-    ("bound", lambda b: b * np.nan, NotFiniteError, "bound returned nan for a pressure of"),
-    ("bound", lambda b: b - 1.0, NotFiniteError, "bound returned -0.* for a pressure of"),
-    ("bound", lambda b: b[:2], ValueError, r"bound returned an array of shape \(2,\)"),
+    (
+        "friction_limit",
+        lambda b: b * np.nan,
+        NotFiniteError,
+        "friction_limit returned nan for a pressure of",
+    ),
+    (
+        "friction_limit",
+        lambda b: b - 1.0,
+        NotFiniteError,
+        "friction_limit returned -0.* for a pressure of",
+    ),
+    (
+        "friction_limit",
+        lambda b: b[:2],
+        ValueError,
+        r"friction_limit returned an array of shape \(2,\)",
+    ),
     ("adhesion", lambda a: (a[0] * np.nan, a[1]), NotFiniteError, "adhesion returned numbers"),
     ("adhesion", lambda a: (-a[0], a[1]), ValueError, "adhesion returned -0.1 .* zero or positive"),
     ("adhesion", lambda a: a[0], ValueError, "adhesion returned array.* right are two arrays"),
@@ -367,7 +382,7 @@ def test_answer_of_a_law_that_is_none_is_refused(method, spoil, kind, words):
 
 
 @several_ranks
-@pytest.mark.parametrize("method", ["piece", "tangential", "bound", "adhesion"])
+@pytest.mark.parametrize("method", ["branch", "tangential", "friction_limit", "adhesion"])
 @pytest.mark.parametrize("hierarchy", [False, True])
 def test_law_that_raises_on_one_rank_raises_on_all(method, hierarchy):
     def fail(answer):
@@ -451,9 +466,9 @@ def test_law_whose_parameter_differs_on_one_rank_is_refused():
 
 def test_law_cannot_write_into_the_state():
     class Careless(fm.Coulomb):
-        def tangential(self, node, piece):
+        def tangential(self, node, branch):
             node.z_tau[:] = 0.0
-            return super().tangential(node, piece)
+            return super().tangential(node, branch)
 
     with refused(ValueError, "read-only"):
         rubbing_blocks(Careless(0.3)).problem.solve()
@@ -514,7 +529,7 @@ def test_weight_of_the_gap_that_is_set_later_is_checked(value):
         scene.problem.solve()
 
 
-@pytest.mark.parametrize("name, shape", [("z", (2, 2)), ("active", (2,)), ("piece", (7,))])
+@pytest.mark.parametrize("name, shape", [("z", (2, 2)), ("active", (2,)), ("branch", (7,))])
 def test_state_of_a_contact_of_another_shape_is_refused(name, shape):
     scene = small_blocks()
     scene.contact.change(**{name: np.zeros(shape)})
@@ -1104,7 +1119,7 @@ def test_tool_of_a_wrong_kind_is_refused(more, kind, words):
 
 def test_solve_to_a_wrong_state_raises_unless_told_not_to():
     """The law's bound, unlike its tangential row, is too small: shears are outside of it."""
-    law = Spoilt("bound", lambda bound: 0.5 * bound)
+    law = Spoilt("friction_limit", lambda bound: 0.5 * bound)
     law._on = False
     scene = rubbing_blocks(law)
     scene.problem.solve()
@@ -1125,7 +1140,7 @@ def test_solve_to_a_wrong_state_raises_unless_told_not_to():
 
 
 def test_wrong_state_is_in_the_record_that_the_error_holds():
-    law = Spoilt("bound", lambda bound: 0.5 * bound)
+    law = Spoilt("friction_limit", lambda bound: 0.5 * bound)
     with pytest.raises(fm.NotConvergedError) as caught:
         rubbing_blocks(law).problem.solve()
     report = caught.value.report

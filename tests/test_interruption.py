@@ -60,7 +60,7 @@ def everything(problem):
     options = PETSc.Options("test_").getAll()
     springs = [
         id(array)
-        for of in (problem.equations.floating, problem.equations.tools)
+        for of in (problem.equations.floating, problem.equations.motions)
         for array in of.springs
     ]
     return state, contacts, options, problem.newton, springs, clock.depth
@@ -194,10 +194,10 @@ def test_an_error_of_a_law_of_the_user_leaves_the_problem_as_it_was():
     class Law(fm.Coulomb):
         fails = False
 
-        def bound(self, z_n):
+        def friction_limit(self, z_n):
             if self.fails:
                 raise KeyError("no such speed")
-            return super().bound(z_n)
+            return super().friction_limit(z_n)
 
     law = Law(0.3)
     scene = pressed_blocks(pair={"law": law}, **MESH)

@@ -29,7 +29,7 @@ EXACT = 1e-10
 
 def assembled(problem):
     """A on every rank: dofs by global number, multipliers in the order of pairs, places."""
-    contacts, tools = problem.equations.contacts, problem.equations.tools
+    contacts, motions = problem.equations.contacts, problem.equations.motions
     problem.equations.bulk.assemble_tangent()
     system = SaddleSystem(problem.equations.bulk, contacts, "reference_", {})
     K, B_T, C, A_z = (dense(block) for block in system.blocks())
@@ -43,14 +43,14 @@ def assembled(problem):
     )
     K[held], B_T[held] = 0.0, 0.0
     K[held, held] = 1.0
-    n, m, k = len(K), len(A_z), 3 * len(tools.obstacles)
+    n, m, k = len(K), len(A_z), 3 * len(motions.obstacles)
     A = np.zeros((n + m + k, n + m + k))
     A[:n, :n], A[:n, n : n + m], A[n : n + m, :n], A[n : n + m, n : n + m] = K, B_T, C, A_z
     first = n
     for contact in contacts:
         count = 2 * contact.slave.num_nodes
         if contact.obstacle is not None:
-            own = slice(start := n + m + 3 * tools.obstacles.index(contact.obstacle), start + 3)
+            own = slice(start := n + m + 3 * motions.obstacles.index(contact.obstacle), start + 3)
             units = np.array([1.0, 1.0, contact.arm])
             E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
             A[first : first + count, own] = contact.motion_rows().reshape(-1, 3) * units
@@ -61,7 +61,7 @@ def assembled(problem):
             )
             A[own, own] += units[:, None] * E_q * units
         first += count
-    given = n + m + np.flatnonzero(~tools.driven.ravel())
+    given = n + m + np.flatnonzero(~motions.driven.ravel())
     A[given] = 0.0
     A[given, given] = 1.0
     return A
@@ -78,7 +78,7 @@ def random_vector(problem, seed, sizes):
     rng, bulk = np.random.default_rng(seed), problem.equations.bulk
     u = sizes[0] * rng.uniform(-1.0, 1.0, bulk.r.getSize())
     z = [sizes[1] * rng.uniform(-1.0, 1.0, c.z.shape) for c in problem.equations.contacts]
-    q = sizes[2] * rng.uniform(-1.0, 1.0, problem.equations.tools.places.shape)
+    q = sizes[2] * rng.uniform(-1.0, 1.0, problem.equations.motions.places.shape)
     return fm.LinearVector(u[bulk.first :][: bulk.num_owned], z, q)
 
 
@@ -93,7 +93,7 @@ def check(problem, exact=EXACT):
         found, wanted = flat(problem, solution), np.linalg.solve(matrix, flat(problem, rhs))
         parts = (
             problem.equations.bulk.r.getSize(),
-            len(A) - 3 * len(problem.equations.tools.obstacles),
+            len(A) - 3 * len(problem.equations.motions.obstacles),
         )
         for mine, theirs in zip(np.split(found, parts), np.split(wanted, parts), strict=True):
             assert np.abs(mine - theirs).max(initial=0.0) <= exact * np.abs(theirs).max(initial=1.0)
@@ -115,8 +115,8 @@ def rubbing(algorithm, *, pair=None, degree=1, **options):
         scene.problem.solve(accept_violations=True)
     contact = scene.contact
     contact.active[-1], contact.z[-1] = False, 0.0
-    if contact.pair.law.rubs:
-        contact.piece[1:3] = 1
+    if contact.pair.law.has_friction:
+        contact.branch[1:3] = 1
     return scene.problem
 
 
@@ -166,7 +166,7 @@ def test_driven_obstacle(algorithm, kind):
     problem = block_under(obstacle, algorithm=algorithm, pair={"law": fm.Coulomb(0.3)})
     obstacle.push(**({"y": -5.0, "moment": 0.1} if kind == "plane" else {"y": -5.0}))
     problem.solve()
-    assert 0 < problem.equations.tools.driven.sum() < 3
+    assert 0 < problem.equations.motions.driven.sum() < 3
     check(problem)
 
 

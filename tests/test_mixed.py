@@ -307,12 +307,12 @@ def test_files_hold_the_displacement_and_the_pressure(shared_path):
         writer.write(1.0)
     fm.plot(scene.problem, shared_path / "picture", stress=pressure)
     for file in steps(shared_path / "series.pvd")[1.0]:
-        piece = meshio.read(file)
-        x, y, _ = piece.points.T
+        branch = meshio.read(file)
+        x, y, _ = branch.points.T
         right = np.stack([0.1 * x**2, x * y - 0.2 * y**2], axis=1)
-        assert np.abs(piece.point_data["displacement"][:, :2] - right).max() < 1e-14
-        corners = piece.points[piece.cells[0].data[:, :3]].mean(axis=1)
-        found = piece.cell_data["p"][0]
+        assert np.abs(branch.point_data["displacement"][:, :2] - right).max() < 1e-14
+        corners = branch.points[branch.cells[0].data[:, :3]].mean(axis=1)
+        found = branch.cell_data["p"][0]
         assert np.abs(found.ravel() - corners[:, 0] - 10 * corners[:, 1]).max() < 1e-12
     assert (shared_path / "picture.png").exists()
 

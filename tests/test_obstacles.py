@@ -81,7 +81,7 @@ def test_facets_and_normals_by_complex_step(kind, pair):
     x = np.array([[0.0, 0.9], [0.2, 0.93], [0.4, 0.9]])[None] + random.uniform(0.0, 0.02, (4, 3, 2))
     arm, h = 0.7, 1e-30
     choice = {"basis": "dual", "gap_weights": "cover", "integration": "segments", **PAIRS[pair]}
-    options = MortarOptions(weighting="opposite", points=5, radius=1.0, least_cosine=0.0, **choice)
+    options = MortarOptions(weighting="opposite", points=5, radius=1.0, min_cosine=0.0, **choice)
     weights = hand_over(random.uniform(size=(4, 3)) > 0.3)
     rule = facet_rule(options.integration, 3, options.points)
 

@@ -61,7 +61,7 @@ def test_pattern_is_made_again_where_a_node_comes_to_bear_the_multiplier_of_anot
     scene.loads["push"].value[1] = -0.01
     scene.problem.solve()
     (contact,) = scene.problem.equations.contacts
-    state = contact.operators, contact.carries, contact.faced()
+    state = contact.operators, contact.multiplier_nodes, contact.faced()
     reach = Reach(*state)
     assert reach.holds(*state, contact.active)
     contact.operators.D[:1, 1, 0] = 0.1  # of the rank's first facet, if it has any

@@ -60,8 +60,8 @@ def table_of(X, values):
 
 
 def gathered(X, values):
-    pieces = COMM.allgather(table_of(X, values))
-    return {key: value for piece in pieces for key, value in piece.items()}
+    branches = COMM.allgather(table_of(X, values))
+    return {key: value for branch in branches for key, value in branch.items()}
 
 
 def assert_equal_tables(found, right):
@@ -93,8 +93,8 @@ def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell
     assert list(files) == [0.0, 0.25]
     V = compat.scalar_space(scene.data.mesh, 0, "DG")
     components = [values_in_cells(V, grad[i, j]) for i in range(2) for j in range(2)]
-    for time, pieces in files.items():
-        meshes = [meshio.read(piece) for piece in pieces]
+    for time, branches in files.items():
+        meshes = [meshio.read(branch) for branch in branches]
         found = {}
         for mesh in meshes:
             found |= table_of(mesh.points, mesh.point_data["displacement"])
@@ -143,7 +143,7 @@ def test_contact_files_hold_what_the_contact_holds(shared_path, slave, degree):
     name = {"upper": "upper_bottom", "lower": "lower_top"}[slave]
     files = steps(shared_path / f"series_contact_{name}.pvd")
     assert list(files) == [-1.0, 2.5]
-    before, after = (meshio.read(pieces[0]) for pieces in files.values())
+    before, after = (meshio.read(branches[0]) for branches in files.values())
     assert np.allclose(before.point_data["contact_pressure"], 0.0)
     assert np.nanmin(before.point_data["gap"]) == pytest.approx(0.01, rel=1e-9)
     assert c.active.any()
@@ -167,9 +167,9 @@ def test_a_dot_in_the_name_keeps_the_steps_apart_and_folders_are_made(shared_pat
     results = ResultsWriter(folder / "nu_0.3", scene.problem)
     for time in range(3):
         results.write(time)
-    pieces = [piece for files in steps(folder / "nu_0.3.pvd").values() for piece in files]
-    assert len(set(pieces)) == len(pieces) >= 3
-    assert all(piece.is_file() for piece in pieces)
+    branches = [branch for files in steps(folder / "nu_0.3.pvd").values() for branch in files]
+    assert len(set(branches)) == len(branches) >= 3
+    assert all(branch.is_file() for branch in branches)
 
 
 def test_ranks_without_cells_take_part(shared_path):
@@ -177,7 +177,7 @@ def test_ranks_without_cells_take_part(shared_path):
     scene = scenes.pressed_blocks(**mesh)  # two cells
     grad = ufl.grad(scene.u)
     ResultsWriter(shared_path / "series", scene.problem, {"grad": grad}).write(0.0)
-    meshes = [meshio.read(piece) for piece in steps(shared_path / "series.pvd")[0.0]]
+    meshes = [meshio.read(branch) for branch in steps(shared_path / "series.pvd")[0.0]]
     assert sum(len(mesh.cells[0].data) for mesh in meshes) == 2
     plot(scene.problem, shared_path / "picture", stress=grad[0, 0])
     contact_table(scene.problem)
@@ -193,19 +193,22 @@ def test_two_slaves_of_one_name_in_files_get_two_series(shared_path):
 
 def test_outlines_of_obstacles_move_with_them(shared_path):
     """On the curve to rounding, closed where it is, and warped to the present place."""
-    tools = fm.Circle((0.5, 1.5), 0.25, name="ball"), fm.Plane((0.0, 1.1), (0.0, -1.0), name="far")
-    problem = block_under(tools[0])
-    problem.equations.tools.obstacles.append(tools[1])
-    tools[1].move(y=100.0)
+    motions = (
+        fm.Circle((0.5, 1.5), 0.25, name="ball"),
+        fm.Plane((0.0, 1.1), (0.0, -1.0), name="far"),
+    )
+    problem = block_under(motions[0])
+    problem.equations.motions.obstacles.append(motions[1])
+    motions[1].move(y=100.0)
     with ResultsWriter(shared_path / "series", problem) as results:
         for time, motion in enumerate([(0.0, 0.0, 0.0), (0.1, -0.3, 0.5)]):
-            tools[0].move(x=motion[0], y=motion[1], angle=motion[2])
+            motions[0].move(x=motion[0], y=motion[1], angle=motion[2])
             results.write(time)
             (file,) = steps(shared_path / "series_obstacle_ball.pvd")[time]
             mesh = meshio.read(file)
             own, moved = mesh.points[:, :2], mesh.points + mesh.point_data["displacement"]
             lines, x = mesh.cells_dict["line"], moved[:, :2]
-            assert np.allclose(x, tools[0].to_space(own), atol=1e-12)
+            assert np.allclose(x, motions[0].to_space(own), atol=1e-12)
             assert np.allclose(np.linalg.norm(own - (0.5, 1.5), axis=1), 0.25, atol=1e-9)
             length = np.linalg.norm(np.diff(x[lines], axis=1), axis=2).sum()
             assert length == pytest.approx(np.pi * 0.5, rel=2e-4)  # chords
@@ -257,8 +260,8 @@ def test_a_path_of_no_use_raises_on_all_ranks(shared_path):
 def test_the_path_of_the_first_rank_counts(shared_path):
     scene = pressed()
     ResultsWriter(shared_path / f"rank{COMM.rank}", scene.problem).write(0.0)
-    pieces = steps(shared_path / "rank0.pvd")[0.0]
-    assert all(piece.is_file() for piece in pieces)
+    branches = steps(shared_path / "rank0.pvd")[0.0]
+    assert all(branch.is_file() for branch in branches)
     assert not (shared_path / "rank1.pvd").exists()
 
 

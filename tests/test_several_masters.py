@@ -226,12 +226,14 @@ def test_corner_sticks_to_floor_and_wall(meshed, strain, linear_bulk):
     """
     problem, move = cornered(meshed, strain=strain, linear_bulk=linear_bulk)
     corner = np.argmin(np.hypot(*(problem.equations.contacts[0].slave.X - [1.0, 0.0]).T))
-    overheld = []
+    redundant = []
     for step in PATH:
         move(*step)
         report = problem.solve()
         assert report.certificate.violations() == [] and report.num_iterations < 10
-        overheld.append([bool(contact.overheld[corner]) for contact in problem.equations.contacts])
+        redundant.append(
+            [bool(contact.redundant[corner]) for contact in problem.equations.contacts]
+        )
         for contact in problem.equations.contacts:
             assert np.abs(contact.slip[contact.sticking]).max(initial=0.0) < 1e-12
         if not meshed and all(contact.active[corner] for contact in problem.equations.contacts):
@@ -239,6 +241,6 @@ def test_corner_sticks_to_floor_and_wall(meshed, strain, linear_bulk):
             assert place == pytest.approx((1.0 - step[2], step[1]), abs=1e-12)
     both, one, other = [True, True], [True, False], [False, True]
     if meshed:
-        assert not np.any(overheld)
+        assert not np.any(redundant)
     else:
-        assert overheld[:4:2] + overheld[3:4] == [both, one, other]
+        assert redundant[:4:2] + redundant[3:4] == [both, one, other]

@@ -261,10 +261,10 @@ class Stribeck(fm.Law):
     def __init__(self, static, kinetic, fall, length):
         self.static, self.kinetic, self.fall, self.length = static, kinetic, fall, length
 
-    def piece(self, node, before):
+    def branch(self, node, before):
         return np.ones_like(before)
 
-    def tangential(self, node, piece):
+    def tangential(self, node, branch):
         part = np.tanh(node.slip / self.length)
         more = (self.static - self.kinetic) * np.exp(-np.abs(node.slip) / self.fall)
         slope = (self.kinetic + more) * (1.0 - part**2) / self.length - more / self.fall * np.abs(
@@ -273,7 +273,7 @@ class Stribeck(fm.Law):
         mu = (self.kinetic + more) * part
         return Row(node.z_tau - node.z_n * mu, 0.0, -node.z_n * slope, -mu, 1.0)
 
-    def bound(self, pressure):
+    def friction_limit(self, pressure):
         return self.static * pressure
 
 

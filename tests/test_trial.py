@@ -140,7 +140,7 @@ def test_shears_of_a_law_are_those_of_its_residual():
         (rule,) = case_of(5_000_000 + seed).rules
         low, high = shears(rule, slip * rule.length, pressure * rule.stress, 0.0)
         law = rule.law()
-        bound = law.bound(pressure * rule.stress)
+        bound = law.friction_limit(pressure * rule.stress)
         assert (low <= high).all() and (np.maximum(-low, high) <= bound * (1 + OF_LAW)).all()
         if rule.kind in ("tanh", "Stribeck"):
             value, _ = law.coefficient(slip * rule.length)

@@ -90,11 +90,11 @@ def theory(x: np.ndarray) -> np.ndarray:
 
 
 def two_cylinders(
-    force: float, h: float, *, rubs: bool = False, slip: Measure = "partners"
+    force: float, h: float, *, has_friction: bool = False, slip: Measure = "partners"
 ) -> Sheared:
     """Press by ``force`` in one step and shear; ``h`` is the length of facets by the half-width.
 
-    ``rubs``: with friction from the start, not only after the pressing.
+    ``has_friction``: with friction from the start, not only after the pressing.
     """
     degree = 2
     a = np.sqrt(4 * force * (RADIUS / 2) / (np.pi * MODULUS))
@@ -113,7 +113,7 @@ def two_cylinders(
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="cattaneo_")
     (contact,) = problem.equations.contacts
     stiffness = np.pi * E / (4 * (1 - NU**2) * np.log(4 * RADIUS / a))  # about
-    if not rubs:
+    if not has_friction:
         pair.law = fm.Frictionless()
     move_until(problem, push, 1, -force / stiffness, force, lambda: contact.total_force[1])
     pair.law = fm.Coulomb(FRICTION)
@@ -174,9 +174,9 @@ def cylinder_table(all_sheared: dict[float, Sheared]) -> str:
 def pressing_table() -> str:
     """What the pressing leaves behind, by what it is done with."""
     lines = ["| friction while pressed | slip by | error in L2 |", "|---|---|---:|"]
-    for rubs, slip in ((False, "partners"), (True, "partners"), (True, "operators")):
-        found = two_cylinders(LOADS[0], FACET, rubs=rubs, slip=slip)
-        lines.append(f"| {'yes' if rubs else 'no'} | {slip} | {100 * found.error:.2f} % |")
+    for has_friction, slip in ((False, "partners"), (True, "partners"), (True, "operators")):
+        found = two_cylinders(LOADS[0], FACET, has_friction=has_friction, slip=slip)
+        lines.append(f"| {'yes' if has_friction else 'no'} | {slip} | {100 * found.error:.2f} % |")
     return "\n".join(lines)
 
 

@@ -110,7 +110,7 @@ def drawn(posed: Posed, nodal: np.ndarray, exact: Traction, s: np.ndarray) -> tu
     """
     (contact,) = posed.problem.equations.contacts
     nodes = contact.slave.facets
-    nodes = nodes[contact.carries[nodes[:, [0, -1]]].all(axis=1)]
+    nodes = nodes[contact.multiplier_nodes[nodes[:, [0, -1]]].all(axis=1)]
     shape, slope = facet_shapes(nodes.shape[1], s)
     x = np.einsum("qk,mkc->cmq", shape, contact.slave.X[nodes])
     measure = np.hypot(*np.einsum("qk,mkc->cmq", slope, contact.slave.X[nodes]))

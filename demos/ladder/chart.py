@@ -194,7 +194,7 @@ def estimated_errors(scene: Scene, load: float, rung: Rung, posed: Posed) -> Err
 
 def by_meshed_tool(scene: Scene, load: float, posed: Posed) -> Errors:
     """What it is worth that a circle neither gives way nor has the facets of a mesh."""
-    (circle,) = posed.problem.equations.tools.obstacles
+    (circle,) = posed.problem.equations.motions.obstacles
     tool = elastic_tool(scene, circle, read(scene, load, "tool"))
     touching = contacts_of(posed.problem, tool)
     parts = zip(tool.displacements(touching), tool.flatness(touching), strict=True)

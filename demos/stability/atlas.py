@@ -93,10 +93,10 @@ class Worker:
             left = end - time.monotonic()
             if left <= 0.0 or not select.select([pipe], [], [], left)[0]:
                 raise TimeoutError
-            piece = os.read(pipe, 65536)
-            if not piece:
+            branch = os.read(pipe, 65536)
+            if not branch:
                 return b""
-            self._buffer += piece
+            self._buffer += branch
         line, _, self._buffer = self._buffer.partition(b"\n")
         return line
 

@@ -788,7 +788,7 @@ def rigid_tool(value: str) -> Scene:
         pairs=[("ground/top", "tool")],
         supports=[HELD],
         steps=4,
-        tools=[Tool("tool", make, {"y": force} | loose)],
+        motions=[Tool("tool", make, {"y": force} | loose)],
         check=lambda posed: expect("force", posed.forces[0, 1], force, 1e-5),
     )
 

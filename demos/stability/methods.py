@@ -77,7 +77,7 @@ METHODS = {
     "standard": Method("standard basis", pair={"basis": "standard"}),
     "plain": Method("plain Newton", adaptive=False),
     "line_search": Method("with line search", newton={"line_search": True}, scenes=DAMPED),
-    "short_moves": Method("half a facet at most", newton={"most_motion": 0.5}, scenes=DAMPED),
+    "short_moves": Method("half a facet at most", newton={"max_motion": 0.5}, scenes=DAMPED),
     "no_normals": Method("without normals", problem={"linearization": "no_normals"}),
     "no_segments": Method("without segment motion", problem={"linearization": "no_segments"}),
     "frozen": Method("fixed point", problem={"linearization": "frozen"}),
@@ -204,7 +204,10 @@ REMEDIES = {
         "corner_on_flat",
         "3 flat",
         "default",
-        Method("not handed over", override=without((Contact, "update_carriers", lambda self: 0))),
+        Method(
+            "not handed over",
+            override=without((Contact, "update_multiplier_nodes", lambda self: 0)),
+        ),
     ),
 }
 

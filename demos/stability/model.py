@@ -110,11 +110,11 @@ class Scene:
     cell: str = "quadrilateral"
     linear: bool = False
     ranks: int = 1
-    tools: Sequence[Tool] = ()
+    motions: Sequence[Tool] = ()
 
     def scaled(self, length: float, stress: float) -> Scene:
         """The same scene of meshed bodies in other units."""
-        assert not self.tools
+        assert not self.motions
 
         def pose_of(support: Support) -> Callable[[float], Pose]:
             def pose(time: float) -> Pose:
@@ -229,7 +229,7 @@ def pose_problem(
     residual, factor = residual_of(scene, data, u)
     bcs, setters = zip(*(dirichlet(V, data, support) for support in scene.supports))
     options = {**scene.pair, **pair}
-    made = {tool.name: tool.make() for tool in scene.tools}
+    made = {tool.name: tool.make() for tool in scene.motions}
     pairs = [
         fm.ContactPair(data, slave, made.get(master, master), **options)
         for slave, master in scene.pairs
@@ -242,7 +242,7 @@ def pose_problem(
         factor.value = time
         for setter in setters:
             setter(time)
-        for tool in scene.tools:
+        for tool in scene.motions:
             made[tool.name].push(**{name: time * part for name, part in tool.force.items()})
 
     return Posed(scene, contact_problem, set_loads)

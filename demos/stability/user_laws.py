@@ -9,7 +9,7 @@ import numpy as np
 from random_bodies import Array
 
 import fenics_mortar as fm
-from fenics_mortar.contact.laws import Friction, Nodal, Pieces, Row
+from fenics_mortar.contact.laws import Branches, Friction, Nodal, Row
 
 
 class Creeping(fm.Law):
@@ -18,7 +18,7 @@ class Creeping(fm.Law):
     def __init__(self, mu: float, length: float) -> None:
         self.mu, self.length = mu, length
 
-    def piece(self, node: Nodal, before: Pieces) -> Pieces:
+    def branch(self, node: Nodal, before: Branches) -> Branches:
         """One for all."""
         return np.ones_like(before)
 
@@ -27,7 +27,7 @@ class Creeping(fm.Law):
         part = np.tanh(slip / self.length)
         return self.mu * part, self.mu * (1.0 - part**2) / self.length
 
-    def tangential(self, node: Nodal, piece: Pieces) -> Row:
+    def tangential(self, node: Nodal, branch: Branches) -> Row:
         """What the shear lacks."""
         value, change = self.coefficient(node.slip)
         return Row(
@@ -37,7 +37,7 @@ class Creeping(fm.Law):
             by_z_tau=1.0,
         )
 
-    def bound(self, pressure: Array) -> Array:
+    def friction_limit(self, pressure: Array) -> Array:
         """Mu times the pressure."""
         return self.mu * np.maximum(pressure, 0.0)
 
@@ -70,9 +70,9 @@ class Saturating(Friction):
         """Of the pressure."""
         p = np.maximum(node.z_n, 0.0)
         by_z_n = np.where(node.z_n > 0.0, self.mu / (1.0 + p / self.most) ** 2, 0.0)
-        return self.bound(p), np.zeros_like(p), by_z_n
+        return self.friction_limit(p), np.zeros_like(p), by_z_n
 
-    def bound(self, pressure: Array) -> Array:
+    def friction_limit(self, pressure: Array) -> Array:
         """The limit."""
         p = np.maximum(pressure, 0.0)
         return self.mu * p / (1.0 + p / self.most)

@@ -29,7 +29,9 @@ def whole_facet_basis() -> Iterator[None]:
     function = partial(tabulate_facets, facets.tabulate_facets)
     with (
         patch.object(integrals.facets, "tabulate_facets", function),
-        patch.object(Contact, "update_carriers", lambda self: 0),  # hardly covered nodes stay
+        patch.object(
+            Contact, "update_multiplier_nodes", lambda self: 0
+        ),  # hardly covered nodes stay
     ):
         yield
 

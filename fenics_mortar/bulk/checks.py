@@ -76,7 +76,7 @@ def check_slave_nodes(contacts: Sequence[Interface]) -> None:
     """
     for i, one in enumerate(contacts):
         for other in contacts[i + 1 :]:
-            both = np.intersect1d(one.multiplier_nodes, other.multiplier_nodes)
+            both = np.intersect1d(one.candidate_nodes, other.candidate_nodes)
             if both.size and one.has_master_of(other):
                 where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
                 raise SurfaceError(

@@ -42,11 +42,11 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
     state = replace(f.state, active=active, z=np.where(active[:, None], z, open_z), borne=None)
     changed = active != f.state.active
     f = f.after(state)
-    piece = f.sides.asker.piece(f.sides.pair.law, f.nodal, state.piece, o.x)
-    branched = piece != state.piece
+    branch = f.sides.asker.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
+    branched = branch != state.branch
     if branched.any():
-        state = replace(state, piece=piece)
-    return state, changed | (active & f.sides.rubs & branched)
+        state = replace(state, branch=branch)
+    return state, changed | (active & f.sides.follows_law & branched)
 
 
 def _active(f: ContactFields, *, start: bool) -> Flags:

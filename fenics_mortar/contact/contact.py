@@ -34,7 +34,7 @@ from fenics_mortar.contact.integration import NO_PLACE, Integration
 from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only
 from fenics_mortar.contact.law_calls import Asker, raise_noted
 from fenics_mortar.contact.laws import Nodal
-from fenics_mortar.contact.multiplier_nodes import Carriers, normals_on_planes
+from fenics_mortar.contact.multiplier_nodes import MultiplierNodes, normals_on_planes
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.rows import (
     Frame,
@@ -78,8 +78,8 @@ class Contact(Interface):
         arm: Length by which angles of the obstacle are multiplied [length].
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
         asker: Calls the law of the pair.
-        rubs: Whether a node follows the law: not if one of its components is prescribed, shape
-            (slave nodes,), bool.
+        follows_law: Whether a node follows the law: not if one of its components is prescribed,
+            shape (slave nodes,), bool.
         plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
         offset, c_n: See ``InterfaceState``. May be set. To ramp an overlap of the mesh, go with
             ``t`` from 0 to 1 by ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
@@ -108,13 +108,15 @@ class Contact(Interface):
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         super().__init__(pair, space, prescribed, welds)
         normals, _ = evaluate_normals(self.slave, self.slave.X, pair.normals)
-        self._carriers = Carriers(self.slave, normals, self.free, at_vertices=self.at_vertices)
+        self._multiplier_nodes = MultiplierNodes(
+            self.slave, normals, self.free, at_vertices=self.at_vertices
+        )
         self._master_planes = self._find_master_planes(prescribed)
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
-        self._may_carry = self._carriers.possible
-        self.plane_normals = self._carriers.plane_normals
-        self.rubs: Flags = self.free.all(axis=1)
-        self.oblique = self._carriers.oblique
+        self._may_carry = self._multiplier_nodes.possible
+        self.plane_normals = self._multiplier_nodes.plane_normals
+        self.follows_law: Flags = self.free.all(axis=1)
+        self.oblique = self._multiplier_nodes.oblique
         if not self._may_carry.any():
             raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
         self.arm = float(np.hypot(*np.ptp(self.slave.X, axis=0)))
@@ -135,8 +137,8 @@ class Contact(Interface):
         start = Nodal(none, none, none, none, none + 1.0, none)
         self.asker = Asker(pair.slave_name)
         at_rest = np.zeros(none.size, np.int64)
-        piece = self.asker.piece(pair.law, start, at_rest, self.slave.X)
-        self.change(carries=self._may_carry, piece=piece, c_n=pair.c_n)
+        branch = self.asker.branch(pair.law, start, at_rest, self.slave.X)
+        self.change(multiplier_nodes=self._may_carry, branch=branch, c_n=pair.c_n)
         raise_noted(self.slave.comm, [self])
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
@@ -200,15 +202,15 @@ class Contact(Interface):
         """Where the obstacle was for the operators of the undeformed mesh, (3,); nan if none."""
         return NO_PLACE if self._state.reference is None else self._state.reference.place
 
-    def refer_to(self, place: Array, carries: Flags) -> None:
+    def refer_to(self, place: Array, multiplier_nodes: Flags) -> None:
         """Evaluate the operators of the undeformed mesh as they once were (collective).
 
         Args:
             place: ``reference_place`` of then, shape (3,); nan: there were none.
-            carries: Nodes with multipliers of then, shape (slave nodes,).
+            multiplier_nodes: Nodes with multipliers of then, shape (slave nodes,).
         """
-        reference = self.integration.refer_as_at(place, carries)
-        self.change(reference=reference, carries=carries)
+        reference = self.integration.refer_as_at(place, multiplier_nodes)
+        self.change(reference=reference, multiplier_nodes=multiplier_nodes)
 
     @property
     def as_faced(self) -> MortarOperators:
@@ -239,7 +241,7 @@ class Contact(Interface):
 
     def begin(self) -> None:
         """Forget how often nodes changed in the last solve, and what they bore."""
-        self._carriers.begin()
+        self._multiplier_nodes.begin()
         if self.state.borne is not None:
             self.change(borne=None)
 
@@ -277,7 +279,7 @@ class Contact(Interface):
             touches,
             self._slip_measure,
             master_planes=self._master_planes,
-            between=self.pair.law.rubs,
+            between=self.pair.law.has_friction,
         )
         shear = np.where(self.active, self.z_tau, 0.0)
         self.change(accepted=replace(accepted, start=accepted.start - slip, shear=shear))
@@ -288,9 +290,9 @@ class Contact(Interface):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes, and the master nodes that slip couples them to."""
-        return self.partners.pairs() if self.pair.law.rubs else super().faced()
+        return self.partners.pairs() if self.pair.law.has_friction else super().faced()
 
-    def update_carriers(self) -> int:
+    def update_multiplier_nodes(self) -> int:
         """Hand over and take back multipliers, see ``carriers``; return how many changed.
 
         The operators have to be evaluated anew then. Points at the nodes cover a node or they do
@@ -299,10 +301,10 @@ class Contact(Interface):
         if self.options.integration == "nodes":
             return 0
         cover = self.operators.cover / self.nodal_lengths
-        carries = self._carriers.update(self.carries, cover)
-        changed = int((self.carries != carries).sum())
+        multiplier_nodes = self._multiplier_nodes.update(self.multiplier_nodes, cover)
+        changed = int((self.multiplier_nodes != multiplier_nodes).sum())
         if changed:
-            self.change(carries=carries)
+            self.change(multiplier_nodes=multiplier_nodes)
         return changed
 
     @property
@@ -310,7 +312,9 @@ class Contact(Interface):
         """Nodes that may as well carry a multiplier as not; see ``Carriers.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
-        return self._carriers.undecided(self.operators.cover / self.nodal_lengths, self.active)
+        return self._multiplier_nodes.undecided(
+            self.operators.cover / self.nodal_lengths, self.active
+        )
 
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""

@@ -25,7 +25,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # A node counts as covered if the diagonal of D is above this fraction of its length.
 LEAST_NODE_COVER = 1e-10
-# Stiffness of the elastic stick of overheld nodes over that of the bulk. The slip that curvature
+# Stiffness of the elastic stick of redundant sticks over that of the bulk. The slip that curvature
 # leaves is of second order in the strains e: it makes a shear of 1000 e of the pressure.
 ELASTIC = 1e3
 
@@ -156,7 +156,7 @@ class ContactSides(Sides, Protocol):
     """What the fields of a contact need to know of it: constants."""
 
     asker: Asker
-    rubs: Flags
+    follows_law: Flags
     plane_normals: Array
 
 
@@ -165,44 +165,44 @@ class ContactFields(InterfaceFields):
 
     sides: ContactSides
 
-    @field("carries")
+    @field("multiplier_nodes")
     def covered(self) -> Flags:
         """See ``InterfaceFields``."""
-        return self.state.carries & (
+        return self.state.multiplier_nodes & (
             self.operators.diagonal > LEAST_NODE_COVER * self.nodal_lengths
         )
 
-    @field("carries")
+    @field("multiplier_nodes")
     def mean_gap(self) -> Array:
         """Mean gap g_j / w_j of every covered node, zero elsewhere, (slave nodes,) [length]."""
         o, on = self.operators, self.covered
         return np.where(on, o.gap / np.where(on, o.weight, 1.0), 0.0)
 
-    @field("carries")
+    @field("multiplier_nodes")
     def gap(self) -> Array:
         """Mean gap of every covered slave node, nan elsewhere, (slave nodes,) [length]."""
         return self.fill_inside(np.where(self.covered, self.mean_gap, np.nan))
 
-    @field("carries")
+    @field("multiplier_nodes")
     def adhesion(self) -> tuple[Array, Array]:
         """A at the mean gaps of covered nodes [stress], and its derivative; zero elsewhere.
 
         Overlaps have the straight continuation of a from zero.
         """
         law, on, none = self.sides.pair.law, self.covered, np.zeros(len(self.state.z))
-        if not law.attracts:
+        if not law.has_adhesion:
             return none, none
         gap = self.mean_gap
         pull, by_gap = self.sides.asker.adhesion(law, np.maximum(gap, 0.0), self.operators.x)
         pull = pull + by_gap * np.minimum(gap, 0.0)
         return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
 
-    @field("carries", "active")
+    @field("multiplier_nodes", "active")
     def attracted(self) -> Flags:
         """Whether an open node bears the adhesion of the contact law, (slave nodes,), bool."""
         return (self.adhesion[0] > 0.0) & ~self.state.active
 
-    @field("carries", "active")
+    @field("multiplier_nodes", "active")
     def acts(self) -> Flags:
         """See ``InterfaceFields``."""
         return self.state.active | self.attracted
@@ -221,7 +221,7 @@ class ContactFields(InterfaceFields):
         on_plane = np.isfinite(self.sides.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
 
-    @field("z", "carries", "partners", "c_n")
+    @field("z", "multiplier_nodes", "partners", "c_n")
     def nodal(self) -> Nodal:
         """Arguments of the contact law."""
         stiffness = self.sides.stiffness / self.nodal_lengths
@@ -231,39 +231,41 @@ class ContactFields(InterfaceFields):
     @property
     def sticking(self) -> Flags:
         """See ``InterfaceFields``."""
-        return self.state.active & (self.state.piece == STICK) & self.sides.rubs
+        return self.state.active & (self.state.branch == STICK) & self.sides.follows_law
 
     @property
     def sliding(self) -> Flags:
         """Whether an active node slides against friction, shape (slave nodes,), bool."""
-        rubs = self.sides.rubs & (self.sides.pair.law.bound(self.pressure) > 0.0)
-        return self.state.active & (self.state.piece != STICK) & rubs
+        follows_law = self.sides.follows_law & (
+            self.sides.pair.law.friction_limit(self.pressure) > 0.0
+        )
+        return self.state.active & (self.state.branch != STICK) & follows_law
 
     @property
     def friction_work(self) -> float:
         """What friction takes up in a step, by the shear at its end [stress length^2]."""
         return float(self.shear_force @ np.where(self.state.active, self.slip, 0.0))
 
-    @field("z", "active", "piece", "carries", "overheld", "partners", "c_n")
+    @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
     def tangential_row(self) -> Row:
         """Tangential row of all nodes, open ones as if they were active, each (slave nodes,).
 
         Overheld nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
         """
         state, node = self.state, self.nodal
-        rubs = self.sides.rubs & ~self.attracted
+        follows_law = self.sides.follows_law & ~self.attracted
         law, x = self.sides.pair.law, self.operators.x
-        ours = self.sides.asker.tangential(law, node, state.piece, rubs, x)
-        without = Frictionless().tangential(node, state.piece)
-        row = Row(*(np.where(rubs, a, b) for a, b in zip(ours, without, strict=True)))
-        if not state.overheld.any():
+        ours = self.sides.asker.tangential(law, node, state.branch, follows_law, x)
+        without = Frictionless().tangential(node, state.branch)
+        row = Row(*(np.where(follows_law, a, b) for a, b in zip(ours, without, strict=True)))
+        if not state.redundant.any():
             return row
         k, zero = node.stiffness, np.zeros_like(node.slip)
         shear = (node.z_tau - state.partners.shear) / ELASTIC
         elastic = Row(shear - k * node.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
-        return Row(*(np.where(state.overheld, a, b) for a, b in zip(elastic, row, strict=True)))
+        return Row(*(np.where(state.redundant, a, b) for a, b in zip(elastic, row, strict=True)))
 
-    @field("z", "active", "piece", "carries", "overheld", "partners", "c_n")
+    @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
     def law_rows(self) -> tuple[Row, Row]:
         """The contact law along tau, and along n of open nodes; each (slave nodes,)."""
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
@@ -292,14 +294,14 @@ class ContactFields(InterfaceFields):
             there is no limit. Third, the adhesion of a closed gap [stress].
         """
         sides = self.sides
-        law, rubs, X = sides.pair.law, sides.rubs, sides.slave.X
+        law, follows_law, X = sides.pair.law, sides.follows_law, sides.slave.X
         ones = np.ones(len(self.state.z))
-        at = sides.asker.bound(law, pressure * ones, X)
-        beyond = sides.asker.bound(law, 2.0 * pressure * ones, X)
+        at = sides.asker.friction_limit(law, pressure * ones, X)
+        beyond = sides.asker.friction_limit(law, 2.0 * pressure * ones, X)
         unlimited = np.isinf(at + beyond)
         at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
         slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
         shear = np.maximum(at - slope * pressure, 0.0)
-        shear = np.where(rubs & (shear > KINK * at), shear, 0.0)
-        slope = np.where(rubs, np.where(unlimited, np.inf, slope), 0.0)
+        shear = np.where(follows_law & (shear > KINK * at), shear, 0.0)
+        slope = np.where(follows_law, np.where(unlimited, np.inf, slope), 0.0)
         return slope, shear, sides.asker.adhesion(law, 0.0 * ones, X)[0]

@@ -30,7 +30,7 @@ class Reference(NamedTuple):
     """Frozen operators of the undeformed mesh, and what they were evaluated with."""
 
     operators: Any
-    carries: Flags
+    multiplier_nodes: Flags
     place: Array
 
 
@@ -81,36 +81,36 @@ class Integration:
         """
         view, x, m = self._look(u)
         if not self.small:
-            return self._integrate(x, m, state.carries, linearization, view), None
+            return self._integrate(x, m, state.multiplier_nodes, linearization, view), None
         kept = state.reference
-        if kept is None or not np.array_equal(kept.carries, state.carries):
-            kept = self.refer(state.carries)
+        if kept is None or not np.array_equal(kept.multiplier_nodes, state.multiplier_nodes):
+            kept = self.refer(state.multiplier_nodes)
         if self.obstacle is None:
             return kept.operators.after_small_motion(x, m), kept
         dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
         return kept.operators.after_small_motion(x, m, dq), kept
 
-    def refer(self, carries: Flags) -> Reference:
+    def refer(self, multiplier_nodes: Flags) -> Reference:
         """Evaluate the operators of the undeformed mesh (collective)."""
         view, X, X_master = self._look(None)
-        operators = self._integrate(X, X_master, carries, LINEARIZATIONS["frozen"], view)
+        operators = self._integrate(X, X_master, multiplier_nodes, LINEARIZATIONS["frozen"], view)
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
-        return Reference(operators.freeze(), carries, place)
+        return Reference(operators.freeze(), multiplier_nodes, place)
 
-    def refer_as_at(self, place: Array, carries: Flags) -> Reference | None:
+    def refer_as_at(self, place: Array, multiplier_nodes: Flags) -> Reference | None:
         """The operators of the undeformed mesh as they once were (collective).
 
         Args:
             place: Place of the obstacle of then, shape (3,); nan: there were none.
-            carries: Nodes with multipliers of then, shape (slave nodes,).
+            multiplier_nodes: Nodes with multipliers of then, shape (slave nodes,).
         """
         if np.isnan(place).any():
             return None
         if self.obstacle is None:
-            return self.refer(carries)
+            return self.refer(multiplier_nodes)
         now, self.obstacle.place = self.obstacle.place, place.copy()
         try:
-            return self.refer(carries)
+            return self.refer(multiplier_nodes)
         finally:
             self.obstacle.place = now
 
@@ -124,7 +124,7 @@ class Integration:
             return o.segments
         return find_segments(
             self.slave, self.master, o.x, o.n, o.m, facets=o.segments.facets,
-            radius=self.options.radius, least_cosine=self.options.least_cosine, view=self.view,
+            radius=self.options.radius, min_cosine=self.options.min_cosine, view=self.view,
         )  # fmt: skip
 
     def _look(self, u: Array | None) -> tuple[View | None, Array, Array]:
@@ -138,16 +138,21 @@ class Integration:
         return view, x, m
 
     def _integrate(
-        self, x: Array, m: Array, carries: Flags, linearization: Linearization, view: View | None
+        self,
+        x: Array,
+        m: Array,
+        multiplier_nodes: Flags,
+        linearization: Linearization,
+        view: View | None,
     ) -> MortarOperators:
         """The operators where the nodes are at ``x`` and ``m`` (collective)."""
         self.view = view
         if self.obstacle is None:
             return evaluate_mortar(
-                self.slave, self.master, x, m, carries, self.planes, self.options, linearization,
-                view,
+                self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
+                linearization, view,
             )  # fmt: skip
         return evaluate_obstacle(
-            self.slave, self.master, self.obstacle, self.arm, x, carries, self.planes,
+            self.slave, self.master, self.obstacle, self.arm, x, multiplier_nodes, self.planes,
             self.options, linearization,
         )  # fmt: skip

@@ -50,8 +50,15 @@ class Interface(ABC):
     now: InterfaceFields
     offset: Any
 
-    z, active, piece = read_only("_state.z"), read_only("_state.active"), read_only("_state.piece")
-    carries, overheld = read_only("_state.carries"), read_only("_state.overheld")
+    z, active, branch = (
+        read_only("_state.z"),
+        read_only("_state.active"),
+        read_only("_state.branch"),
+    )
+    multiplier_nodes, redundant = (
+        read_only("_state.multiplier_nodes"),
+        read_only("_state.redundant"),
+    )
     partners, accepted = read_only("_state.partners"), read_only("_state.accepted")
     operators, covered, acts = (
         read_only("now.operators"),
@@ -93,8 +100,8 @@ class Interface(ABC):
         self.at_vertices: bool = pair.basis in AT_VERTICES and pair.integration != "nodes"
         none = np.zeros(count, bool)
         self._state = InterfaceState(
-            z=np.zeros((count, 2)), active=none, piece=np.zeros(count, np.int64),
-            carries=self._may_carry, overheld=none, offset=np.zeros(count),
+            z=np.zeros((count, 2)), active=none, branch=np.zeros(count, np.int64),
+            multiplier_nodes=self._may_carry, redundant=none, offset=np.zeros(count),
         )  # fmt: skip
 
     @property
@@ -233,7 +240,7 @@ class Interface(ABC):
         return np.concatenate([self.slave.nodes, self.master.nodes])
 
     @property
-    def multiplier_nodes(self) -> Indices:
+    def candidate_nodes(self) -> Indices:
         """Global numbers of the slave nodes that may carry a multiplier."""
         return self.slave.nodes[self._may_carry]
 

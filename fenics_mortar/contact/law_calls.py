@@ -16,7 +16,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.contact.laws import BUILT_IN, Array, Law, Nodal, Pieces, Row
+from fenics_mortar.contact.laws import BUILT_IN, Array, Branches, Law, Nodal, Row
 from fenics_mortar.utils.errors import NotFiniteError, leave_together, place
 
 Marks = npt.NDArray[np.bool_]
@@ -36,53 +36,53 @@ class Asker:
         self._name = name
         self.error: Exception | None = None
 
-    def piece(self, law: Law, node: Nodal, before: Pieces, x: Array) -> Pieces:
-        """See ``Law.piece``; ``x``: places of the nodes, (slave nodes, 2), for messages."""
+    def branch(self, law: Law, node: Nodal, before: Branches, x: Array) -> Branches:
+        """See ``Law.branch``; ``x``: places of the nodes, (slave nodes, 2), for messages."""
         if type(law) in BUILT_IN:
-            return law.piece(node, before)
+            return law.branch(node, before)
 
-        def ask() -> Pieces:
-            answer = law.piece(_protected(node), _read_only(before))
-            (piece,) = self._numbers(law, "piece", (answer,), before.size)
-            self._check_finite(law, "piece", (piece,), _all_finite(node), x)
-            whole = np.rint(np.nan_to_num(piece))
-            if (whole != np.nan_to_num(piece)).any():
-                raise ValueError(f"{law!r}: piece returned {piece}; right are whole numbers")
+        def ask() -> Branches:
+            answer = law.branch(_protected(node), _read_only(before))
+            (branch,) = self._numbers(law, "branch", (answer,), before.size)
+            self._check_finite(law, "branch", (branch,), _all_finite(node), x)
+            whole = np.rint(np.nan_to_num(branch))
+            if (whole != np.nan_to_num(branch)).any():
+                raise ValueError(f"{law!r}: branch returned {branch}; right are whole numbers")
             return whole.astype(np.int64)
 
         return self._noting(ask, before)
 
-    def tangential(self, law: Law, node: Nodal, piece: Pieces, used: Marks, x: Array) -> Row:
+    def tangential(self, law: Law, node: Nodal, branch: Branches, used: Marks, x: Array) -> Row:
         """See ``Law.tangential``; ``used``: the nodes that follow the law."""
         if type(law) in BUILT_IN:
-            return law.tangential(node, piece)
+            return law.tangential(node, branch)
 
         def ask() -> Row:
-            row = law.tangential(_protected(node), _read_only(piece))
+            row = law.tangential(_protected(node), _read_only(branch))
             if not isinstance(row, tuple) or len(row) != len(Row._fields):
                 raise ValueError(f"{law!r}: tangential returned {row!r}; expected a Row")
-            row = Row(*self._numbers(law, "tangential", row, piece.size))
+            row = Row(*self._numbers(law, "tangential", row, branch.size))
             self._check_finite(law, "tangential", row, used & _all_finite(node), x)
             return row
 
-        none = np.zeros(piece.size)
+        none = np.zeros(branch.size)
         return self._noting(ask, Row(node.z_tau, none, none, none, none + 1.0))
 
-    def bound(self, law: Law, pressure: Array, x: Array) -> Array:
-        """See ``Law.bound``."""
+    def friction_limit(self, law: Law, pressure: Array, x: Array) -> Array:
+        """See ``Law.friction_limit``."""
         if type(law) in BUILT_IN:
-            return law.bound(pressure)
+            return law.friction_limit(pressure)
 
         def ask() -> Array:
             (bound,) = self._numbers(
-                law, "bound", (law.bound(_read_only(pressure)),), pressure.size
+                law, "friction_limit", (law.friction_limit(_read_only(pressure)),), pressure.size
             )
             wrong = (np.isnan(bound) | (bound < 0.0)) & (pressure >= 0.0)
             if wrong.any():
                 j = int(np.argmax(wrong))
                 raise NotFiniteError(
-                    f"{law!r}: bound returned {bound[j]:g} for a pressure of {pressure[j]:g}, at "
-                    f"'{self._name}' {place(x[j])}; expected zero, a positive number or infinity"
+                    f"{law!r}: friction_limit returned {bound[j]:g} for a pressure of "
+                    f"{pressure[j]:g}, at '{self._name}' {place(x[j])}; expected zero, a positive number or infinity"
                 )
             return bound
 

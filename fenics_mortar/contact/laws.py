@@ -22,10 +22,10 @@ A regularised Coulomb's law, for example, is smooth, a single piece:
 ...     def __init__(self, mu: float, length: float) -> None:
 ...         self.mu, self.length = mu, length
 ...
-...     def piece(self, node: Nodal, before: Pieces) -> Pieces:
+...     def branch(self, node: Nodal, before: Branches) -> Branches:
 ...         return np.ones_like(before)
 ...
-...     def tangential(self, node: Nodal, piece: Pieces) -> Row:
+...     def tangential(self, node: Nodal, branch: Branches) -> Row:
 ...         part = np.tanh(node.slip / self.length)
 ...         return Row(
 ...             node.z_tau - self.mu * node.z_n * part,
@@ -34,7 +34,7 @@ A regularised Coulomb's law, for example, is smooth, a single piece:
 ...             by_z_tau=1.0,
 ...         )
 ...
-...     def bound(self, pressure: Array) -> Array:
+...     def friction_limit(self, pressure: Array) -> Array:
 ...         return self.mu * pressure
 
 and one with adhesion that fades away as surfaces part, and Coulomb's friction, says besides
@@ -61,7 +61,7 @@ import numpy.typing as npt
 from fenics_mortar.utils.arguments import check_choice, check_number
 
 Array = npt.NDArray[np.float64]
-Pieces = npt.NDArray[np.int64]
+Branches = npt.NDArray[np.int64]
 # A node this close to a kink, as a part of the bound, stays on its piece: it is on both.
 KINK = 1e-8
 STICK = 0
@@ -101,15 +101,15 @@ class Law(ABC):
     """Base of all laws; all methods act on all slave nodes at once."""
 
     @abstractmethod
-    def piece(self, node: Nodal, before: Pieces) -> Pieces:
+    def branch(self, node: Nodal, before: Branches) -> Branches:
         """Piece of rho that each node is on, 0 if it sticks; ``before``: where it was."""
 
     @abstractmethod
-    def tangential(self, node: Nodal, piece: Pieces) -> Row:
+    def tangential(self, node: Nodal, branch: Branches) -> Row:
         """Residual and derivatives of nodes that are on the given pieces."""
 
     @abstractmethod
-    def bound(self, pressure: Array) -> Array:
+    def friction_limit(self, pressure: Array) -> Array:
         """Largest |z_tau| that the law allows at a pressure."""
 
     def adhesion(self, gap: Array) -> tuple[Array, Array]:
@@ -133,7 +133,7 @@ class Law(ABC):
         """
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """Whether there may be a shear."""
         return type(self).tangential is not Frictionless.tangential
 
@@ -143,7 +143,7 @@ class Law(ABC):
         return type(self).__module__ == Law.__module__
 
     @property
-    def attracts(self) -> bool:
+    def has_adhesion(self) -> bool:
         """Whether there may be adhesion."""
         return type(self).adhesion is not Law.adhesion
 
@@ -151,15 +151,15 @@ class Law(ABC):
 class Frictionless(Law):
     """No friction: z_tau = 0."""
 
-    def piece(self, node: Nodal, before: Pieces) -> Pieces:
+    def branch(self, node: Nodal, before: Branches) -> Branches:
         """All slide."""
         return np.ones_like(before)
 
-    def tangential(self, node: Nodal, piece: Pieces) -> Row:
+    def tangential(self, node: Nodal, branch: Branches) -> Row:
         """The shear itself."""
         return Row(node.z_tau, by_z_tau=1.0)
 
-    def bound(self, pressure: Array) -> Array:
+    def friction_limit(self, pressure: Array) -> Array:
         """None."""
         return np.zeros_like(pressure)
 
@@ -167,15 +167,15 @@ class Frictionless(Law):
 class Stick(Law):
     """Whatever touches sticks, whatever it takes: (k / l) u = 0."""
 
-    def piece(self, node: Nodal, before: Pieces) -> Pieces:
+    def branch(self, node: Nodal, before: Branches) -> Branches:
         """All stick."""
         return np.full_like(before, STICK)
 
-    def tangential(self, node: Nodal, piece: Pieces) -> Row:
+    def tangential(self, node: Nodal, branch: Branches) -> Row:
         """The slip."""
         return Row(node.stiffness * node.slip, by_slip=node.stiffness)
 
-    def bound(self, pressure: Array) -> Array:
+    def friction_limit(self, pressure: Array) -> Array:
         """None that could be reached."""
         return np.full_like(pressure, np.inf)
 
@@ -209,7 +209,7 @@ class Friction(Law):
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
         """B and its derivatives by the mean gap and z_n."""
 
-    def piece(self, node: Nodal, before: Pieces) -> Pieces:
+    def branch(self, node: Nodal, before: Branches) -> Branches:
         """Stick, or the direction of sliding; without a bound either direction is right."""
         w, limit = node.z_tau + self.c_t * node.stiffness * node.slip, self.limit(node)[0]
         now = np.where(np.abs(w) > limit, np.sign(w), STICK).astype(np.int64)
@@ -217,15 +217,15 @@ class Friction(Law):
         free = np.where(before == STICK, 1, before)
         return np.where(limit == 0.0, free, np.where(kink, before, now))
 
-    def tangential(self, node: Nodal, piece: Pieces) -> Row:
+    def tangential(self, node: Nodal, branch: Branches) -> Row:
         """The slip of nodes that stick; how far the shear of those that slide is off the bound."""
         limit, by_gap, by_z_n = self.limit(node)
-        sticks = piece == STICK
+        sticks = branch == STICK
         return Row(
-            np.where(sticks, -node.stiffness * node.slip, node.z_tau - piece * limit),
-            by_gap=-piece * by_gap,
+            np.where(sticks, -node.stiffness * node.slip, node.z_tau - branch * limit),
+            by_gap=-branch * by_gap,
             by_slip=np.where(sticks, -node.stiffness, 0.0),
-            by_z_n=-piece * by_z_n,
+            by_z_n=-branch * by_z_n,
             by_z_tau=np.where(sticks, 0.0, 1.0),
         )
 
@@ -235,7 +235,7 @@ class Coulomb(Friction):
 
     Args:
         mu: Coefficient of friction.
-        most: Shear that the surface bears at most, whatever the pressure [stress].
+        max_shear: Shear that the surface bears at most, whatever the pressure [stress].
         c_t: Weight of the slip, see ``Friction``.
         limit_by: What bounds the shear while Newton's method iterates: "trial", the positive part
             of z_n - c_n g as in the active-set test, or "pressure", that of z_n. Both are the same
@@ -249,12 +249,12 @@ class Coulomb(Friction):
         self,
         mu: float,
         *,
-        most: float = np.inf,
+        max_shear: float = np.inf,
         c_t: float = 0.1,
         limit_by: Literal["trial", "pressure"] = "trial",
     ) -> None:
         super().__init__(c_t)
-        self.mu, self.most, self.limit_by = mu, most, limit_by
+        self.mu, self.max_shear, self.limit_by = mu, max_shear, limit_by
         Coulomb.check(self)
 
     def check(self) -> None:
@@ -263,7 +263,7 @@ class Coulomb(Friction):
         right = "zero or a positive number"
         check_number("mu", self.mu, right, lambda mu: 0.0 <= mu < np.inf)
         right = "a positive stress, or infinity"
-        check_number("most", self.most, right, lambda most: most > 0.0)
+        check_number("max_shear", self.max_shear, right, lambda max_shear: max_shear > 0.0)
         check_choice("limit_by", self.limit_by, ("trial", "pressure"))
 
     def __repr__(self) -> str:
@@ -274,12 +274,12 @@ class Coulomb(Friction):
         """Mu times the positive part of the trial pressure, at most ``most``."""
         c_n = node.c_n if self.limit_by == "trial" else np.zeros_like(node.c_n)
         trial = node.z_n - c_n * node.gap
-        factor = np.where((trial > 0.0) & (self.mu * trial < self.most), self.mu, 0.0)
-        return np.clip(self.mu * trial, 0.0, self.most), -factor * c_n, factor
+        factor = np.where((trial > 0.0) & (self.mu * trial < self.max_shear), self.mu, 0.0)
+        return np.clip(self.mu * trial, 0.0, self.max_shear), -factor * c_n, factor
 
-    def bound(self, pressure: Array) -> Array:
+    def friction_limit(self, pressure: Array) -> Array:
         """Mu times the pressure."""
-        return np.clip(self.mu * pressure, 0.0, self.most)
+        return np.clip(self.mu * pressure, 0.0, self.max_shear)
 
 
 class Tresca(Friction):
@@ -288,9 +288,9 @@ class Tresca(Friction):
     That is so however small the pressure, so that a step may have no solution: an edge node, open,
     overlaps; closed, its shear peels it off; sticking, it bears more than the bound. Such steps of
     a circle pressed on a block fail for all ways in which the nodes at both edges may be open,
-    stick or slide. Smaller steps have led past each of them. ``Coulomb(mu, most=stress)`` leaves a
-    place between, since its bound vanishes with the pressure: with mu = 1 none of these steps
-    failed, with 100, where it is almost a jump, half of them did.
+    stick or slide. Smaller steps have led past each of them. ``Coulomb(mu, max_shear=stress)``
+    leaves a place between, since its limit vanishes with the pressure: with mu = 1 none of these
+    steps failed, with 100, where it is almost a jump, half of them did.
 
     Args:
         stress: The bound [stress].
@@ -319,7 +319,7 @@ class Tresca(Friction):
         """The bound, which nothing changes."""
         return np.full_like(node.z_n, self.stress), 0.0, 0.0
 
-    def bound(self, pressure: Array) -> Array:
+    def friction_limit(self, pressure: Array) -> Array:
         """The bound, which nothing changes."""
         return np.full_like(pressure, self.stress)
 

@@ -58,7 +58,7 @@ def normals_on_planes(normals: Array, free: Array) -> Array:
     return np.where(on_plane[:, None], np.sign(normals) * free, np.nan)
 
 
-class Carriers:
+class MultiplierNodes:
     """The slave nodes that may carry multipliers, and those that do; equal on all ranks.
 
     Args:
@@ -90,17 +90,19 @@ class Carriers:
         """Forget how often nodes changed in the last solve."""
         self._changes[:] = 0
 
-    def update(self, carries: npt.NDArray[np.bool_], cover: Array) -> npt.NDArray[np.bool_]:
+    def update(
+        self, multiplier_nodes: npt.NDArray[np.bool_], cover: Array
+    ) -> npt.NDArray[np.bool_]:
         """Which nodes carry a multiplier from now on (local).
 
         Args:
-            carries: Which ones do at present, shape (slave nodes,).
+            multiplier_nodes: Which ones do at present, shape (slave nodes,).
             cover: The part of each node that is covered, shape (slave nodes,).
         """
         wanted = self.possible & ~((cover < HAND_OVER) & self._helped(cover))
-        changed = (wanted != carries) & (self._changes < MAX_CHANGES)
+        changed = (wanted != multiplier_nodes) & (self._changes < MAX_CHANGES)
         self._changes += changed
-        return np.where(changed, wanted, carries)
+        return np.where(changed, wanted, multiplier_nodes)
 
     def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
         """Numbers of the nodes beside active ones that are covered by about ``HAND_OVER``.

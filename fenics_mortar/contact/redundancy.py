@@ -72,7 +72,7 @@ class Redundancy:
         self._shared = found[count > 1]
 
     def mark(self) -> None:
-        """Add to ``overheld`` of all contacts what follows from their present active sets.
+        """Add to ``redundant`` of all contacts what follows from their present active sets.
 
         A node that goes on sticking stays marked: where the gap of a joint is closed by rounding
         it may open and close again, and the law of the nodes beside it must not change each time.
@@ -80,7 +80,7 @@ class Redundancy:
         if not self._shared.size:
             return
         for contact in self._contacts:
-            contact.change(overheld=contact.overheld & contact.sticking)
+            contact.change(redundant=contact.redundant & contact.sticking)
         if not any(map(self._sticks_at_shared, self._contacts)):
             return
         parts = [self._entries(contact) for contact in self._contacts]
@@ -97,14 +97,14 @@ class Redundancy:
         sticks, pair, slave_node = rows
         redundant = dependent(matrix.reshape(len(matrix), -1)) & (sticks == 1)
         for i in np.unique(pair[redundant]):
-            marks = self._contacts[i].overheld.copy()
+            marks = self._contacts[i].redundant.copy()
             marks[slave_node[redundant & (pair == i)]] = True
-            self._contacts[i].change(overheld=marks)
+            self._contacts[i].change(redundant=marks)
 
     def begin(self) -> None:
         """Forget the marks of the last solve."""
         for contact in self._contacts:
-            contact.change(overheld=np.zeros(contact.slave.num_nodes, bool))
+            contact.change(redundant=np.zeros(contact.slave.num_nodes, bool))
 
     def _sticks_at_shared(self, contact: Contact) -> bool:
         """Whether a node sticks where another pair has a node as well."""

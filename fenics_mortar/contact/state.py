@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from fenics_mortar.contact.laws import Pieces
+from fenics_mortar.contact.laws import Branches
 from fenics_mortar.utils.arrays import Array, Flags, freeze
 
 
@@ -19,10 +19,10 @@ class InterfaceState:
     Attributes:
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
         active: Active set, shape (slave nodes,), bool.
-        piece: Branch of the law that each node is on, 0 where it sticks, shape (slave nodes,).
-        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool: not if it is
-            held, nor while it is hardly covered.
-        overheld: Whether the stick of a node follows from other constraints, so that it sticks
+        branch: Branch of the law that each node is on, 0 where it sticks, shape (slave nodes,).
+        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool:
+            not if it is held, nor while it is hardly covered.
+        redundant: Whether the stick of a node follows from other constraints, so that it sticks
             elastically, shape (slave nodes,), bool; see ``redundancy``.
         partners: Material points that slip is counted from, the ``Partners`` of the slave nodes at
             the start of the step; ``None`` of a tie.
@@ -37,9 +37,9 @@ class InterfaceState:
 
     z: Array
     active: Flags
-    piece: Pieces
-    carries: Flags
-    overheld: Flags
+    branch: Branches
+    multiplier_nodes: Flags
+    redundant: Flags
     partners: Any = None
     accepted: Any = None
     c_n: float = 1.0

@@ -115,11 +115,11 @@ class Tie(Interface):
             pair.basis, "opposite", "basis", pair.integration, self._points(),
             pair.search_radius or NEAR * longest, float(np.cos(np.radians(pair.max_angle))),
         )  # fmt: skip
-        carries = self.free.sum(axis=1) == 2.0
+        multiplier_nodes = self.free.sum(axis=1) == 2.0
         if self.at_vertices:
-            carries &= ~self.slave.inner
-        self.change(carries=carries)
-        self._check_carriers(~self.carries)
+            multiplier_nodes &= ~self.slave.inner
+        self.change(multiplier_nodes=multiplier_nodes)
+        self._check_multiplier_nodes(~self.multiplier_nodes)
         self._integrate()
         if not (self.operators.cover > 0.0).any():
             raise SurfaceError(
@@ -130,13 +130,13 @@ class Tie(Interface):
 
     def release(self, nodes: Flags) -> None:
         """Let the neighbours take over the functions of ``nodes`` (slave nodes,) (collective)."""
-        if (nodes & self.carries).any():
-            self.change(carries=self.carries & ~nodes)
-            self._check_carriers(nodes)
+        if (nodes & self.multiplier_nodes).any():
+            self.change(multiplier_nodes=self.multiplier_nodes & ~nodes)
+            self._check_multiplier_nodes(nodes)
             self._integrate()
 
-    def _check_carriers(self, released: Flags) -> None:
-        if not self.carries.any():
+    def _check_multiplier_nodes(self, released: Flags) -> None:
+        if not self.multiplier_nodes.any():
             where = place(self.slave.X[np.flatnonzero(released)[0]])
             raise SurfaceError(
                 f"{self._names} cannot be tied: every slave node that has a partner is prescribed "
@@ -153,12 +153,19 @@ class Tie(Interface):
         slave, master = self.slave, self.master
         no_normals, nothing = np.full((slave.num_nodes, 2), np.nan), Linearization(False, False)
         o = evaluate_mortar(
-            slave, master, slave.X, master.X, self.carries, no_normals, self.options, nothing
+            slave,
+            master,
+            slave.X,
+            master.X,
+            self.multiplier_nodes,
+            no_normals,
+            self.options,
+            nothing,
         )
         constant = {name: np.zeros_like(getattr(o, name)) for name in ("dD", "dM", "dgap", "gap")}
         values = vars(o) | constant | {"linearization": Linearization(False, False, frozen=True)}
         self.show(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
-        self._may_carry = self.carries & (o.diagonal > 0.0)
+        self._may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
         self.change(active=self._may_carry)
         s, shape = o.segments, (slave.num_nodes, master.num_nodes)
         self.D = self._replicate(o.facet_nodes, o.facet_nodes, o.D, shape[:1] * 2)
@@ -296,7 +303,7 @@ class Tie(Interface):
     def begin(self) -> None:
         """Nothing changes in a solve."""
 
-    def update_carriers(self) -> int:
+    def update_multiplier_nodes(self) -> int:
         """No node changes."""
         return 0
 

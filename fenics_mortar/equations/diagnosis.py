@@ -12,7 +12,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.laws import Pieces
+from fenics_mortar.contact.laws import Branches
 from fenics_mortar.contact.words import describe_overlap
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
@@ -22,7 +22,7 @@ from fenics_mortar.utils.errors import MortarError, place
 # A node wavers if it was both open and closed in so many iterations.
 WAVERING = 4
 # Active set and branches of each pair in one iteration.
-Sets = list[tuple[Flags, Pieces]]
+Sets = list[tuple[Flags, Branches]]
 
 
 def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
@@ -96,13 +96,13 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> 
             continue
         active = np.array([sets[i][0] for sets in recent])
         wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-        bound = contact.asker.bound(contact.pair.law, np.zeros(1), contact.slave.X)
+        bound = contact.asker.friction_limit(contact.pair.law, np.zeros(1), contact.slave.X)
         if wavers.size and 0.0 < bound[0] < np.inf:
             return (
                 f"{wavers.size} nodes of '{contact.slave.name}' go on closing and opening, one "
                 f"at {place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} lets them "
                 "bear a shear without pressure, which may peel them off each time they close; "
-                "take smaller steps, or Coulomb(mu, most=...), whose bound vanishes with the "
+                "take smaller steps, or Coulomb(mu, max_shear=...), whose bound vanishes with the "
                 "pressure"
             )
     return ""

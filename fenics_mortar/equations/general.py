@@ -22,7 +22,7 @@ import numpy.typing as npt
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_noted
-from fenics_mortar.contact.laws import STICK, Pieces
+from fenics_mortar.contact.laws import STICK, Branches
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import WAVERING, check_diagonal, diagnose
@@ -43,7 +43,7 @@ from fenics_mortar.verify.crossing import Crossings
 LESS_WEIGHT = 1e-3
 # Sets are taken from the linearized problem so often in a solve: a guess, since walls and arches
 # need it once or a few times. Where there is no equilibrium, it only takes time.
-MOST_ASKED = 8
+MAX_CALLS = 8
 # Forces along free motions are slight below this part of all forces: a small part of what averaged
 # normals of facets err, and little beside what a certificate allows springs to hold.
 SLIGHT = 1e-5
@@ -103,7 +103,7 @@ class ContactEquations:
     ) -> None:
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         self.linearization, self.newton = linearization, newton
-        self.tools = DrivenObstacles(contacts)
+        self.motions = DrivenObstacles(contacts)
         self._redundancy = Redundancy(contacts)
         self.bulk.assemble_tangent()
         self.floating = FloatingBodies(bulk, contacts)
@@ -113,7 +113,7 @@ class ContactEquations:
         self.last_converged = self.interrupted = False
         self._residuals: list[float] = []
         self._changed = self._asked = 0
-        self._recent_sets: list[list[tuple[npt.NDArray[np.bool_], Pieces]]] = []
+        self._recent_sets: list[list[tuple[npt.NDArray[np.bool_], Branches]]] = []
 
     def _set_stiffness(self) -> None:
         """Give each contact the mean diagonal of K at its slave nodes."""
@@ -143,9 +143,9 @@ class ContactEquations:
         self._residuals.append(residual)
         gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
         active = sum(int(c.active.sum()) for c in self.contacts)
-        self._recent_sets.append([(c.active, c.piece) for c in self.contacts])
+        self._recent_sets.append([(c.active, c.branch) for c in self.contacts])
         sets = b"".join(
-            np.packbits([c.active, c.carries]).tobytes() + (c.active * c.piece).tobytes()
+            np.packbits([c.active, c.multiplier_nodes]).tobytes() + (c.active * c.branch).tobytes()
             for c in self.contacts
         )
         gap = float(max(gaps, default=0.0))
@@ -168,7 +168,7 @@ class ContactEquations:
         changed = 0
         for contact in self.contacts:
             contact.evaluate(self.bulk.u.x.array, self.linearization)
-            handed = contact.update_carriers()
+            handed = contact.update_multiplier_nodes()
             if handed:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
             changed += handed + contact.update_active(start=start and not self.last_converged)
@@ -188,7 +188,7 @@ class ContactEquations:
         Gaps and distances to prescribed values count as forces by the stiffness of the bulk.
         """
         size, held = self.bulk.num_owned, self.bulk.held
-        contact_force, rows = self._contact_force(), float((self.tools.residual() ** 2).sum())
+        contact_force, rows = self._contact_force(), float((self.motions.residual() ** 2).sum())
         rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
         raise_noted(self.comm, self.contacts)
         self._total = total = self.bulk.r.array_r[:size] + contact_force
@@ -229,7 +229,7 @@ class ContactEquations:
         return 4.0 * EPSILON * float(noise)
 
     def _largest_displacement(self) -> float:
-        return max(self.bulk.largest(self.bulk.u.x.array), self.tools.largest())
+        return max(self.bulk.largest(self.bulk.u.x.array), self.motions.largest())
 
     def _facet_length(self) -> float:
         return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
@@ -244,7 +244,7 @@ class ContactEquations:
     def diagnose(self) -> str:
         """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
         recent = self._recent_sets[-WAVERING:]
-        return diagnose(self.bulk, self.contacts, self.floating, self.tools, self._force, recent)
+        return diagnose(self.bulk, self.contacts, self.floating, self.motions, self._force, recent)
 
     # Where they lead
 
@@ -269,7 +269,7 @@ class ContactEquations:
         goal = self.newton.residual_tolerance * self._force
         self.system.solver.forcing = forcing(self._residuals, goal)
         with clock("solve"):
-            step, z, motion = self.tools.solve(self.system, self.stiffest, self._force)
+            step, z, motion = self.motions.solve(self.system, self.stiffest, self._force)
         self.floating.drop_undriven(self._loose, step, self._total, self._force)
         remarks = [self.system.solver.remark, self.floating.remark(self._loose)]
         self.system.solver.remark = ""
@@ -281,7 +281,7 @@ class ContactEquations:
         part = self.bulk.move(step)
         for contact, z in zip(self.contacts, increment.z, strict=True):
             contact.move(z, part, step.array_r)
-        self.tools.move(part * increment.motion)
+        self.motions.move(part * increment.motion)
         size = max(self.bulk.largest(step.array_r), np.abs(increment.motion).max(initial=0.0))
         step.destroy()
         self.bulk.free_garbage()
@@ -296,9 +296,9 @@ class ContactEquations:
         if not (self.floating.bodies and self._changed and len(residuals) > 1):
             return
         settles = residuals[-1] < 0.1 * residuals[-2]
-        if settles or self.floating.held or self._asked == MOST_ASKED:
+        if settles or self.floating.held or self._asked == MAX_CALLS:
             return
-        linearized = LinearizedContact(self.bulk, self.floating, self.system, self.tools)
+        linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
         if linearized.can_say:
             self._asked += 1
             self.bulk.assemble_tangent()
@@ -331,13 +331,13 @@ class ContactEquations:
         wavering = 0
         for i, contact in enumerate(self.contacts):
             recent = [sets[i] for sets in self._recent_sets[-period:]]
-            active, pieces = (np.array(sets) for sets in zip(*recent, strict=True))
+            active, branches = (np.array(sets) for sets in zip(*recent, strict=True))
             merged = active.any(axis=0) & contact.covered
-            wavers = merged & (pieces != pieces[-1]).any(axis=0)
+            wavers = merged & (branches != branches[-1]).any(axis=0)
             contact.change(
                 active=merged,
                 c_n=min(contact.c_n, LESS_WEIGHT),
-                piece=np.where(wavers, STICK, contact.piece),
+                branch=np.where(wavers, STICK, contact.branch),
             )
             wavering += int(wavers.sum())
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
@@ -357,11 +357,11 @@ class ContactEquations:
         self.bulk.assemble_residual()
         bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
         self.floating.add_spring_forces()
-        return bulk, self._contact_force(), self.tools.forces()
+        return bulk, self._contact_force(), self.motions.forces()
 
     def shear_forces(self) -> tuple[Array, Array]:
         """What of the last two of ``forces`` is shear."""
-        return self._contact_force("shear"), self.tools.forces("shear")
+        return self._contact_force("shear"), self.motions.forces("shear")
 
     @clock("assembly")
     def _contact_force(self, part: str = "z") -> Array:
@@ -380,7 +380,7 @@ class ContactEquations:
         return State(
             self.bulk.u.x.array,
             tuple(contact.state for contact in self.contacts),
-            self.tools.places,
+            self.motions.places,
             self.crossings.accepted,
             self.last_converged,
         )
@@ -399,7 +399,7 @@ class ContactEquations:
     def put(self, state: State) -> None:
         """Go back to a state, whose operators are not evaluated (local)."""
         self.bulk.u.x.array[:] = state.u
-        self.tools.places = state.places
+        self.motions.places = state.places
         self.crossings.restore(state.standing, state.u)
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):
             contact.put(interface)
@@ -426,11 +426,11 @@ class ContactEquations:
         """Tie floating bodies and driven obstacles by springs, or let them go; see ``release``."""
         if travel is None:
             self.floating.let_go()
-            self.tools.let_go()
+            self.motions.let_go()
         else:
             bulk, contact, _ = self.forces()
             self.floating.hold(bulk + contact, travel)
-            self.tools.hold(travel, self.stiffest)
+            self.motions.hold(travel, self.stiffest)
 
     def stiff_travel(self) -> float:
         """The ``travel`` of ``hold`` at which springs are as stiff as the bodies (collective)."""
@@ -439,12 +439,12 @@ class ContactEquations:
 
     def travel(self) -> float:
         """How far what ``hold`` ties has moved since, in shortest facets."""
-        return max(self.floating.travel(), self.tools.travel())
+        return max(self.floating.travel(), self.motions.travel())
 
     def remaining(self) -> tuple[float, str]:
         """Part of the forces that springs hold, and that in words."""
         parts = self.parts_held()
-        energy = self.floating.spring_energy() + self.tools.spring_energy()
+        energy = self.floating.spring_energy() + self.motions.spring_energy()
         each = [f"{name} with {part:.1e} of its contact force" for name, part in parts]
         return max(part for _, part in parts), (
             f"springs hold {', '.join(each)}, with an energy of {energy:.3e}: contact does not "
@@ -453,4 +453,4 @@ class ContactEquations:
 
     def parts_held(self) -> list[tuple[str, float]]:
         """What springs of ``hold`` hold, and which part of the contact force on it."""
-        return self.floating.parts_held() + self.tools.parts_held()
+        return self.floating.parts_held() + self.motions.parts_held()

@@ -180,8 +180,8 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
     for name, shape, kind in (
         ("z", (count, 2), float),
         ("active", (count,), bool),
-        ("carries", (count,), bool),
-        ("piece", (count,), int),
+        ("multiplier_nodes", (count,), bool),
+        ("branch", (count,), int),
     ):
         given = getattr(contact, name)
         check_kind(f"{name} of {pair!r}", given, np.ndarray, "an array")
@@ -224,7 +224,7 @@ def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None
     normals, _ = evaluate_normals(contact.slave, x, contact.options.weighting)
     along = (normals * gradient).sum(axis=1) / np.linalg.norm(gradient, axis=1)
     within = phi - contact.offset <= SAME_PLACE * contact.nodal_lengths
-    if (within & (along >= contact.options.least_cosine)).all():
+    if (within & (along >= contact.options.min_cosine)).all():
         raise MortarError(
             f"'{contact.slave.name}' lies inside obstacle '{contact.obstacle}', on the far side of "
             "its surface: the solid is on the side of the body. The outward normal, along which "

@@ -50,7 +50,7 @@ class LinearBulk:
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
         """The reduced equations, or ``None`` for the general path; a remark (collective)."""
-        if not self._possible or self._general.newton.damped or self._general.tools.driven.any():
+        if not self._possible or self._general.newton.damped or self._general.motions.driven.any():
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
@@ -78,7 +78,7 @@ class LinearBulk:
         return all(
             isinstance(pair, ContactPair)
             and pair.sliding == "small"
-            and not (pair.law.rubs or pair.law.attracts)
+            and not (pair.law.has_friction or pair.law.has_adhesion)
             for pair in (contact.pair for contact in self._general.contacts)
         )
 

@@ -102,9 +102,9 @@ class LinearizedContact:
     """
 
     def __init__(
-        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, tools: DrivenObstacles
+        self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, motions: DrivenObstacles
     ) -> None:
-        self._bulk, self._system, self._tools = bulk, system, tools
+        self._bulk, self._system, self._tools = bulk, system, motions
         self._floating = floating
         self._contacts = [c for c in system.contacts if isinstance(c, Contact)]
 
@@ -116,7 +116,7 @@ class LinearizedContact:
         laws = [contact.pair.law for contact in self._contacts]
         pressure = self._typical_pressure()
         return all(
-            isinstance(law, Coulomb | Frictionless) and not law.attracts for law in laws
+            isinstance(law, Coulomb | Frictionless) and not law.has_adhesion for law in laws
         ) and not any(contact.now.strength(pressure)[1].any() for contact in self._contacts)
 
     def choose_sets(self, mark: Callable[[], None]) -> bool:
@@ -128,7 +128,7 @@ class LinearizedContact:
         """
         problem, nodes = self._problem()
         marked = -1
-        while marked < (marked := sum(int(c.overheld.sum()) for c in self._contacts)):
+        while marked < (marked := sum(int(c.redundant.sum()) for c in self._contacts)):
             elastic = self._with_elastic_sticks(problem, nodes)
             comm = self._bulk.comm
             found = comm.bcast(solve_friction(elastic) if comm.rank == 0 else None)
@@ -144,31 +144,31 @@ class LinearizedContact:
         for contact, j, *sets in zip(
             self._contacts, nodes, *(np.split(part, ends) for part in found), strict=True
         ):
-            active, piece, z_n, z_tau = sets
+            active, branch, z_n, z_tau = sets
             o, j = contact.operators, j[active]
-            all_active, z, pieces = (
+            all_active, z, branches = (
                 np.zeros_like(contact.active),
                 np.zeros_like(contact.z),
-                contact.piece,
+                contact.branch,
             )
             all_active[j] = True
             force = z_n[active, None] * o.n[j] + z_tau[active, None] * o.tau[j]
             z[j] = self._system.scale(contact)[j, None] * force
-            if contact.pair.law.rubs:
-                pieces = pieces.copy()
-                pieces[j] = piece[active]
-            contact.change(active=all_active, z=z, piece=pieces)
+            if contact.pair.law.has_friction:
+                branches = branches.copy()
+                branches[j] = branch[active]
+            contact.change(active=all_active, z=z, branch=branches)
 
     def _with_elastic_sticks(
         self, problem: FrictionProblem, nodes: Sequence[Indices]
     ) -> FrictionProblem:
-        """The problem where overheld nodes stick elastically, see ``redundancy``."""
+        """The problem where redundant sticks are elastically, see ``redundancy``."""
         V, q, n = problem.V.copy(), problem.q.copy(), problem.slope.size
         parts = []
         for contact, j in zip(self._contacts, nodes, strict=True):
             row = contact.stiffness[j] * _slip_weight(contact, j) / ELASTIC
             shear = (contact.partners.shear / self._system.scale(contact))[j]
-            parts.append(np.stack([row, shear]) * contact.overheld[j])
+            parts.append(np.stack([row, shear]) * contact.redundant[j])
         give, shear = np.concatenate(parts, axis=1)
         give = give / max(float(contact.stiffness.max()) for contact in self._contacts)
         V[np.arange(n, 2 * n), np.arange(n, 2 * n)] -= give
@@ -181,8 +181,8 @@ class LinearizedContact:
         for contact in self._contacts:
             contact.change(
                 active=_may_touch(contact),
-                piece=np.full_like(contact.piece, STICK),
-                overheld=np.zeros_like(contact.overheld),
+                branch=np.full_like(contact.branch, STICK),
+                redundant=np.zeros_like(contact.redundant),
             )
         nodes = [contact.active_nodes for contact in self._contacts]
         try:
@@ -244,8 +244,8 @@ class LinearizedContact:
 
     def _let_tools_move(self, V: Array, y: Array) -> None:
         """Let obstacles move as forces drive them, on weak springs; changes both arrays."""
-        tools, system = self._tools, self._system
-        driven = tools.driven
+        motions, system = self._tools, self._system
+        driven = motions.driven
         if not driven.any():
             return
         weak = LEAST_SPRING * max(float(contact.stiffness.max()) for contact in self._contacts)
@@ -254,7 +254,7 @@ class LinearizedContact:
         for contact, place in system.numbered():
             if not isinstance(contact, Contact) or contact.obstacle is None:
                 continue
-            number, columns = tools.obstacles.index(contact.obstacle), 2 * place[:, None] + [0, 1]
+            number, columns = motions.obstacles.index(contact.obstacle), 2 * place[:, None] + [0, 1]
             rows, (_, M_q, _) = (
                 contact.motion_rows(),
                 contact.on_obstacle.motion_force_derivatives(contact.z),
@@ -263,7 +263,7 @@ class LinearizedContact:
             by_pressure[number][:, columns] = M_q * system.scale(contact)[:, None]
         by_motion = by_motion[driven] / weak
         V -= by_motion.T @ by_pressure[driven]
-        y += (tools.forces() - tools.residual())[driven] @ by_motion
+        y += (motions.forces() - motions.residual())[driven] @ by_motion
 
     def _directions(self, nodes: Sequence[Indices]) -> Array:
         """Normals of the nodes, then tangents, among all components of multipliers."""

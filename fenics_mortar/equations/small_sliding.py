@@ -86,9 +86,11 @@ class SmallSlidingEquations(ReducedEquations):
 
     def _find_gaps(self) -> None:
         """Gaps k_j g_j / D_jj without contact, and a clean slate if other nodes carry now."""
-        carries = np.concatenate([contact.carries for contact in self._general.contacts])
-        if not np.array_equal(carries, self._carries):
-            self._carries = carries
+        multiplier_nodes = np.concatenate(
+            [contact.multiplier_nodes for contact in self._general.contacts]
+        )
+        if not np.array_equal(multiplier_nodes, self._carries):
+            self._carries = multiplier_nodes
             self._answers = np.zeros((self._dofs.size, self._count))
             self._known = np.zeros(self._count, bool)
             self._open = []

@@ -67,12 +67,12 @@ class Solver:
         for contact in self._equations.contacts:
             contact.accept()
             contact.start_step()
-        self._equations.crossings.accept(self._equations.tools.places)
+        self._equations.crossings.accept(self._equations.motions.places)
 
     def certificate(self) -> Certificate:
         """Measure balance, signs, penetration and crossings of the last evaluated state."""
         e = self._equations
-        certificate = certify(e.bulk, e.contacts, e.floating.labels, e.tools.residual())
+        certificate = certify(e.bulk, e.contacts, e.floating.labels, e.motions.residual())
         springs = max((p for _, p in e.parts_held()), default=0.0)
         return replace(certificate, springs=springs, crossings=e.crossings.find())
 
@@ -85,12 +85,12 @@ class Solver:
         """
         e = self._equations
         clock.read()
-        e.crossings.begin(e.tools.places)
+        e.crossings.begin(e.motions.places)
         for contact in e.contacts:
             contact.start_step()
         try:
-            e.tools.follow(e.evaluate_operators)
-            moved = e.tools.settle(partial(e.evaluate_contacts, start=True))
+            e.motions.follow(e.evaluate_operators)
+            moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
             moved += e.floating.settle(e.evaluate_forces)
             e.hold(None)
             if moved:
@@ -107,12 +107,14 @@ class Solver:
         for contact in e.contacts:
             contact.accept()
         e.bulk.free_garbage()
-        passages = e.crossings.passages(e.tools.places)
-        report.certificate = replace(self.certificate(), drift=e.tools.strayed(), passages=passages)
+        passages = e.crossings.passages(e.motions.places)
+        report.certificate = replace(
+            self.certificate(), drift=e.motions.strayed(), passages=passages
+        )
         violations = report.certificate.violations()
         told = [f"VIOLATED: {violation}" for violation in violations]
         judged = told or report.certificate.remarks()
-        reactions = e.tools.record()
+        reactions = e.motions.record()
         begun = [*remarks, *filter(None, self._starts)]
         report.notes[:] = once([*begun, *moved, *judged, *reactions, *report.notes])
         self._starts = []
@@ -122,7 +124,7 @@ class Solver:
                 contact.change(accepted=before)
             e.crossings.leave()
             raise _wrong_state(report, violations)
-        e.crossings.accept(e.tools.places)
+        e.crossings.accept(e.motions.places)
         return report
 
     def _solve(self) -> NewtonReport:
@@ -161,7 +163,7 @@ class Solver:
         try:
             return solve(Damped(e, e.newton) if e.newton.damped else e, e.newton)
         except NotConvergedError as error:
-            loose = bool(e.floating.bodies) or e.tools.driven.any()
+            loose = bool(e.floating.bodies) or e.motions.driven.any()
             if e.newton.tentative or not loose:
                 raise
             failed = error

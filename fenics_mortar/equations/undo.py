@@ -30,7 +30,7 @@ class Before:
     def __init__(self, equations: ContactEquations, adequacy: Any) -> None:
         self._equations, self._state, self._depth = equations, equations.state(), clock.depth
         self._operators = [contact.operators for contact in equations.contacts]
-        self._springs = equations.floating.springs, equations.tools.springs
+        self._springs = equations.floating.springs, equations.motions.springs
         self._take_back_adequacy = adequacy.remember() if adequacy is not None else None
 
     def take_back(self, *, renew: bool) -> None:
@@ -41,7 +41,7 @@ class Before:
         equations.put(self._state)
         for contact, operators in zip(equations.contacts, self._operators, strict=True):
             contact.show(operators)
-        equations.floating.springs, equations.tools.springs = self._springs
+        equations.floating.springs, equations.motions.springs = self._springs
         if self._take_back_adequacy is not None:
             self._take_back_adequacy()
         equations.interrupted |= renew

@@ -38,7 +38,7 @@ def evaluate_mortar(
     master: Surface,
     x: Array,
     m: Array,
-    carries: npt.NDArray[np.bool_],
+    multiplier_nodes: npt.NDArray[np.bool_],
     prescribed_normals: Array,
     options: MortarOptions,
     linearization: Linearization,
@@ -51,7 +51,7 @@ def evaluate_mortar(
         master: The side projected to.
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
         m: Current positions of the master nodes, shape (master nodes, 2) [length].
-        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
+        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
             neighbours take over the weight of those that do not.
         prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2);
             nan where the averaged normal is right.
@@ -67,7 +67,7 @@ def evaluate_mortar(
     n[given], dn[given] = prescribed_normals[given], 0.0
     if not linearization.normals:
         dn = np.zeros_like(dn)
-    share = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
+    share = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
     s = find_segments(
         slave,
         master,
@@ -76,13 +76,13 @@ def evaluate_mortar(
         m,
         facets=share,
         radius=options.radius,
-        least_cosine=options.least_cosine,
+        min_cosine=options.min_cosine,
         integration=options.integration,
         points=options.points,
         view=view,
     )
     D, dD, M, dM, gap, dgap, cover = _integrate(
-        slave, s, (x, n, dn, m), carries, options, linearization.segments
+        slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )
     nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
     num_segments = slave.comm.allreduce(s.num_segments)
@@ -124,7 +124,7 @@ def _integrate(
     slave: Surface,
     s: Segments,
     geometry: tuple[Array, Array, Array, Array],
-    carries: npt.NDArray[np.bool_],
+    multiplier_nodes: npt.NDArray[np.bool_],
     options: MortarOptions,
     move_ends: bool,
 ) -> tuple[Array, ...]:
@@ -140,8 +140,8 @@ def _integrate(
         facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
         nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
         slave.comm.Allreduce(MPI.IN_PLACE, nodal)
-        carries = carries & (nodal > 0.0)
-    weights = hand_over(carries[nodes])
+        multiplier_nodes = multiplier_nodes & (nodal > 0.0)
+    weights = hand_over(multiplier_nodes[nodes])
     values = _empty_values(s, nodes.shape[1])
     facets.tabulate_facets(
         geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
@@ -155,12 +155,14 @@ def _integrate(
     return D, dD, M, dM, *others
 
 
-def hand_over(carries: npt.NDArray[np.bool_]) -> Array:
+def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
     """Which part of node k's function node j of a facet gets, shape (f, K, K).
 
     A node that carries keeps its own; the nearest ones that carry share that of another equally.
     """
-    place = np.arange(carries.shape[1])
-    distance = np.where(carries[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf)
-    nearest = (distance == distance.min(axis=1, keepdims=True)) & carries[:, :, None]
+    place = np.arange(multiplier_nodes.shape[1])
+    distance = np.where(
+        multiplier_nodes[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf
+    )
+    nearest = (distance == distance.min(axis=1, keepdims=True)) & multiplier_nodes[:, :, None]
     return nearest / np.maximum(nearest.sum(axis=1, keepdims=True), 1)

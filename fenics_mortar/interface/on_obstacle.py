@@ -129,7 +129,7 @@ def evaluate_obstacle(
     obstacle: Obstacle,
     arm: float,
     x: Array,
-    carries: npt.NDArray[np.bool_],
+    multiplier_nodes: npt.NDArray[np.bool_],
     prescribed_normals: Array,
     options: MortarOptions,
     linearization: Linearization,
@@ -142,7 +142,7 @@ def evaluate_obstacle(
         obstacle: The other side.
         arm: What an angle is multiplied by to be a turn [length].
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
-        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
         prescribed_normals: Normals to use instead, shape (slave nodes, 2); nan where the obstacle's
             is right.
         options: How to integrate.
@@ -156,10 +156,10 @@ def evaluate_obstacle(
 
     def of_share():
         normals = obstacle_normals(obstacle, arm, x, slave.degree)
-        facets = share_of(np.flatnonzero(carries[slave.facets].any(axis=1)), slave.comm)
+        facets = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
         facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
         nodes = slave.facets[facets]
-        weights = hand_over(carries[nodes])
+        weights = hand_over(multiplier_nodes[nodes])
         return normals, facets, integrate_facets(obstacle, arm, x[nodes], weights, rule, options)
 
     normals, facets, integrals = call_together(slave.comm, distance, of_share)
@@ -210,7 +210,7 @@ def _faces(
     chord, towards = x[:, -1] - x[:, 0], -gradient.reshape(at.shape).sum(axis=1)
     normal = np.stack([chord[:, 1], -chord[:, 0]], axis=1)
     sizes = np.linalg.norm(normal, axis=1) * np.linalg.norm(towards, axis=1)
-    return near & ((normal * towards).sum(axis=1) >= options.least_cosine * sizes)
+    return near & ((normal * towards).sum(axis=1) >= options.min_cosine * sizes)
 
 
 def integrate_facets(

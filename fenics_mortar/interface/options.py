@@ -40,7 +40,7 @@ class MortarOptions:
         points: Gauss points per segment, with "elements" per slave facet.
         radius: Farthest distance along the normal at which partners are looked for, behind the
             slave surface less where the bodies are thin, see ``sight`` [length].
-        least_cosine: Least cosine between the slave's normal and the reversed master's.
+        min_cosine: Least cosine between the slave's normal and the reversed master's.
     """
 
     basis: Basis
@@ -49,7 +49,7 @@ class MortarOptions:
     integration: Integration
     points: int
     radius: float
-    least_cosine: float
+    min_cosine: float
 
     @property
     def kinds(self) -> tuple[int, int]:

@@ -94,7 +94,7 @@ def find_segments(
     *,
     facets: Indices,
     radius: float,
-    least_cosine: float,
+    min_cosine: float,
     integration: Integration = "segments",
     points: int = 5,
     view: View | None = None,
@@ -109,7 +109,7 @@ def find_segments(
         m: Current positions of the master nodes, shape (master nodes, 2) [length].
         facets: Slave facets to look at, shape (f,).
         radius: Farthest distance along the normal, on either side [length].
-        least_cosine: Least cosine between the slave's normal and the reversed master's.
+        min_cosine: Least cosine between the slave's normal and the reversed master's.
         integration: What a segment is; see above.
         points: Gauss points per segment, with "elements" per slave facet.
         view: What lies behind the slave's facets; without it nothing hides a partner there.
@@ -124,16 +124,16 @@ def find_segments(
     geometry, nodes = (x, n, m), slave.facets[facets]
     view = open_view(facets.size) if view is None else view.of(facets)
     seen = (*view, NEGLIGIBLE)
-    search_for = geometry, nodes, master.facets, radius, seen, (least_cosine, NEGLIGIBLE)
+    search_for = geometry, nodes, master.facets, radius, seen, (min_cosine, NEGLIGIBLE)
     if integration == "segments":
-        offsets, masters, pieces = _intersections(search_for, points)
+        offsets, masters, branches = _intersections(search_for, points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
         least = nodes.shape[1] if integration == "elements" else 1
-        offsets, masters, pieces = _runs(search_for, *rule, least=least)
+        offsets, masters, branches = _runs(search_for, *rule, least=least)
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)
-    ends, fixed = pieces[:2]
+    ends, fixed = branches[:2]
     cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
     moves = np.bincount(owner, ~fixed.all(axis=1), facets.size) > 0
     partial = ((cover < 2.0 - NEGLIGIBLE) & moves) | (slave.degree > 1)
@@ -146,7 +146,7 @@ def find_segments(
         pair_offsets,
         nodes[owner],
         master.facets[masters],
-        *pieces,
+        *branches,
         _pairs(offsets, pair_counts, partial),
     )
 

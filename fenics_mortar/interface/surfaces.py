@@ -190,8 +190,8 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
     """
     V = space.V
     comm = V.mesh.comm
-    pieces = comm.allgather(_local_facets(V, facet_tags, tag, name))
-    ends, coordinates, given = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
+    branches = comm.allgather(_local_facets(V, facet_tags, tag, name))
+    ends, coordinates, given = (np.concatenate(branch) for branch in zip(*branches, strict=True))
     nodes, X, facets = _number_nodes(ends, coordinates, given, name)
     order, facets, previous, following = _order_curves(facets, X, name)
     nodes = nodes[order]

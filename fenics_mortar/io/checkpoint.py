@@ -32,7 +32,7 @@ from fenics_mortar.utils.rounding import ROUNDING
 
 Arrays = dict[str, npt.NDArray[Any]]
 # Attributes of a contact in the file.
-KEPT = ("z", "active", "carries", "piece", "c_n", "offset", "reference_place")
+KEPT = ("z", "active", "multiplier_nodes", "branch", "c_n", "offset", "reference_place")
 # Arrays that have to be finite.
 FINITE = ("u", "x", "places", "z", "c_n", "offset")
 
@@ -84,8 +84,8 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     for i, contact in enumerate(problem.equations.contacts):
         contact.change(c_n=float(kept["c_n"][i]), offset=kept["offset"][i])
         if isinstance(contact, Contact):
-            contact.refer_to(kept["reference_place"][i], kept["carries"][i])
-        sets = {name: kept[name][i] for name in ("z", "active", "carries", "piece")}
+            contact.refer_to(kept["reference_place"][i], kept["multiplier_nodes"][i])
+        sets = {name: kept[name][i] for name in ("z", "active", "multiplier_nodes", "branch")}
         contact.change(**sets)
     here = problem.state()
     problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
@@ -105,7 +105,7 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
         "x": x,
         "cells": np.frombuffer(hashlib.sha256(cells.tobytes()).digest(), np.uint8),
         "u": values,
-        "places": problem.equations.tools.places,
+        "places": problem.equations.motions.places,
         "converged": np.array(problem.state().converged),
     }
     for i, contact in enumerate(problem.equations.contacts):

@@ -92,7 +92,7 @@ class ResultsWriter:
         self._surfaces = series(
             "contact", [contact.slave.name for contact in problem.equations.contacts]
         )
-        self._obstacles = series("obstacle", [o.name for o in problem.equations.tools.obstacles])
+        self._obstacles = series("obstacle", [o.name for o in problem.equations.motions.obstacles])
 
     def write(self, time: float) -> None:
         """Write the present state as that of ``time`` (collective).
@@ -114,7 +114,7 @@ class ResultsWriter:
             series.write(time, partial(_piece, X, contact.slave.facets, FACETS, data))
         box = bounding_box(problem.equations.bulk)
         for series, obstacle in zip(
-            self._obstacles, problem.equations.tools.obstacles, strict=True
+            self._obstacles, problem.equations.motions.obstacles, strict=True
         ):
             series.write(time, partial(_outline_piece, obstacle, *box))
 
@@ -171,7 +171,7 @@ class _Series:
         self._times: list[float] = []
 
     def write(self, time: float, piece: Callable[[], Any]) -> None:
-        """Write a step, then the list of all steps (collective); ``piece`` creates this rank's."""
+        """Write a step, then the list of all steps (collective); ``branch`` creates this rank's."""
         mine = self._file(len(self._times), self._comm.rank)
         has_piece = self._comm.rank in self._ranks
         write_piece = partial(write_whole, mine, partial(_write_piece, piece))

@@ -63,14 +63,14 @@ def plot(
         cells.ravel().astype(np.int32)
     ).reshape(cells.shape)
     values = np.zeros(len(cells)) if field is None else field.evaluate()
-    pieces: Any = comm.gather((nodes, x[cells], values))
+    branches: Any = comm.gather((nodes, x[cells], values))
     for contact in problem.equations.contacts:
         contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
 
     def draw() -> None:
         from matplotlib.figure import Figure
 
-        nodes, polygons, values = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        nodes, polygons, values = (np.concatenate(parts) for parts in zip(*branches, strict=True))
         low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
         width, height = 6.0 * (high - low) / (high - low).max()
         figure = Figure((max(width, 3.0) + 1.6, max(height, 1.5) + 0.9), layout="constrained")
@@ -80,7 +80,7 @@ def plot(
             bar = figure.colorbar(bodies, cax=axes.inset_axes((1.03, 0.0, 0.025, 1.0)), label=label)
             bar.outline.set_visible(False)
         margin = MARGIN * float((high - low).max())
-        _draw_obstacles(axes, problem.equations.tools.obstacles, low - margin, high + margin)
+        _draw_obstacles(axes, problem.equations.motions.obstacles, low - margin, high + margin)
         open_pairs = [c for c in problem.equations.contacts if not isinstance(c, Tie)]
         _draw_pressure(axes, open_pairs, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
         if scale != 1.0:

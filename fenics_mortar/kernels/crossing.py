@@ -133,21 +133,21 @@ def nearest_on_piece(p, a, b):
 
 
 @kernel
-def is_left(p, way, count, piece, at, forward):
+def is_left(p, way, count, branch, at, forward):
     """Whether p is on the left of a way at its nearest place; ``forward``: the way runs with it.
 
     Upon a node the sum of the two unit normals decides.
     """
     nx, ny, bx, by = 0.0, 0.0, 0.0, 0.0
-    first = piece - 1 if at <= 0.0 else piece
-    last = piece + 1 if at >= 1.0 else piece
+    first = branch - 1 if at <= 0.0 else branch
+    last = branch + 1 if at >= 1.0 else branch
     for j in range(max(first, 0), min(last, count - 1) + 1):
         dx, dy = way[j + 1, 0] - way[j, 0], way[j + 1, 1] - way[j, 1]
         size = np.sqrt(dx * dx + dy * dy)
         if size > 0.0:
             nx, ny = nx - dy / size, ny + dx / size
-    bx = way[piece, 0] + at * (way[piece + 1, 0] - way[piece, 0])
-    by = way[piece, 1] + at * (way[piece + 1, 1] - way[piece, 1])
+    bx = way[branch, 0] + at * (way[branch + 1, 0] - way[branch, 0])
+    by = way[branch, 1] + at * (way[branch + 1, 1] - way[branch, 1])
     left = (p[0] - bx) * nx + (p[1] - by) * ny
     return left > 0.0 if forward else left < 0.0
 
@@ -158,16 +158,16 @@ def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, 
 
     ``counts[k]``: its pieces so far. Returns the squared distance, the piece and the place on it.
     """
-    best, piece, at, j = np.inf, begin, 0.0, begin
+    best, branch, at, j = np.inf, begin, 0.0, begin
     while ahead >= 0.0 and has_piece(x, segments, links, way, used, counts[k], forward, j):
         counts[k] = max(counts[k], j + 1)
         a, b = way[j], way[j + 1]
         square, s = nearest_on_piece(p, a, b)
         if square < best:
-            best, piece, at = square, j, s
+            best, branch, at = square, j, s
         ahead -= distance_of(a, b)
         j += 1
-    return best, piece, at
+    return best, branch, at
 
 
 @kernel

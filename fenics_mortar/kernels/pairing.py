@@ -63,14 +63,14 @@ def find_interval(y, N, is_node):
 
 
 @kernel
-def gap_if_facing(y, xi, shapes, least_cosine):
+def gap_if_facing(y, xi, shapes, min_cosine):
     """Gap at ``xi``, or inf where the normals of slave and master are not opposed enough."""
     N, L = shapes
     _, alpha = slave_to_master(y, xi, N, L)
     nx, ny = combine(y, 1, N, 0)
     ax, ay = combine(y, 2, L, 1)
     size = np.sqrt(nx * nx + ny * ny)
-    if not -(nx * ay - ny * ax) >= least_cosine * size * np.sqrt(ax * ax + ay * ay):
+    if not -(nx * ay - ny * ax) >= min_cosine * size * np.sqrt(ax * ax + ay * ay):
         return np.inf
     return alpha * size
 
@@ -160,7 +160,7 @@ def facet_segments(
     ``view`` as in ``is_hidden``, in which the facet has this ``number``; without it all is seen.
     """
     x, n, m = geometry
-    least_cosine, least_cover = limits
+    min_cosine, min_cover = limits
     y, N, L = np.empty(6 * slave.size), np.empty((3, slave.size)), np.empty((3, slave.size))
     is_node = np.empty(2, np.bool_)
     safe = np.inf
@@ -173,7 +173,7 @@ def facet_segments(
         if not meets:
             continue
         middle = 0.5 * (lower + upper)
-        gap = gap_if_facing(y, middle, (N, L), least_cosine)
+        gap = gap_if_facing(y, middle, (N, L), min_cosine)
         if not abs(gap) <= radius or gap == np.inf:
             continue
         if view is not None:
@@ -183,20 +183,20 @@ def facet_segments(
         found[count, 3] = hits[hit]
         found[count, 4], found[count, 5] = is_node[0], is_node[1]
         count += 1
-    kept = keep_nearest(found, count, least_cover)
+    kept = keep_nearest(found, count, min_cover)
     edge = x[slave[-1]] - x[slave[0]]
     apart = APART * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
     kept = keep_near_parts(found, kept, master_facets, apart)
     if kept == 0:
         return 0
-    if found[0, 1] < -1.0 + least_cover:
+    if found[0, 1] < -1.0 + min_cover:
         found[0, 1], found[0, 4] = -1.0, 1.0
-    if found[kept - 1, 2] > 1.0 - least_cover:
+    if found[kept - 1, 2] > 1.0 - min_cover:
         found[kept - 1, 2], found[kept - 1, 5] = 1.0, 1.0
     cover = 0.0
     for i in range(kept):
         cover += found[i, 2] - found[i, 1]
-    return kept if cover > least_cover else 0
+    return kept if cover > min_cover else 0
 
 
 @kernel
@@ -232,7 +232,7 @@ def point_partners(
     At equal distance it is the facet of the lower number.
     """
     x, n, m = geometry
-    least_cosine, tie = limits
+    min_cosine, tie = limits
     y, N, L = np.empty(6 * slave.size), np.empty((3, slave.size)), np.empty((3, slave.size))
     edge = x[slave[-1]] - x[slave[0]]
     tolerance = tie * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
@@ -244,7 +244,7 @@ def point_partners(
             tabulate_shapes(points[p], N)
             if not ray_hits(y, N, starts[master_facets[hit, 0]], tolerance):
                 continue
-            gap = gap_if_facing(y, points[p], (N, L), least_cosine)
+            gap = gap_if_facing(y, points[p], (N, L), min_cosine)
             distance = abs(gap)
             nearer = distance < distances[p] or (distance == distances[p] and hit < partners[p])
             if not (nearer and distance <= radius):

@@ -57,13 +57,13 @@ def query_strip(boxes, controls, nodes, radius, stack, hits):
 
 
 @kernel
-def find_points(geometry, slave_facets, master_facets, radius, view, limits, points, least_points):
+def find_points(geometry, slave_facets, master_facets, radius, view, limits, points, min_points):
     """Find the partners of the same ``points`` (p,), in order, on each of ``slave_facets`` (f, K).
 
     As ``find_segments``; here ``limits`` = (least cosine, part of a slave facet within which a ray
     goes through a master node). Returns offsets (f + 1,), master facets (n,) and points (n, 2),
     first and one after the last, of the runs of points with the same partner; no run for facets of
-    which fewer than ``least_points`` points have one.
+    which fewer than ``min_points`` points have one.
     """
     x, n, m = geometry
     boxes = build_tree(control_points(m, master_facets), master_facets)
@@ -81,7 +81,7 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
         )
         end = offsets[e]
         for p in range(points.size):
-            if paired < least_points or partners[p] < 0:
+            if paired < min_points or partners[p] < 0:
                 continue
             if p == 0 or partners[p] != partners[p - 1]:
                 rows[end, 0], rows[end, 1] = partners[p], p

@@ -31,13 +31,13 @@ def find_crossings(origin, direction, outline, own, least, found):
     ``outline`` = (nodes (b, 2), pieces (p, 2) with the body on their left, bodies of these (p,));
     pieces of the body ``own`` count. The number may exceed the size of ``found``.
     """
-    x, pieces, body = outline
+    x, branches, body = outline
     ux, uy = direction[0], direction[1]
     count = 0
-    for i in range(pieces.shape[0]):
+    for i in range(branches.shape[0]):
         if body[i] != own:
             continue
-        a, b = pieces[i, 0], pieces[i, 1]
+        a, b = branches[i, 0], branches[i, 1]
         ax, ay = x[a, 0] - origin[0], x[a, 1] - origin[1]
         bx, by = x[b, 0] - origin[0], x[b, 1] - origin[1]
         side_a, side_b = ux * ay - uy * ax, ux * by - uy * bx

@@ -74,7 +74,7 @@ class CondensedSystem(LinearSystem):
             dofs[self.local(contact, place)] = contact.slave.dofs[contact.slave.owned]
         self._slave_rows = PETSc.IS().createGeneral(dofs.ravel().astype(PETSc.IntType), self.comm)
         self._slave_dofs = dofs.ravel() - bulk.first
-        self._partly_held = any((c.free[c.carries] == 0.0).any() for c in contacts)
+        self._partly_held = any((c.free[c.multiplier_nodes] == 0.0).any() for c in contacts)
 
     # Assembly
 
@@ -253,11 +253,11 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
                 f"a slave node of {names} at {where} is held in one component oblique to its normal"
             )
         for other in contacts:
-            if np.intersect1d(contact.multiplier_nodes, other.master.nodes).size:
+            if np.intersect1d(contact.candidate_nodes, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"
-            both = np.intersect1d(contact.multiplier_nodes, other.multiplier_nodes)
+            both = np.intersect1d(contact.candidate_nodes, other.candidate_nodes)
             if both.size and other is not contact:
                 return f"slave nodes of {names} are slaves of '{other.master.name}', too"
-            if np.intersect1d(contact.multiplier_nodes, other.idle_nodes).size:
+            if np.intersect1d(contact.candidate_nodes, other.idle_nodes).size:
                 return f"slave nodes of {names} are nodes of '{other.slave.name}' as well"
     return None

@@ -26,19 +26,22 @@ class Reach:
 
     Args:
         o: Operators at the present state.
-        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
         faced: Slave nodes, and master nodes that slip couples them to.
 
     Attributes:
-        carries: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
+        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
         idle: Whether it does not, or multipliers of others act on it as well.
     """
 
     def __init__(
-        self, o: MortarOperators, carries: npt.NDArray[np.bool_], faced: tuple[Indices, Indices]
+        self,
+        o: MortarOperators,
+        multiplier_nodes: npt.NDArray[np.bool_],
+        faced: tuple[Indices, Indices],
     ) -> None:
         self._slave, self._master = o.slave, o.master
-        self.carries, self.idle = carries.copy(), _idle(o, carries)
+        self.multiplier_nodes, self.idle = multiplier_nodes.copy(), _idle(o, multiplier_nodes)
         everywhere = np.ones(o.slave.num_nodes, bool)
         self._met = np.union1d(_met(o, MARGIN, everywhere), _faced(o, *faced))
         facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
@@ -48,7 +51,7 @@ class Reach:
     def holds(
         self,
         o: MortarOperators,
-        carries: npt.NDArray[np.bool_],
+        multiplier_nodes: npt.NDArray[np.bool_],
         faced: tuple[Indices, Indices],
         acting: npt.NDArray[np.bool_],
     ) -> bool:
@@ -57,7 +60,9 @@ class Reach:
         pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
         inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
         near = o.facet_nodes[acting[o.facet_nodes].any(axis=1)]
-        same = (self.carries == carries) & (self.idle == _idle(o, carries))
+        same = (self.multiplier_nodes == multiplier_nodes) & (
+            self.idle == _idle(o, multiplier_nodes)
+        )
         return bool(inside.all() and same[near].all())
 
     def derivative_pattern(self) -> Block:
@@ -104,13 +109,13 @@ class Reach:
         return dofs[acts], multiplier[acts]
 
 
-def _idle(o: MortarOperators, carries: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _idle(o: MortarOperators, multiplier_nodes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Slave nodes that carry no multiplier, or whose force those of others bear, (slave nodes,).
 
     The second are nodes of curved facets just beyond the edge of the master, see ``mortar``.
     """
     facet, _, k = np.nonzero(o.D * (1.0 - np.eye(o.D.shape[1])))
-    idle = ~carries
+    idle = ~multiplier_nodes
     idle[o.facet_nodes[facet, k]] = True
     return idle
 

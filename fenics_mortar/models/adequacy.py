@@ -213,7 +213,7 @@ class AdequacyCheck:
     def _rigid(self, problem: ContactProblem) -> Iterator[Assumption]:
         """Errors of rigid obstacles, from their elastic bodies or the ratio of stiffness."""
         ratio = self._stiffness_ratio
-        for obstacle in problem.equations.tools.obstacles:
+        for obstacle in problem.equations.motions.obstacles:
             if obstacle in self._elastic:
                 yield rigid_obstacle(problem, self._elastic[obstacle])
             else:
@@ -250,9 +250,9 @@ class AdequacyCheck:
 
 def _is_frictionless(contact: Any) -> bool:
     """Whether it is a contact without friction (local)."""
-    return isinstance(contact, Contact) and not contact.pair.law.rubs
+    return isinstance(contact, Contact) and not contact.pair.law.has_friction
 
 
 def _instead(rough: Law, law: Law) -> Law:
     """Replace a law without friction (local)."""
-    return law if law.rubs else rough
+    return law if law.has_friction else rough

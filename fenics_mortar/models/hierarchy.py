@@ -182,7 +182,7 @@ class ModelHierarchy:
             strict=True,
         ):
             if isinstance(contact, Contact):
-                contact.refer_to(reference, mine.carries)
+                contact.refer_to(reference, mine.multiplier_nodes)
         if on_model:
             model.adopt(self._problem)
             model.accept()

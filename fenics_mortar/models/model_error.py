@@ -111,7 +111,7 @@ def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> Er
     """
     start = model.equations.evaluate(start=True).residual or np.inf
     for _ in range(MAX_STEPS):
-        part = model.equations.advance().part
+        part = model.equations.advance().fraction
         left = model.equations.evaluate(start=False).residual / start
         errors = differences(problem, cheap, Snapshot.of(model))
         settled = left * errors[ENERGY] <= max(SETTLED, 0.5 * min(errors.values()))

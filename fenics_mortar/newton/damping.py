@@ -38,7 +38,7 @@ class Damped:
 
     Args:
         equations: The equations that are solved.
-        options: Their ``line_search`` and ``most_motion``.
+        options: Their ``line_search`` and ``max_motion``.
     """
 
     def __init__(self, equations: Stateful, options: NewtonOptions) -> None:
@@ -48,25 +48,25 @@ class Damped:
         self._residual = 0.0
 
     def advance(self) -> Step:
-        """Solve one linear system and move, the surfaces no farther than ``most_motion`` facets."""
+        """Solve one linear system and move, the surfaces no farther than ``max_motion`` facets."""
         self._before = self._equations.state()
         step = self._equations.advance()
         self._after = self._equations.state()
         motion = self._equations.interface_motion(self._before)
-        if motion <= self._options.most_motion:
+        if motion <= self._options.max_motion:
             return step
-        part = self._options.most_motion / motion
-        self._after = self._before.towards(self._after, part)
+        fraction = self._options.max_motion / motion
+        self._after = self._before.towards(self._after, fraction)
         self._equations.restore(self._after)
-        return step._replace(part=part * step.part)
+        return step._replace(fraction=fraction * step.fraction)
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate; halve the last step while the residual is larger than before it."""
-        status, part = self._equations.evaluate(start=start), 1.0
+        status, fraction = self._equations.evaluate(start=start), 1.0
         if self._options.line_search and not start:
-            while not status.residual <= self._residual and part > SHORTEST:
-                part *= 0.5
-                self._equations.restore(self._before.towards(self._after, part))
+            while not status.residual <= self._residual and fraction > SHORTEST:
+                fraction *= 0.5
+                self._equations.restore(self._before.towards(self._after, fraction))
                 status = self._equations.evaluate(start=False)
         self._residual = status.residual
-        return replace(status, part=part)
+        return replace(status, fraction=fraction)

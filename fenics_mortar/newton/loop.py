@@ -40,7 +40,7 @@ class Status:
         num_changed: Nodes that entered or left it.
         noise: Residual that rounding leaves at this state [force].
         sets: Equal for equal sets, to recognise a cycle.
-        part: Part of the last step that was kept in the end.
+        fraction: Part of the last step that was kept in the end.
     """
 
     residual: float
@@ -50,14 +50,14 @@ class Status:
     num_changed: int
     noise: float
     sets: bytes = b""
-    part: float = 1.0
+    fraction: float = 1.0
 
 
 class Step(NamedTuple):
     """One Newton step: increment over the displacement, the part of it that was taken, a remark."""
 
     increment: float
-    part: float
+    fraction: float
     note: str = ""
 
 
@@ -92,9 +92,9 @@ class NewtonOptions:
         residual_tolerance: Residual over force, the largest force seen so far.
         increment_tolerance: Largest displacement increment over the largest displacement.
         line_search: Whether steps are halved while they raise the residual; see ``damping``.
-        most_motion: Largest motion of a surface in one iteration over its shortest facet.
+        max_motion: Largest motion of a surface in one iteration over its shortest facet.
         tentative: Whether to give up where other remedies would follow, for who has another start.
-        most_left: Part of the residual that the first iteration may leave, to go on.
+        max_remaining: Part of the residual that the first iteration may leave, to go on.
 
     Raises:
         ValueError: If a number is not positive.
@@ -104,9 +104,9 @@ class NewtonOptions:
     residual_tolerance: float = 1e-10
     increment_tolerance: float = 1e-6
     line_search: bool = False
-    most_motion: float = np.inf
+    max_motion: float = np.inf
     tentative: bool = False
-    most_left: float = np.inf
+    max_remaining: float = np.inf
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -116,16 +116,16 @@ class NewtonOptions:
             value = getattr(self, what)
             check_number(what, value, "a positive number", lambda number: 0.0 < number < np.inf)
         right = "a positive number"
-        check_number("most_left", self.most_left, right, lambda number: number > 0.0)
+        check_number("max_remaining", self.max_remaining, right, lambda number: number > 0.0)
         right = "a positive number of facets"
-        check_number("most_motion", self.most_motion, right, lambda number: number > 0.0)
+        check_number("max_motion", self.max_motion, right, lambda number: number > 0.0)
         for what in ("line_search", "tentative"):
             check_flag(what, getattr(self, what))
 
     @property
     def damped(self) -> bool:
-        """Whether steps may end early by ``line_search`` or ``most_motion``."""
-        return self.line_search or bool(np.isfinite(self.most_motion))
+        """Whether steps may end early by ``line_search`` or ``max_motion``."""
+        return self.line_search or bool(np.isfinite(self.max_motion))
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class Iteration:
     residual: float
     gap: float
     increment: float
-    part: float
+    fraction: float
     num_active: int
     num_changed: int
     seconds: dict[str, float]
@@ -194,7 +194,7 @@ class NewtonReport:
         lines.append("|" + "---:|" * (len(titles) + len(phases)))
         for number, it in enumerate(self.iterations):
             cells = [str(number), f"{it.residual:.2e}", f"{it.gap:.1e}"]
-            cells.append("–" if number == 0 else f"{it.increment:.1e}" + _shortened(it.part))
+            cells.append("–" if number == 0 else f"{it.increment:.1e}" + _shortened(it.fraction))
             cells += [str(it.num_active), str(it.num_changed)]
             cells += [f"{it.seconds.get(name, 0.0):.4f}" for name in phases]
             lines.append("| " + " | ".join(cells) + " |")
@@ -259,14 +259,14 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             if not number:  # no way of ours led here
                 raise
             raise _failure(equations, report, f"iteration {number}: {error}") from error
-        step = step._replace(part=step.part * status.part)
+        step = step._replace(fraction=step.fraction * status.fraction)
         report.force = max(report.force, status.force)
         report.iterations.append(
             Iteration(
                 status.residual,
                 status.gap,
                 step.increment,
-                step.part,
+                step.fraction,
                 status.num_active,
                 status.num_changed,
                 equations.seconds(),
@@ -278,7 +278,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             report.converged = True
             report.reason = f"converged in {number} iterations"
             return report
-        if number == 1 and not _is_near(report.residuals, options.most_left):
+        if number == 1 and not _is_near(report.residuals, options.max_remaining):
             raise _failure(equations, report, "the first iteration left most of the residual")
         if number and not status.num_changed and _makes_no_headway(report.residuals):
             drifting = equations.drifts()
@@ -303,9 +303,9 @@ def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonRepo
         raise NotConvergedError(str(error), report.followed_by(error.report)) from None
 
 
-def _is_near(residuals: Sequence[float], most_left: float) -> bool:
+def _is_near(residuals: Sequence[float], max_remaining: float) -> bool:
     """Whether the first iteration has lowered the residual as it does near a solution."""
-    return np.isinf(most_left) or residuals[1] <= most_left * residuals[0]
+    return np.isinf(max_remaining) or residuals[1] <= max_remaining * residuals[0]
 
 
 def _makes_no_headway(residuals: Sequence[float]) -> bool:
@@ -348,9 +348,9 @@ def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConv
     return NotConvergedError(report.reason, report)
 
 
-def _shortened(part: float) -> str:
+def _shortened(fraction: float) -> str:
     """Mark of a step that was cut."""
-    return "" if part == 1.0 else f" × {part:.2g}"
+    return "" if fraction == 1.0 else f" × {fraction:.2g}"
 
 
 def _is_solved(status: Status, step: Step, force: float, options: NewtonOptions) -> bool:
@@ -366,7 +366,7 @@ def _what_is_missing(
         yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"
     if step.increment > options.increment_tolerance:
         yield f"increment {step.increment:.1e} (allowed {options.increment_tolerance:.1e})"
-    if step.part < 1.0:
-        yield f"only {step.part:.1e} of the last step taken, the whole was too far"
+    if step.fraction < 1.0:
+        yield f"only {step.fraction:.1e} of the last step taken, the whole was too far"
     if status.num_changed:
         yield f"{status.num_changed} nodes changed between active and inactive"

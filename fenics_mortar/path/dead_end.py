@@ -133,15 +133,15 @@ def _violated_by(problem: ContactProblem, start: State, sticking: list[Place]) -
     problem.equations.evaluate(start=False)
     contacts = [contact for contact in problem.equations.contacts if isinstance(contact, Contact)]
     for contact, before in zip(problem.equations.contacts, start.interfaces, strict=True):
-        piece = before.piece.copy()
-        piece[[j for other, j in sticking if other is contact]] = STICK
-        contact.change(z=before.z, active=before.active, piece=piece)
-    assumed = [(contact.active, contact.piece) for contact in contacts]
+        branch = before.branch.copy()
+        branch[[j for other, j in sticking if other is contact]] = STICK
+        contact.change(z=before.z, active=before.active, branch=branch)
+    assumed = [(contact.active, contact.branch) for contact in contacts]
     problem.equations.advance()
     violated = []
-    for contact, (active, piece) in zip(contacts, assumed, strict=True):
+    for contact, (active, branch) in zip(contacts, assumed, strict=True):
         contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
         contact.update_active()
-        changed = (contact.active != active) | (active & (contact.piece != piece))
+        changed = (contact.active != active) | (active & (contact.branch != branch))
         violated += [(contact, j) for j in np.flatnonzero(changed).tolist()]
     return violated

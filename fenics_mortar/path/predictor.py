@@ -126,7 +126,7 @@ class Predictor:
         best, kind = here, None
         residual, presses = self._look()
         for its_kind, guess in guesses:
-            places = np.where(problem.equations.tools.driven, guess.places, here.places)
+            places = np.where(problem.equations.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
             problem.restore(guess)
             guessed, still_presses = self._look()
@@ -168,7 +168,7 @@ class Predictor:
         """Solve; if convergence is poor, restart from ``here``."""
         options = self._problem.newton
         few = min(MAX_ITERATIONS, options.max_iterations)
-        cautious = replace(options, tentative=True, most_left=kind.max_left, max_iterations=few)
+        cautious = replace(options, tentative=True, max_remaining=kind.max_left, max_iterations=few)
         try:
             self._problem.newton = cautious
             report = solve()

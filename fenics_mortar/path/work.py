@@ -81,7 +81,7 @@ def work_of(
     du, prescribed = (end.u - start.u)[: r.size], problem.equations.bulk.held
     supports = (r + contact)[prescribed] @ du[prescribed]
     work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
-    moved = problem.equations.tools.motions_of(end.places - start.places)
+    moved = problem.equations.motions.motions_of(end.places - start.places)
     work[1:3] += (on_tools * moved).sum()
     work[3] += (shear_on_tools * moved).sum()
     dofs = problem.equations.bulk.space.owned_dofs

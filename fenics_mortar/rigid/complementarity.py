@@ -54,12 +54,12 @@ class Sets(NamedTuple):
 
     Attributes:
         active: Whether a node touches.
-        piece: Whether it sticks (0) or slides (+-1).
+        branch: Whether it sticks (0) or slides (+-1).
         z_n, z_tau: Multipliers.
     """
 
     active: npt.NDArray[np.bool_]
-    piece: Indices
+    branch: Indices
     z_n: Array
     z_tau: Array
 
@@ -67,13 +67,13 @@ class Sets(NamedTuple):
 def solve_friction(problem: FrictionProblem) -> Sets | None:
     """A solution of the linearized problem; ``None`` if there is none in sight."""
     n = problem.slope.size
-    rubs = np.flatnonzero(problem.slope > 0.0)
-    m = rubs.size
-    V_nn, V_nt = problem.V[:n, :n], problem.V[:n, n + rubs]
-    V_tn, V_tt = problem.V[n + rubs, :n], problem.V[np.ix_(n + rubs, n + rubs)]
+    rough = np.flatnonzero(problem.slope > 0.0)
+    m = rough.size
+    V_nn, V_nt = problem.V[:n, :n], problem.V[:n, n + rough]
+    V_tn, V_tt = problem.V[n + rough, :n], problem.V[np.ix_(n + rough, n + rough)]
     one, none = np.eye(m), np.zeros((m, m))
     cone = np.zeros((m, n))
-    cone[np.arange(m), rubs] = problem.slope[rubs]
+    cone[np.arange(m), rough] = problem.slope[rough]
     M = np.block(
         [
             [V_nn, V_nt, -V_nt, np.zeros((n, m))],
@@ -82,7 +82,7 @@ def solve_friction(problem: FrictionProblem) -> Sets | None:
             [cone, -one, -one, none],
         ]
     )
-    u = problem.q[n + rubs]
+    u = problem.q[n + rough]
     q = np.concatenate([problem.q[:n], -u, u, np.zeros(m)])
     basic = lemke(M, q)
     if basic is None:
@@ -91,11 +91,11 @@ def solve_friction(problem: FrictionProblem) -> Sets | None:
         z = np.where(basic, np.linalg.solve(np.where(basic, -M, np.eye(len(M))), q), 0.0)
     except LinAlgError:
         return None
-    piece, z_tau = np.zeros(n, np.int64), np.zeros(n)
+    branch, z_tau = np.zeros(n, np.int64), np.zeros(n)
     plus, minus, slides = basic[n:].reshape(3, m)
-    piece[rubs] = np.where(slides & (plus != minus), np.where(plus, 1, -1), 0)
-    z_tau[rubs] = z[n : n + m] - z[n + m : n + 2 * m]
-    return Sets(basic[:n], piece, z[:n], z_tau)
+    branch[rough] = np.where(slides & (plus != minus), np.where(plus, 1, -1), 0)
+    z_tau[rough] = z[n : n + m] - z[n + m : n + 2 * m]
+    return Sets(basic[:n], branch, z[:n], z_tau)
 
 
 def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:

@@ -381,7 +381,7 @@ class FloatingBodies:
         if not driven:
             return [], []
         laws = [contact.pair.law for contact in self._contacts]
-        if any(law.rubs or law.attracts for law in laws):
+        if any(law.has_friction or law.has_adhesion for law in laws):
             asked = {body.label for body, _ in driven}
         else:
             asked = set() if begun else labels

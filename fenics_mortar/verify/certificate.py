@@ -136,7 +136,7 @@ def _certify_pair(
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
-    limit = contact.asker.bound(contact.pair.law, pressure, contact.operators.x)
+    limit = contact.asker.friction_limit(contact.pair.law, pressure, contact.operators.x)
     limit = np.where(contact.active, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.tension
     smallest = LIMITS.min_pressure * float(contact.stiffness.max())
@@ -156,11 +156,11 @@ def _certify_pair(
         friction=mean_friction(limit, pressure),
         **end_pressure(contact, pressure),
         **beyond_cover(contact, runs_of(contact)),
-        overheld=int(contact.overheld.sum()),
-        overheld_at=place(contact.operators.x[contact.overheld.argmax()]),
+        redundant=int(contact.redundant.sum()),
+        redundant_at=place(contact.operators.x[contact.redundant.argmax()]),
         undecided_at=" and ".join(map(place, contact.operators.x[contact.undecided])),
         unpaired=count_unpaired(bulk, contact, labels, paired),
-        uncovered=int((contact.carries & ~contact.covered).sum()),
+        uncovered=int((contact.multiplier_nodes & ~contact.covered).sum()),
     )
 
 

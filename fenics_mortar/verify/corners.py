@@ -103,7 +103,7 @@ def _at_corners(contact: Contact, forces: Array, total: float) -> dict[str, Any]
         mine = labels == k
         first = np.flatnonzero(mine)[forces[corners[mine]].argmax()]
         across = _rotated(o.n[corners[first]], angle[first])
-        if (contact.piece[corners[mine]] == STICK).any():
+        if (contact.branch[corners[mine]] == STICK).any():
             excess = _excess_shear(contact, runs == kept[k], across)
             if excess > largest:
                 largest, where = excess, place(o.x[corners[first]])
@@ -121,7 +121,7 @@ def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
         across: Direction that pressures are taken along, a unit vector out of the slave.
     """
     pressure = np.where(run, contact.z @ across, 0.0)
-    limit = contact.asker.bound(contact.pair.law, pressure, contact.operators.x)
+    limit = contact.asker.friction_limit(contact.pair.law, pressure, contact.operators.x)
     weight = contact.operators.weight
     allowed = float((weight * np.where(run & (pressure > 0.0), limit, 0.0)).sum())
     shear = abs(float((weight * (contact.z @ _right_of(across[None])[0]))[run].sum()))

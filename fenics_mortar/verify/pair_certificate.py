@@ -51,9 +51,9 @@ class PairCertificate:
             slave that the master covers [facet lengths].
         outside_at: Position of that resultant.
         undecided_at: Positions of nodes whose cover is close to the threshold of a multiplier.
-        overheld: Sticking nodes that other constraints hold as well: their shear is not unique, see
-            ``redundancy``.
-        overheld_at: Position of one of them.
+        redundant: Sticking nodes that other constraints hold as well: their shear is not unique,
+            see ``redundancy``.
+        redundant_at: Position of one of them.
         unpaired: Nodes of the two surfaces inside another body without a partner in any pair.
         uncovered: Slave nodes without a partner.
     """
@@ -81,8 +81,8 @@ class PairCertificate:
     outside: float = 0.0
     outside_at: str = ""
     undecided_at: str = ""
-    overheld: int = 0
-    overheld_at: str = ""
+    redundant: int = 0
+    redundant_at: str = ""
     unpaired: int = 0
     uncovered: int = 0
 
@@ -148,11 +148,11 @@ class PairCertificate:
                 "which carries no multiplier: the force may be far too small; take the other body "
                 "as slave"
             )
-        if self.overheld:
+        if self.redundant:
             yield (
-                f"{self.pair}: {self.overheld} sticking nodes are constrained by other pairs as "
-                f"well, one at {self.overheld_at}: their shear is not unique; it stays as close as "
-                "possible to that of the last state"
+                f"{self.pair}: {self.redundant} sticking nodes are constrained by other pairs as "
+                f"well, one at {self.redundant_at}: their shear is not unique; it stays as close "
+                "as possible to that of the last state"
             )
         if self.undecided_at:
             yield (

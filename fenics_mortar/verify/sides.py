@@ -72,8 +72,8 @@ class Sides:
         total = np.zeros((keys.size, *values.shape[2:]))
         np.add.at(total, where, one_way)
         alone = np.flatnonzero(count == 1)
-        pieces = self._comm.allgather((keys[alone], total[alone]))
-        for _, (theirs, sums) in (p for p in enumerate(pieces) if p[0] != self._comm.rank):
+        branches = self._comm.allgather((keys[alone], total[alone]))
+        for _, (theirs, sums) in (p for p in enumerate(branches) if p[0] != self._comm.rank):
             _, mine, their = np.intersect1d(keys[alone], theirs, True, return_indices=True)
             total[alone[mine]] += sums[their]
         return np.where(backward, total[where][:, :, ::-1], total[where])

@@ -38,7 +38,7 @@ class Checkable(Protocol):
     contacts: Sequence[Contact | Tie]
     comm: MPI.Comm
     linearization: Linearization
-    tools: DrivenObstacles
+    motions: DrivenObstacles
 
 
 @dataclass(frozen=True)
@@ -97,11 +97,11 @@ def check_tangent(
     steps = 1e-3 * 0.5 ** np.arange(6) if steps is None else np.asarray(steps)
     u = problem.bulk.u
     before = u.x.array.copy(), [contact.state for contact in problem.contacts]
-    places = problem.tools.places
+    places = problem.motions.places
     try:
         check = _check(_Probe(problem, seed), steps)
     finally:
-        u.x.array[:], problem.tools.places = before[0], places
+        u.x.array[:], problem.motions.places = before[0], places
         for contact, state in zip(problem.contacts, before[1], strict=True):
             contact.put(state)
             contact.evaluate(u.x.array, problem.linearization)
@@ -140,7 +140,7 @@ class _Probe:
         everywhere = rng.uniform(-length, length, self.bulk.r.getSize())
         self.du: Array = self.bulk.units * everywhere[self.bulk.first : self.bulk.first + size]
         self.u0 = self.bulk.u.x.array[:size].copy()
-        self.tools, self.places = problem.tools, problem.tools.places
+        self.motions, self.places = problem.motions, problem.motions.places
         self.dq: Array = rng.uniform(-length, length, self.places.shape)
         self.active = [contact.active for contact in self.contacts]
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
@@ -157,8 +157,8 @@ class _Probe:
         u = self.bulk.u
         u.x.array[: self.bulk.num_owned] = self.u0 + step * self.du
         u.x.scatter_forward()
-        self.tools.places = self.places
-        self.tools.move(step * self.dq)
+        self.motions.places = self.places
+        self.motions.move(step * self.dq)
         self.bulk.assemble_residual()
         for contact, active, z, dz in zip(
             self.contacts, self.active, self.z0, self.dz, strict=True
@@ -184,7 +184,7 @@ class _Probe:
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         for contact in self.contacts:  # as in the system
             contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
-        pushed = self._mine(self.tools.forces().ravel())
+        pushed = self._mine(self.motions.forces().ravel())
         force = self.bulk.to_force * force
         return {"bulk": bulk, **replicated, "whole": np.concatenate([force, *laws, pushed])}
 
@@ -212,7 +212,7 @@ class _Probe:
         """Derivatives of normals, gap and law along the motions of the pair's obstacle (local)."""
         if contact.obstacle is None:
             return np.zeros(1), np.zeros(1), np.zeros_like(contact.z)
-        dq = self.dq[self.tools.obstacles.index(contact.obstacle)]
+        dq = self.dq[self.motions.obstacles.index(contact.obstacle)]
         o = contact.on_obstacle
         return o.dn_dq @ dq, o.dgap_dq @ dq, contact.motion_rows() @ dq
 
@@ -236,7 +236,7 @@ class _Probe:
             ).ravel()
             for contact, place in zip(self.contacts, system.places, strict=True)
         ]
-        balance = linearize_balance(self.tools, system)
+        balance = linearize_balance(self.motions, system)
         pushed = self.comm.allreduce(balance.rows @ system.join(self.du, self.dz))
         pushed = pushed + balance.corner @ self.dq.ravel()
         return np.concatenate([force, *parts, self._mine(pushed)])

@@ -105,8 +105,8 @@ def went_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array
     Returns:
         Shape (s,) [length].
     """
-    pieces = np.linalg.norm(np.diff(knots, axis=0), axis=2)
-    far = np.concatenate([np.zeros((1, len(offset))), np.cumsum(pieces, axis=0)])
+    branches = np.linalg.norm(np.diff(knots, axis=0), axis=2)
+    far = np.concatenate([np.zeros((1, len(offset))), np.cumsum(branches, axis=0)])
     (start, start_slope), (end, end_slope) = (
         _distance(obstacle, knots[k], offset) for k in (0, -1)
     )
@@ -179,9 +179,9 @@ def _goes_on(
 
 def _at(knots: Array, far: Array, at: Array) -> Array:
     """Points ``at`` (s,) along ways with ``knots`` (m + 1, s, 2) at ``far`` (m + 1, s)."""
-    piece = np.clip((far <= at).sum(axis=0) - 1, 0, len(far) - 2)
+    branch = np.clip((far <= at).sum(axis=0) - 1, 0, len(far) - 2)
     every = np.arange(len(at))
-    start, end = far[piece, every], far[piece + 1, every]
+    start, end = far[branch, every], far[branch + 1, every]
     with np.errstate(divide="ignore", invalid="ignore"):
         part = np.nan_to_num((at - start) / (end - start), posinf=0.0, neginf=0.0)
-    return knots[piece, every] + part[:, None] * (knots[piece + 1, every] - knots[piece, every])
+    return knots[branch, every] + part[:, None] * (knots[branch + 1, every] - knots[branch, every])

@@ -51,7 +51,7 @@ class Curves:
         slave = SimpleNamespace(facets=self.slave, degree=2 if self.coupled else 1)
         self.segments = s = find_segments(
             slave, SimpleNamespace(facets=self.master), self.x, n, self.m,
-            facets=np.arange(len(self.slave)), radius=self.radius, least_cosine=LIMITS[0],
+            facets=np.arange(len(self.slave)), radius=self.radius, min_cosine=LIMITS[0],
             integration=self.integration, points=self.points,
         )  # fmt: skip
         self.offsets, self.pair_offsets, self.partial = s.offsets, s.pair_offsets, s.partial

@@ -12,13 +12,13 @@ LEAST = 1e-10
 def outline(*rings):
     """Closed polygons (body, points), the body on their left."""
     x = np.concatenate([np.asarray(points, float) for _, points in rings])
-    pieces, bodies, first = [], [], 0
+    branches, bodies, first = [], [], 0
     for body, points in rings:
         k = np.arange(len(points))
-        pieces.append(first + np.stack([k, (k + 1) % len(points)], axis=1))
+        branches.append(first + np.stack([k, (k + 1) % len(points)], axis=1))
         bodies.append(np.full(len(points), body))
         first += len(points)
-    return x, np.concatenate(pieces), np.concatenate(bodies)
+    return x, np.concatenate(branches), np.concatenate(bodies)
 
 
 def box(low, high, width=1.0):
