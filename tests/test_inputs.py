@@ -418,7 +418,7 @@ def test_law_with_other_answers_on_one_rank_is_refused():
         (fm.Coulomb(0.3), "mu", np.nan, "mu=nan: expected zero or a positive number"),
         (fm.Coulomb(0.3), "mu", "0.3", "mu='0.3': expected zero or a positive number"),
         (fm.Coulomb(0.3), "mu", None, "mu=None"),
-        (fm.Coulomb(0.3), "most", -1.0, "most=-1.0: expected a positive stress"),
+        (fm.Coulomb(0.3), "max_shear", -1.0, "max_shear=-1.0: expected a positive stress"),
         (fm.Coulomb(0.3), "c_t", 0.0, "c_t=0.0: expected a positive number"),
         (fm.Coulomb(0.3), "c_t", np.nan, "c_t=nan: expected a positive number"),
         (fm.Coulomb(0.3), "limit_by", "gap", "limit_by='gap': expected one of trial, pressure"),

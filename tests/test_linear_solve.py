@@ -114,9 +114,12 @@ def rubbing(algorithm, *, pair=None, degree=1, **options):
         scene.loads["push"].value[:] = (0.02 * part, -0.06 * part)
         scene.problem.solve(accept_violations=True)
     contact = scene.contact
-    contact.active[-1], contact.z[-1] = False, 0.0
+    numbers = np.arange(contact.slave.num_nodes)
+    last, branch = numbers == numbers[-1], contact.branch
     if contact.pair.law.has_friction:
-        contact.branch[1:3] = 1
+        branch = np.where((numbers == 1) | (numbers == 2), 1, branch)
+    z = np.where(last[:, None], 0.0, contact.z)
+    contact.change(active=contact.active & ~last, z=z, branch=branch)
     return scene.problem
 
 

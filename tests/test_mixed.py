@@ -208,7 +208,7 @@ def test_linear_bulk_is_factored_once():
         for scene in (once, each_time):
             scene.loads["push"].value = push
             assert not scene.problem.solve().certificate.violations()
-    assert once.problem._linear_bulk.choose()[0] is not None
+    assert once.problem._solver.linear_bulk.choose()[0] is not None
     w, exact = once.u.x.array, each_time.u.x.array
     assert np.abs(w - exact).max() < 1e-9 * np.abs(exact).max()
     assert np.abs(once.contact.z - each_time.contact.z).max() < 1e-9 * np.abs(exact).max()

@@ -41,16 +41,16 @@ def pair_of(**options):
 def test_iterates_are_those_of_the_general_path(slave, algorithm, linearization):
     options = {"algorithm": algorithm, "linearization": linearization}
     general, reduced = pair_of(slave=slave, problem=options)
-    equations, _ = reduced.problem._linear_bulk.choose()
+    equations, _ = reduced.problem._solver.linear_bulk.choose()
     assert equations is not None
     for step in PATH[:3]:
-        for scene, solver in ((general, general.problem), (reduced, equations)):
+        for scene, solver in ((general, general.problem.equations), (reduced, equations)):
             scene.loads["push"].value[:] = step
             solver.evaluate(start=True)
         for _ in range(5):
             one, other = (
                 (solver.advance(), solver.evaluate(start=False))
-                for solver in (general.problem, equations)
+                for solver in (general.problem.equations, equations)
             )
             size = largest(general.contact.z)
             assert largest(general.contact.z - reduced.contact.z) < 1e-9 * size
@@ -94,7 +94,7 @@ def test_a_step_on_all_dofs_in_between_changes_nothing():
             scene.loads["push"].value[:] = step
         general.problem.solve()
         if number == 1:
-            reduced.problem._solve_on_all_dofs()
+            reduced.problem._solver._solve_on_all_dofs()
         else:
             assert not reduced.problem.solve().notes
         u, w = nodal(general.problem), nodal(reduced.problem)
@@ -160,7 +160,7 @@ def test_choice_follows_from_the_form():
         scene = pressed_blocks(material=material, problem=options, **MESH)
         scene.loads["push"].value[1] = -0.05
         scene.problem.solve()
-        return scene.problem._linear_bulk.choose()[0] is not None
+        return scene.problem._solver.linear_bulk.choose()[0] is not None
 
     assert takes(linear_elastic) and not takes(neo_hookean)
     assert not takes(linear_elastic, linear_bulk=False)

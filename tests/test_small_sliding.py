@@ -43,7 +43,7 @@ def test_one_factorization_and_the_general_paths_agree():
         assert len({report.num_iterations for report in reports}) == 1
         assert not any(report.notes for report in reports)
         assert reports[0].certificate.balance < 1e-9
-    taken = [scene.problem._linear_bulk.choose()[0] for scene in scenes]
+    taken = [scene.problem._solver.linear_bulk.choose()[0] for scene in scenes]
     assert taken[0] is not None and taken[1] is None and taken[2] is None
 
 

@@ -122,7 +122,7 @@ def test_restored_state_gives_back_every_number(pair):
 
 def test_users_set_offset_and_weight_by_the_pair():
     problem = pressed_blocks(n_upper=3, n_lower=4).problem
-    view = problem.equations.contacts[0]
+    view = problem.contacts[0]
     view.offset, view.c_n = np.full(4, 0.01), 0.5
     state = problem.state().interfaces[0]
     assert state.c_n == 0.5 and (state.offset == 0.01).all()
@@ -134,7 +134,7 @@ def test_pair_shows_what_users_read():
     scene = pressed_blocks(n_upper=6, n_lower=9, pair={"law": fm.Coulomb(0.3)})
     scene.loads["push"].value[:] = (0.0, -0.02)
     scene.problem.solve()
-    (view,) = scene.problem.equations.contacts
+    (view,) = scene.problem.contacts
     assert len(dir(view)) <= 20 and not any(name.startswith("_") for name in dir(view))
     assert set(view.status) <= {"open", "stick", "slip"}
     assert np.abs(view.forces.sum(axis=0) - view.total_force).max() < 1e-12

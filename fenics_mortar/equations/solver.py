@@ -42,7 +42,7 @@ class Solver:
     ) -> None:
         self._equations, self._create_system = equations, create_system
         equations.system = create_system()
-        self._linear_bulk = LinearBulk(equations, linear_bulk, prefix)
+        self.linear_bulk = LinearBulk(equations, linear_bulk, prefix)
         self._begin_where_meshed()
 
     def _begin_where_meshed(self) -> None:
@@ -60,7 +60,7 @@ class Solver:
         self._equations.bulk.renew_tangent()
         self._equations.bulk.assemble_tangent()
         self._equations.system = self._create_system()
-        self._linear_bulk.forget()
+        self.linear_bulk.forget()
 
     def accept(self) -> None:
         """Count slip and ways of nodes from the last evaluated state."""
@@ -130,7 +130,7 @@ class Solver:
     def _solve(self) -> NewtonReport:
         """Solve on the contact dofs where the bulk is linear, else on all."""
         e = self._equations
-        reduced, remarks = self._linear_bulk.choose()
+        reduced, remarks = self.linear_bulk.choose()
         if reduced is not None:
             start = e.state()
             try:
@@ -145,7 +145,7 @@ class Solver:
             e.restore(start)
             remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
         report = self._solve_on_all_dofs()
-        self._linear_bulk.count(report.num_iterations)
+        self.linear_bulk.count(report.num_iterations)
         report.notes[:0] = remarks
         return report
 

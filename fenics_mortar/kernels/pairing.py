@@ -20,7 +20,9 @@ meshes do not leave it to chance.
 A slave facet at a corner may face two parts of a master, one far behind the other. Weighted
 together their gaps mean nothing: positive functions hold a node open that touches the nearer part,
 and functions that are negative somewhere, as the dual ones, make an overlap of such gaps, and press
-from a distance. So a part that is farther than the nearest one by half a facet does not count.
+from a distance. So a part that is farther than the nearest one by half a facet does not count,
+where the nearest is in contact by two facets: beside a corner of the master both sides belong to
+the contact, and a part that comes and goes there costs iterations.
 
 Of the facets behind a slave point only those count that are the nearer way out, see ``sight``. To
 a depth that is safe for each slave facet this is not tested.
@@ -41,6 +43,8 @@ from fenics_mortar.kernels.shapes import tabulate_shapes
 # Fraction of a slave facet: what is farther away than this cannot be in contact, as the certificate
 # sees it.
 APART = 0.5
+# Lengths of a slave facet by which a part lies behind one in contact, and does not belong to it.
+BEHIND = 2.0
 
 
 @kernel
@@ -122,8 +126,8 @@ def keep_nearest(found, count, tolerance):
 
 
 @kernel
-def keep_near_parts(found, count, master_facets, apart):
-    """Drop parts that are farther than the nearest one by more than ``apart``.
+def keep_near_parts(found, count, master_facets, length):
+    """Drop parts that are farther than the nearest one, see ``APART`` and ``BEHIND``.
 
     Rows of ``found`` as ``keep_nearest`` leaves them; those of master facets that share a node are
     of one part. Returns how many stay.
@@ -131,6 +135,7 @@ def keep_near_parts(found, count, master_facets, apart):
     nearest = np.inf
     for i in range(count):
         nearest = min(nearest, found[i, 0])
+    apart = length * (APART if nearest > APART * length else BEHIND)
     kept, start = 0, 0
     while start < count:
         stop, distance = start + 1, found[start, 0]
@@ -185,8 +190,8 @@ def facet_segments(
         count += 1
     kept = keep_nearest(found, count, min_cover)
     edge = x[slave[-1]] - x[slave[0]]
-    apart = APART * np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
-    kept = keep_near_parts(found, kept, master_facets, apart)
+    length = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
+    kept = keep_near_parts(found, kept, master_facets, length)
     if kept == 0:
         return 0
     if found[0, 1] < -1.0 + min_cover:

@@ -118,8 +118,6 @@ class PairCertificate:
                 "direction of the force on a corner, that of its averaged normal, is not resolved; "
                 f"take '{master}' as slave and '{slave}' as master, or round the corner"
             )
-        if not self.outside <= penetration:
-            yield self._resultant_outside()
         if self.unpaired:
             yield (
                 f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "

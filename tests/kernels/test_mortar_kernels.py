@@ -189,13 +189,3 @@ def test_five_points_integrate_the_rational_integrand_to_round_off():
     few, many = few.evaluate(few.positions), many.evaluate(many.positions)
     assert np.abs(few["M"] - many["M"]).max() < 1e-12
     assert np.abs(few["g"] - many["g"]).max() < 1e-13
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_standard_gap_weights_are_the_shape_functions(sign):
-    """As a + S (xi - xm), at any xi."""
-    mean, xi = 0.3, np.array([-1.0, 0.4, 1.0])
-    for given in ((basis.STANDARD, basis.BY_BASIS), (basis.DUAL, basis.BY_STANDARD)):
-        a, da, S, *others = basis.gap_weight(*given, 0, sign, sign, mean, 0.2)
-        assert a + S * (xi - mean) == pytest.approx(0.5 * (1.0 + sign * xi))
-        assert da == S and not any(others)
