@@ -9,7 +9,6 @@ first read, and kept.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields as fields_of
 from functools import cached_property
 from typing import Any, Protocol, Self
 
@@ -72,11 +71,10 @@ class InterfaceFields:
 
     def after(self, state: InterfaceState) -> Self:
         """The fields at another state and the same operators."""
-        changed = {
-            part.name
-            for part in fields_of(state)
-            if getattr(state, part.name) is not getattr(self.state, part.name)
-        }
+        before, changed = vars(self.state), set()
+        for name, value in vars(state).items():
+            if value is not before[name]:
+                changed.add(name)
         new = type(self)(self.sides, state, self.operators)
         for name, value in vars(self).items():
             of_class = getattr(type(self), name, None)

@@ -25,7 +25,7 @@ the master's: contact sees a surface that goes on across the joint.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -163,7 +163,11 @@ class Tie(Interface):
             nothing,
         )
         constant = {name: np.zeros_like(getattr(o, name)) for name in ("dD", "dM", "dgap", "gap")}
-        values = vars(o) | constant | {"linearization": Linearization(False, False, frozen=True)}
+        values = (
+            {part.name: getattr(o, part.name) for part in fields(o)}
+            | constant
+            | {"linearization": Linearization(False, False, frozen=True)}
+        )
         self.show(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
         self._may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
         self.change(active=self._may_carry)

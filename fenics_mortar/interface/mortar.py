@@ -109,17 +109,17 @@ class MortarOperators:
     num_segments: int
     linearization: Linearization
 
-    @property
+    @cached_property
     def tau(self) -> Array:
         """Tangents (-n_y, n_x) of the slave nodes, shape (slave nodes, 2)."""
         return np.stack([-self.n[:, 1], self.n[:, 0]], axis=1)
 
-    @property
+    @cached_property
     def facet_nodes(self) -> Indices:
         """Slave nodes of the facets of this share, shape (f, K)."""
         return self.slave.facets[self.segments.facets]
 
-    @property
+    @cached_property
     def columns(self) -> Indices:
         """Displacement dofs of the columns of each segment, shape (n, C); -1 is missing."""
         degree = self.slave.degree

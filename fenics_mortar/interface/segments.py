@@ -19,7 +19,7 @@ nodes the constraints are those of node-to-segment contact.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -73,7 +73,7 @@ class Segments:
     spans: Indices
     pairs: Indices
 
-    @property
+    @cached_property
     def num_segments(self) -> int:
         """Number of segments."""
         return self.slave.shape[0]

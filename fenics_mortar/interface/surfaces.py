@@ -77,12 +77,12 @@ class Surface:
     local_dofs: Indices
     comm: MPI.Comm
 
-    @property
+    @cached_property
     def num_nodes(self) -> int:
         """Number of nodes of the surface."""
         return self.X.shape[0]
 
-    @property
+    @cached_property
     def degree(self) -> int:
         """Polynomial degree of the facets."""
         return self.facets.shape[1] - 1

@@ -66,9 +66,10 @@ class BlockMatrix:
     def assemble(self, blocks: Iterable[Block]) -> PETSc.Mat:
         """Sum the blocks into the matrix and return it."""
         i, j, v = flatten(blocks)
-        same = self._pattern is not None and all(
-            np.array_equal(old, new) for old, new in zip(self._pattern, (i, j), strict=True)
-        )
+        same = False
+        if self._pattern is not None:
+            before, after = self._pattern
+            same = np.array_equal(before, i) and np.array_equal(after, j)
         if not self._comm.allreduce(same, MPI.LAND):
             self._new_pattern(i, j)
         _check(_set_values(self.mat.handle, v.ctypes.data, 1))
@@ -137,7 +138,8 @@ def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block]) -> None:
     need no entries. However large the matrix is, this is work for the blocks only.
     """
     for block in blocks:
-        rows, columns, values = (a[block.values.any(axis=(1, 2))] for a in block)
+        used = block.values.any(axis=(1, 2))
+        rows, columns, values = block.rows[used], block.columns[used], block.values[used]
         each = np.repeat(columns, rows.shape[1], axis=0)
         starts = np.arange(rows.size + 1, dtype=PETSc.IntType) * PETSc.IntType(each.shape[1])
         places = rows.ravel().astype(PETSc.IntType)

@@ -44,6 +44,7 @@ class ObstacleMotions:
             (self.obstacles.index(c.obstacle), c) for c in contacts if c.obstacle is not None
         ]
         self.scales: Array = np.ones((len(self.obstacles), 3))
+        self._none: Array = np.zeros((0, 3))
         for number, contact in self.pairs:
             self.scales[number, 2] = contact.arm
 
@@ -116,6 +117,9 @@ class ObstacleMotions:
         return min((float(c.slave.lengths.min()) for _, c in self.pairs), default=1.0)
 
     def _of_all(self, name: str) -> Array:
+        """An attribute of all obstacles, shape (obstacles, 3)."""
+        if not self.obstacles:
+            return self._none
         return np.array([getattr(o, name) for o in self.obstacles]).reshape(-1, 3)
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,8 @@ Flags = npt.NDArray[np.bool_]
 
 def freeze(value: Any) -> None:
     """Replace arrays of a frozen dataclass that can be written to by copies that can not."""
-    for field in fields(value):
-        array = getattr(value, field.name)
+    for name, array in vars(value).items():
         if isinstance(array, np.ndarray) and array.flags.writeable:
             array = array.copy()
             array.flags.writeable = False
-            object.__setattr__(value, field.name, array)
+            object.__setattr__(value, name, array)

@@ -24,8 +24,11 @@ class Clock:
     @contextmanager
     def __call__(self, phase: str) -> Iterator[None]:
         """Context, or decorator of a function, whose time counts for ``phase``."""
-        self._distribute()
-        self._running.append(phase)
+        seconds, running = self._seconds, self._running
+        now = time.perf_counter()
+        seconds[running[-1]] = seconds.get(running[-1], 0.0) + now - self._since
+        self._since = now
+        running.append(phase)
         try:
             yield
         finally:
