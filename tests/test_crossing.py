@@ -15,11 +15,11 @@ from scenes import (
     internal,
     neo_hookean,
     nodal,
+    pair_options,
     pressed_blocks,
     read,
     rectangles,
     rotation,
-    pair_options,
 )
 from test_tied import tool_on_halves
 

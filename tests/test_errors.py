@@ -14,7 +14,7 @@ import gmsh
 import numpy as np
 import pytest
 import two_blocks
-from scenes import internal, linear_elastic, neo_hookean, pressed_blocks, read, pair_options
+from scenes import internal, linear_elastic, neo_hookean, pair_options, pressed_blocks, read
 
 import ufl
 from dolfinx import fem
@@ -459,7 +459,9 @@ def test_distance_that_raises_on_one_rank_raises_on_all():
     data = blocks_of_arrays()
     u, solid = fem.Function(fm.vector_space(data.mesh, 1)), fm.SignedDistance(plane, name="lid")
     bcs = [fm.dirichlet(u.function_space, data, "base", (0.0, 0.0))]
-    pair = fm.ContactPair(data, "master", solid, **pair_options(points=6))  # on 1 to 4 facets, with 5 nodes
+    pair = fm.ContactPair(
+        data, "master", solid, **pair_options(points=6)
+    )  # on 1 to 4 facets, with 5 nodes
     problem = problem_on(data, [pair], bcs=bcs, u=u)
     problem.solve()
     last = COMM.size - 1

@@ -10,9 +10,9 @@ from scenes import (
     lame,
     linear_elastic,
     neo_hookean,
+    pair_options,
     pressed_blocks,
     read,
-    pair_options,
 )
 
 from dolfinx import fem

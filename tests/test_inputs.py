@@ -19,10 +19,10 @@ from scenes import (
     internal,
     linear_elastic,
     neo_hookean,
+    pair_options,
     pressed_blocks,
     read,
     rectangles,
-    pair_options,
 )
 from test_errors import (
     blocks_of_arrays,

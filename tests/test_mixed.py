@@ -16,7 +16,7 @@ import meshio
 import numpy as np
 import pytest
 import two_blocks
-from scenes import TIGHT, Scene, pressed_blocks, read, pair_options
+from scenes import TIGHT, Scene, pair_options, pressed_blocks, read
 from scipy.optimize import brentq
 from test_results import steps
 

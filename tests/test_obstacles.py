@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 import two_blocks
-from scenes import TIGHT, internal, linear_elastic, neo_hookean, read, pair_options
+from scenes import TIGHT, internal, linear_elastic, neo_hookean, pair_options, read
 
 from dolfinx import fem
 

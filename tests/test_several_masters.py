@@ -5,7 +5,7 @@ import mapped_grids
 import numpy as np
 import pytest
 from mapped_grids import Grid, block, sector
-from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, nodal, read, pair_options
+from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, nodal, pair_options, read
 
 import ufl
 from dolfinx import fem

@@ -7,7 +7,7 @@ import mapped_grids
 import numpy as np
 import pytest
 from mapped_grids import Grid, block, mapped, sector
-from scenes import internal, linear_elastic, neo_hookean, nodal, read, rotation, pair_options
+from scenes import internal, linear_elastic, neo_hookean, nodal, pair_options, read, rotation
 
 from dolfinx import fem
 

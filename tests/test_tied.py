@@ -16,9 +16,9 @@ from scenes import (
     linear_elastic,
     neo_hookean,
     nodal,
+    pair_options,
     read,
     rotation,
-    pair_options,
 )
 from test_operators import dense
 

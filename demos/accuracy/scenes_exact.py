@@ -311,9 +311,7 @@ def cattaneo(n: int, choice: Choice, *, graded: bool = False, **options: Any) ->
     ]
     options = {"basis": choice.basis, "integration": choice.integration, **options}
     law, discretization = fm.Coulomb(exact.friction), fm.Discretization(**options)
-    pair = fm.ContactPair(
-        data, "upper/bottom", "lower/top", law=law, discretization=discretization
-    )
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law, discretization=discretization)
     residual = ufl.inner(linear_elastic(u, *lame(exact)), ufl.grad(v)) * dx
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="accuracy_")
 

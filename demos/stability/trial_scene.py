@@ -143,6 +143,7 @@ def _dirichlet(case: Case, V: Any, data: fm.MeshData, held: Held, value: Any) ->
 
 def _pairs(case: Case, data: fm.MeshData) -> list[fm.ContactPair]:
     """The pairs; those of held bodies and of shapes have laws, and rigid planes as masters."""
+    options = {"discretization": fm.Discretization(**case.pair_options)}
     if not isinstance(case, (HeldCase, ShapeCase)):
         return [fm.ContactPair(data, *names, **options) for names in case.pairs]
     planes = {name: fm.Plane(*where, name=name) for name, where in case.planes.items()}

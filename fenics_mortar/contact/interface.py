@@ -172,9 +172,10 @@ class Interface(ABC):
         passes to 0.1 % on facets with two nodes, to 5 % on those with three, through 10 to 0.4 %.
         With fewer points than nodes a facet may have no multiplier functions.
         """
-        points, degree = self.pair.discretization.points, self.slave.degree
+        choice, degree = self.pair.discretization, self.slave.degree
+        points = choice.points
         if points is None:
-            on_facets = self.pair.discretization.integration == "elements" and self.master.num_nodes > 0
+            on_facets = choice.integration == "elements" and self.master.num_nodes > 0
             return POINTS * (degree if on_facets else 1)
         if points <= degree:
             raise ValueError(

@@ -23,9 +23,9 @@ from scenes import (
     lame,
     linear_elastic,
     neo_hookean,
+    pair_options,
     read,
     rotation,
-    pair_options,
 )
 from scipy.optimize import brentq
 

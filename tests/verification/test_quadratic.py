@@ -12,6 +12,7 @@ from scenes import (
     lame,
     linear_elastic,
     neo_hookean,
+    pair_options,
     pressed_blocks,
     read,
     rotation,

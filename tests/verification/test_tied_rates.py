@@ -10,7 +10,7 @@ both sides are on the curve, cells of order p have curved sides.
 import mapped_grids
 import numpy as np
 import pytest
-from scenes import TIGHT, neo_hookean, read, pair_options
+from scenes import TIGHT, neo_hookean, pair_options, read
 
 import ufl
 from dolfinx import fem
