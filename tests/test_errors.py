@@ -761,7 +761,7 @@ def test_inverted_cells_at_the_start_are_named():
         ),
         ({"points": 1}, "points=1: .*at least 2 per segment"),
         ({"integration": "elements", "points": 1}, "points=1: .*at least 2 per facet"),
-        ({"integration": "nodes", "points": 3}, "points=3: .*the points are the nodes"),
+        ({"integration": "nodes", "points": 3}, "points=3 with .*: the points are the nodes"),
         (
             {"integration": "nodes", "basis": "standard"},
             "basis='standard' with integration='nodes': .* expected 'dual'",
