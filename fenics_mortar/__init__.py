@@ -7,6 +7,7 @@ if __name__ != "fenics_mortar":
         "itself, not the folder above it, on PYTHONPATH (. .ci/env.sh in the clone)"
     )
 
+from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
@@ -45,6 +46,7 @@ __all__ = [
     "ContactPair",
     "ContactProblem",
     "Coulomb",
+    "Discretization",
     "ElasticObstacle",
     "ErrorEstimate",
     "Frictionless",

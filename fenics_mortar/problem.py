@@ -277,13 +277,10 @@ class ContactProblem:
             pair_options: Attributes of contact pairs instead, as ``sliding="finite"``, or functions
                 of the present ones.
         """
-        pairs = [copy(contact.pair) for contact in self.equations.contacts]
-        for pair in pairs:
-            if isinstance(pair, ContactPair):
-                for name, new in pair_options.items():
-                    if name not in vars(pair):
-                        raise ValueError(f"{name}={new!r}: a pair has {', '.join(vars(pair))}")
-                    setattr(pair, name, new(getattr(pair, name)) if callable(new) else new)
+        pairs = [
+            p.with_options(**pair_options) if isinstance(p, ContactPair) else copy(p)
+            for p in (contact.pair for contact in self.equations.contacts)
+        ]
         given = {**self._given, "pairs": pairs}
         if residual is not None:
             given.update(residual=residual, jacobian=None)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from mpi4py import MPI
@@ -85,6 +85,16 @@ def internal(u, stress):
     return ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
 
 
+def pair_options(options: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+    """Options of a pair, those of its discretization put into a ``Discretization``."""
+    given = {**(options or {}), **more}
+    names = {option.name for option in fields(fm.Discretization)} & given.keys()
+    if not names:
+        return given
+    choice = fm.Discretization(**{name: given.pop(name) for name in names})
+    return {**given, "discretization": choice}
+
+
 @dataclass
 class Scene:
     """A problem and what a test turns."""
@@ -122,7 +132,7 @@ def pressed_blocks(
     ]
     sides = {"upper": "upper/bottom", "lower": "lower/top"}
     other = {"upper": "lower", "lower": "upper"}[slave]
-    contact = fm.ContactPair(data, sides[slave], sides[other], **(pair or {}))
+    contact = fm.ContactPair(data, sides[slave], sides[other], **pair_options(pair))
     options = {"petsc_options_prefix": "test_", "newton": TIGHT, **(problem or {})}
     problem_ = fm.ContactProblem(internal(u, material(u, E, nu)), u, [contact], bcs=bcs, **options)
     return Scene(data, u, problem_, {"push": push})
@@ -151,7 +161,7 @@ def homogeneous_blocks(
     if slave == "lower":
         sides.reverse()
     options = {"petsc_options_prefix": "test_", "newton": TIGHT, **(problem or {})}
-    contact = fm.ContactPair(data, *sides, **(pair or {}))
+    contact = fm.ContactPair(data, *sides, **pair_options(pair))
     problem_ = fm.ContactProblem(internal(u, material(u, E, nu)), u, [contact], bcs=bcs, **options)
     return Scene(data, u, problem_, {"exact": exact})
 

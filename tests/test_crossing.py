@@ -11,7 +11,16 @@ import numpy as np
 import pytest
 import rings
 from mapped_grids import Grid
-from scenes import internal, neo_hookean, nodal, pressed_blocks, read, rectangles, rotation
+from scenes import (
+    internal,
+    neo_hookean,
+    nodal,
+    pair_options,
+    pressed_blocks,
+    read,
+    rectangles,
+    rotation,
+)
 from test_tied import tool_on_halves
 
 import ufl
@@ -154,7 +163,7 @@ def block_over_plate(thickness=0.3, size=0.15, *, height=0.4, **options):
     u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
     bcs = [fm.dirichlet(V, data, f"plate/{side}", (0.0, 0.0)) for side in ("left", "right")]
     bcs.append(fm.dirichlet(V, data, "block/top", push))
-    pair = fm.ContactPair(data, "block/bottom", "plate/top", **options)
+    pair = fm.ContactPair(data, "block/bottom", "plate/top", **pair_options(options))
     return push, problem_of(data, [pair], bcs, u)
 
 

@@ -14,7 +14,7 @@ import gmsh
 import numpy as np
 import pytest
 import two_blocks
-from scenes import internal, linear_elastic, neo_hookean, pressed_blocks, read
+from scenes import internal, linear_elastic, neo_hookean, pair_options, pressed_blocks, read
 
 import ufl
 from dolfinx import fem
@@ -459,7 +459,9 @@ def test_distance_that_raises_on_one_rank_raises_on_all():
     data = blocks_of_arrays()
     u, solid = fem.Function(fm.vector_space(data.mesh, 1)), fm.SignedDistance(plane, name="lid")
     bcs = [fm.dirichlet(u.function_space, data, "base", (0.0, 0.0))]
-    pair = fm.ContactPair(data, "master", solid, points=6)  # on 1 to 4 facets, with 5 nodes
+    pair = fm.ContactPair(
+        data, "master", solid, **pair_options(points=6)
+    )  # on 1 to 4 facets, with 5 nodes
     problem = problem_on(data, [pair], bcs=bcs, u=u)
     problem.solve()
     last = COMM.size - 1
@@ -759,7 +761,21 @@ def test_inverted_cells_at_the_start_are_named():
         ),
         ({"points": 1}, "points=1: .*at least 2 per segment"),
         ({"integration": "elements", "points": 1}, "points=1: .*at least 2 per facet"),
-        ({"integration": "nodes", "points": 3}, "points=3: .*the points are the nodes"),
+        ({"integration": "nodes", "points": 3}, "points=3 with .*: the points are the nodes"),
+        (
+            {"integration": "nodes", "basis": "standard"},
+            "basis='standard' with integration='nodes': .* expected 'dual'",
+        ),
+        (
+            {"integration": "nodes", "gap_weights": "basis"},
+            "gap_weights='basis' with integration='nodes': .* expected 'cover'",
+        ),
+        (
+            {"basis": "standard", "gap_weights": "standard"},
+            "gap_weights='standard' with basis='standard': Petrov-Galerkin needs dual",
+        ),
+        ({"discretization": "4C"}, "discretization='4C': expected one of default, other_codes, "),
+        ({"discretization": None}, "discretization=None: expected an instance of Discretization"),
         ({"points": 2.5}, "points=2.5: .*whole number"),
         ({"search_radius": 0.0}, "search_radius=0.0: expected a positive length"),
         ({"search_radius": np.nan}, "search_radius=nan: expected a positive length"),
@@ -777,7 +793,7 @@ def test_inverted_cells_at_the_start_are_named():
 def test_option_of_a_pair_that_is_refused_says_what_is_allowed(option, allowed):
     data = blocks_of_arrays()
     with refused(ValueError, allowed):
-        fm.ContactPair(data, "slave", "master", **option)
+        fm.ContactPair(data, "slave", "master", **pair_options(option))
 
 
 @pytest.mark.parametrize(
@@ -788,7 +804,7 @@ def test_fewer_points_than_nodes_of_a_facet_are_refused(kind, options):
     """Two points do not tell the three functions of a facet apart that has one segment."""
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 2))
-    pair = kind(data, "slave", "master", points=2, **options)
+    pair = kind(data, "slave", "master", **pair_options(options, points=2))
     with refused(ValueError, "points=2: .*, 3$"):
         fm.ContactProblem(
             internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], petsc_options_prefix="test_errors_"
@@ -860,7 +876,7 @@ def test_problem_without_pairs_is_solved(algorithm):
 
 def test_standard_basis_cannot_be_condensed():
     data = blocks_of_arrays()
-    pair = fm.ContactPair(data, "slave", "master", basis="standard")
+    pair = fm.ContactPair(data, "slave", "master", **pair_options(basis="standard"))
     with refused(ValueError, "algorithm='condensed'.*not diagonal.*algorithm='saddle'"):
         problem_on(data, [pair], algorithm="condensed")
 

@@ -18,6 +18,7 @@ from scenes import (
     linear_elastic,
     neo_hookean,
     nodal,
+    pair_options,
     pressed_blocks,
     read,
     rectangles,
@@ -454,7 +455,9 @@ def test_both_algorithms_and_contact_dofs_agree(pair):
         lambda: fm.Coulomb(0.1, max_shear=0.0),
         lambda: fm.Tresca(-1.0),
         lambda: fm.ContactPair(fm.MeshData(None, None, None), 1, 2, law="coulomb"),
-        lambda: fm.ContactPair(fm.MeshData(None, None, None), 1, 2, slip="textbook"),
+        lambda: fm.ContactPair(
+            fm.MeshData(None, None, None), 1, 2, **pair_options(slip="textbook")
+        ),
     ],
 )
 def test_wrong_numbers_are_refused(wrong):

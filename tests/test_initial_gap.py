@@ -4,7 +4,16 @@
 import numpy as np
 import pytest
 import rings
-from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, pressed_blocks, read
+from scenes import (
+    TIGHT,
+    internal,
+    lame,
+    linear_elastic,
+    neo_hookean,
+    pair_options,
+    pressed_blocks,
+    read,
+)
 
 from dolfinx import fem
 
@@ -22,7 +31,7 @@ def press_fit(material=neo_hookean, n_inner=16, n_outer=12, held=(), **pair):
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
     bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("outer/outside", *held)]
-    contact = fm.ContactPair(data, "inner/outside", "outer/inside", **pair)
+    contact = fm.ContactPair(data, "inner/outside", "outer/inside", **pair_options(pair))
     residual = internal(u, material(u, E, NU))
     return fm.ContactProblem(
         residual, u, [contact], bcs=bcs, newton=TIGHT, petsc_options_prefix="fit_"

@@ -15,7 +15,15 @@ from petsc4py import PETSc
 import gmsh
 import numpy as np
 import pytest
-from scenes import internal, linear_elastic, neo_hookean, pressed_blocks, read, rectangles
+from scenes import (
+    internal,
+    linear_elastic,
+    neo_hookean,
+    pair_options,
+    pressed_blocks,
+    read,
+    rectangles,
+)
 from test_errors import (
     blocks_of_arrays,
     grid,
@@ -494,12 +502,11 @@ def test_distance_may_use_its_arrays_again():
 @pytest.mark.parametrize(
     "name, value",
     [
-        ("c_n", -1.0),
+        ("discretization", fm.Discretization(c_n=-1.0)),
         ("search_radius", -3.0),
-        ("max_angle", np.nan),
-        ("basis", "standard"),
+        ("discretization", fm.Discretization(basis="standard")),
         ("sliding", "small"),
-        ("slip", "operators"),
+        ("discretization", "other_codes"),
         ("initial_gap", 0.0),
         ("slave_name", "upper/top"),
     ],
@@ -512,12 +519,20 @@ def test_option_of_a_pair_that_is_set_after_the_problem_is_refused(name, value):
         scene.problem.solve()
 
 
-@pytest.mark.parametrize("name, value", [("c_n", -1.0), ("basis", "cubic"), ("law", None)])
-def test_option_of_a_pair_that_is_set_before_the_problem_is_checked(name, value):
+@pytest.mark.parametrize(
+    "name, value, words",
+    [
+        ("discretization", fm.Discretization(c_n=-1.0), "c_n=-1.0"),
+        ("discretization", fm.Discretization(basis="cubic"), "basis='cubic'"),
+        ("discretization", "other_codes", "discretization='other_codes': expected an instance of"),
+        ("law", None, "law=None"),
+    ],
+)
+def test_option_of_a_pair_that_is_set_before_the_problem_is_checked(name, value, words):
     data = blocks_of_arrays()
     pair = fm.ContactPair(data, "slave", "master")
     setattr(pair, name, value)
-    with refused(ValueError, f"{name}={value!r}"):
+    with refused(ValueError, words):
         problem_on(data, [pair])
 
 
@@ -556,7 +571,7 @@ def test_state_of_another_problem_is_refused_and_nothing_changes():
 
 
 def test_variant_by_an_unknown_option_is_refused():
-    with refused_words(ValueError, "slidin='small': a pair has .*sliding"):
+    with refused_words(ValueError, "slidin='small': expected one of .*sliding"):
         small_blocks().problem.variant(slidin="small")
 
 
@@ -589,12 +604,11 @@ def either(one, other):
 @pytest.mark.parametrize(
     "name, one, other",
     [
-        ("basis", "dual", "standard"),
         ("sliding", "finite", "small"),
-        ("integration", "segments", "nodes"),
+        ("discretization", fm.Discretization(), fm.Discretization(basis="standard")),
+        ("discretization", "default", "other_codes"),
+        ("discretization", fm.Discretization(points=5), fm.Discretization(points=7)),
         ("initial_gap", None, 0.0),
-        ("points", 5, 7),
-        ("c_n", 1e-3, 1e-1),
         ("search_radius", 1.0, 0.01),
         ("law", fm.Coulomb(0.3), fm.Coulomb(0.2)),
         ("law", fm.Coulomb(0.3), None),
@@ -610,7 +624,7 @@ def test_option_of_a_pair_that_differs_on_one_rank_is_refused(name, one, other):
 def test_option_that_one_rank_refuses_is_refused_by_all():
     data = blocks_of_arrays()
     with raised_on_the_last_rank(ValueError, "basis='cubic': expected one of"):
-        fm.ContactPair(data, "slave", "master", basis=either("dual", "cubic"))
+        fm.ContactPair(data, "slave", "master", **pair_options(basis=either("dual", "cubic")))
     with raised_on_the_last_rank(ValueError, "gap='open': expected one of"):
         fm.TiedPair(data, "slave", "master", gap=either("kept", "open"))
     with raised_on_the_last_rank(ValueError, "algorithm='dense': expected one of"):

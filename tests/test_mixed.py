@@ -16,7 +16,7 @@ import meshio
 import numpy as np
 import pytest
 import two_blocks
-from scenes import TIGHT, Scene, pressed_blocks, read
+from scenes import TIGHT, Scene, pair_options, pressed_blocks, read
 from scipy.optimize import brentq
 from test_results import steps
 
@@ -96,7 +96,7 @@ def blocks(
     else:
         bcs.append(fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)))
         bcs.append(fm.dirichlet(V, data, "upper/top", 0.01, 0))
-    contact = fm.ContactPair(data, "upper/bottom", "lower/top", basis=basis)
+    contact = fm.ContactPair(data, "upper/bottom", "lower/top", **pair_options(basis=basis))
     problem = fm.ContactProblem(
         residual(w), w, [contact], bcs=bcs, algorithm=algorithm, displacement=part,
         newton=TIGHT, linear_bulk=linear_bulk, petsc_options_prefix="test_",

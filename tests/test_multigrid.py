@@ -11,7 +11,7 @@ import half_cylinder_on_block
 import numpy as np
 import pytest
 import two_blocks
-from scenes import linear_elastic, neo_hookean, nodal, pressed_blocks, read
+from scenes import linear_elastic, neo_hookean, nodal, pair_options, pressed_blocks, read
 from test_obstacles import block_under
 
 import ufl
@@ -64,8 +64,9 @@ def pressed(k, upper, lower, inclination, basis="dual"):
         E * ufl.inner(linear_elastic(u, 1.0, 0.3), ufl.grad(v)) * dx(data.bodies[name])
         for name, E in (("upper", upper), ("lower", lower))
     )
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", **pair_options(basis=basis))
     problem = fm.ContactProblem(
-        residual, u, [fm.ContactPair(data, "upper/bottom", "lower/top", basis=basis)],
+        residual, u, [pair],
         bcs=[
             fm.dirichlet(V, data, "lower/bottom", np.zeros(2)),
             fm.dirichlet(V, data, "upper/top", np.array([0.01, -0.01])),

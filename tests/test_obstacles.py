@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 import two_blocks
-from scenes import TIGHT, internal, linear_elastic, neo_hookean, read
+from scenes import TIGHT, internal, linear_elastic, neo_hookean, pair_options, read
 
 from dolfinx import fem
 
@@ -50,7 +50,7 @@ def block_under(obstacle, *, degree=1, pair=None, material=neo_hookean, **option
     options = {"petsc_options_prefix": "test_", "newton": TIGHT, **options}
     return fm.ContactProblem(
         internal(u, material(u, E, NU)), u,
-        [fm.ContactPair(data, "lower/top", obstacle, **(pair or {}))], bcs=bcs, **options,
+        [fm.ContactPair(data, "lower/top", obstacle, **pair_options(pair))], bcs=bcs, **options,
     )  # fmt: skip
 
 

@@ -9,8 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from scenes import pair_options
 
 import fenics_mortar as fm
+from fenics_mortar.contact.discretization import PRESETS, as_discretization
 
 
 @pytest.mark.parametrize("name", fm.__all__)
@@ -30,7 +32,7 @@ def test_public_call_documents_arguments_and_errors(name):
 
 
 def test_public_names_are_few():
-    assert len(fm.__all__) <= 40
+    assert len(fm.__all__) <= 41
 
 
 RESULTS = [
@@ -73,6 +75,18 @@ def test_version_is_a_literal_that_pip_can_read():
     assert line == fm.__version__
 
 
+def test_presets_are_the_discretizations_that_their_names_say():
+    assert PRESETS["default"] == fm.Discretization()
+    usual = fm.Discretization(normals="unit", gap_weights="basis", slip="operators")
+    assert as_discretization("other_codes") == PRESETS["other_codes"] == usual
+    assert PRESETS["petrov_galerkin"] == fm.Discretization(gap_weights="standard")
+    for preset in PRESETS.values():
+        preset.check()
+        assert as_discretization(preset) is preset
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        usual.basis = "standard"
+
+
 @pytest.mark.parametrize(
     "options, allowed",
     [
@@ -87,4 +101,4 @@ def test_version_is_a_literal_that_pip_can_read():
 def test_refused_option_says_what_is_allowed(options, allowed):
     data = fm.MeshData(None, None, None)
     with pytest.raises(ValueError, match=allowed):
-        fm.ContactPair(data, 1, 2, **options)
+        fm.ContactPair(data, 1, 2, **pair_options(options))

@@ -5,7 +5,7 @@ import mapped_grids
 import numpy as np
 import pytest
 from mapped_grids import Grid, block, sector
-from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, nodal, read
+from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, nodal, pair_options, read
 
 import ufl
 from dolfinx import fem
@@ -29,7 +29,7 @@ def problem_on(data, slave, masters, *, strain="finite", bcs=None, load=None, pa
     residual = internal(u, MATERIALS[strain](u, E, NU))
     if load is not None:
         residual -= ufl.inner(ufl.as_vector(load), ufl.TestFunction(V)) * ufl.dx
-    pairs = [fm.ContactPair(data, slave, master, **(pair or {})) for master in masters]
+    pairs = [fm.ContactPair(data, slave, master, **pair_options(pair)) for master in masters]
     return fm.ContactProblem(
         residual, u, pairs, bcs=[] if bcs is None else bcs(V), newton=TIGHT,
         petsc_options_prefix="test_", **options,

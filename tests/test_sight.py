@@ -7,7 +7,7 @@ import mapped_grids
 import numpy as np
 import pytest
 from mapped_grids import Grid, block, mapped, sector
-from scenes import internal, linear_elastic, neo_hookean, nodal, read, rotation
+from scenes import internal, linear_elastic, neo_hookean, nodal, pair_options, read, rotation
 
 from dolfinx import fem
 
@@ -46,7 +46,7 @@ class Scene:
                 dofs = fem.locate_dofs_geometrical((part, part.collapse()[0]), place)[0]
                 bcs.append(fem.dirichletbc(0.0, dofs, part))
         stress = {"finite": neo_hookean, "linear": linear_elastic}[strain]
-        contacts = [fm.ContactPair(data, *pair, **options) for pair in pairs]
+        contacts = [fm.ContactPair(data, *pair, **pair_options(options)) for pair in pairs]
         self.problem = fm.ContactProblem(
             internal(u, stress(u, E, NU)), u,
             [*contacts, *(fm.TiedPair(data, *pair) for pair in tied)], bcs=bcs,

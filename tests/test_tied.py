@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 import two_blocks
 from mapped_grids import Grid, block, build, sector
-from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, nodal, read, rotation
+from scenes import (
+    TIGHT,
+    internal,
+    lame,
+    linear_elastic,
+    neo_hookean,
+    nodal,
+    pair_options,
+    read,
+    rotation,
+)
 from test_operators import dense
 
 import ufl
@@ -109,7 +119,7 @@ def test_uniaxial_tension_passes_with_its_traction(degree, counts, basis):
     """Free sides; linear elastic with nu = 0: the traction is E times the strain."""
     for roles in ROLES:
         data = blocks(counts)
-        pair = fm.TiedPair(data, *roles, basis=basis)
+        pair = fm.TiedPair(data, *roles, **pair_options(basis=basis))
         problem, exact = tied(data, [pair], ENDS, np.diag([0.0, 0.01]), degree=degree, law=linear)
         problem.solve()
         assert off(problem, exact) < EXACT
@@ -155,7 +165,7 @@ def test_a_kept_gap_does_not_turn_with_the_bodies():
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tangent_has_second_order_remainder_and_newton_is_quadratic(degree, basis):
     data = blocks((6, 5), rotation=0.4, width_lower=1.3)
-    pair = fm.TiedPair(data, *ROLES[0], basis=basis)
+    pair = fm.TiedPair(data, *ROLES[0], **pair_options(basis=basis))
     shear = np.array([[0.0, 0.2], [0.0, 0.1]])
     problem, _ = tied(data, [pair], ENDS, shear, degree=degree, start=0.0)
     report = problem.solve()
@@ -430,11 +440,14 @@ def test_saved_states_and_tables_know_ties(shared_path):
         ({"points": 1}, "points=1"),
         ({"search_radius": -1.0}, "search_radius=-1.0"),
         ({"max_angle": 90.0}, "max_angle=90.0"),
+        ({"normals": "unit"}, "normals='unit' with TiedPair: a tie has basis, points, max_angle"),
+        ({"discretization": "other_codes"}, "normals='unit' with TiedPair"),
+        ({"integration": "nodes"}, "integration='nodes' with TiedPair"),
     ],
 )
 def test_unknown_options_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
-        fm.TiedPair(blocks(), *ROLES[0], **options)
+        fm.TiedPair(blocks(), *ROLES[0], **pair_options(options))
 
 
 def test_what_cannot_be_tied_is_refused():
@@ -450,7 +463,7 @@ def test_what_cannot_be_tied_is_refused():
     with pytest.raises(fm.SurfaceError, match="share 1 nodes"):
         tied(data, [fm.TiedPair(data, "lower/top", "lower/left")], ENDS, none)
     with pytest.raises(ValueError, match="basis 'standard', so D is not diagonal"):
-        pair = fm.TiedPair(data, *ROLES[0], basis="standard")
+        pair = fm.TiedPair(data, *ROLES[0], **pair_options(basis="standard"))
         tied(data, [pair], ENDS, none, algorithm="condensed")
     with pytest.raises(ValueError, match="a list of ContactPair and TiedPair"):
         tied(data, ["upper/bottom"], ENDS, none)

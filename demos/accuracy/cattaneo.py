@@ -108,7 +108,8 @@ def two_cylinders(
         fm.dirichlet(V, data, "lower/flat", (0.0, 0.0)),
         fm.dirichlet(V, data, "upper/flat", push),
     ]
-    pair = fm.ContactPair(data, "upper/arc", "lower/arc", law=fm.Coulomb(FRICTION), slip=slip)
+    law, discretization = fm.Coulomb(FRICTION), fm.Discretization(slip=slip)
+    pair = fm.ContactPair(data, "upper/arc", "lower/arc", law=law, discretization=discretization)
     residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="cattaneo_")
     (contact,) = problem.equations.contacts

@@ -172,9 +172,9 @@ def pose(
     residual = ufl.inner(law(u, *lame(exact)), ufl.grad(v)) * dx
     if loads is not None:
         residual -= loads(ufl.SpatialCoordinate(data.mesh), v, dx, ds)
-    options = {"integration": choice.integration, "law": friction}
+    discretization = fm.Discretization(choice.basis, integration=choice.integration)
     pair = (fm.TiedPair if tied else fm.ContactPair)(
-        data, slave, master, basis=choice.basis, **({} if tied else options)
+        data, slave, master, discretization=discretization, **({} if tied else {"law": friction})
     )
     problem = fm.ContactProblem(
         residual,
@@ -310,8 +310,8 @@ def cattaneo(n: int, choice: Choice, *, graded: bool = False, **options: Any) ->
         for side in sides[body]
     ]
     options = {"basis": choice.basis, "integration": choice.integration, **options}
-    law = fm.Coulomb(exact.friction)
-    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law, **options)
+    law, discretization = fm.Coulomb(exact.friction), fm.Discretization(**options)
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law, discretization=discretization)
     residual = ufl.inner(linear_elastic(u, *lame(exact)), ufl.grad(v)) * dx
     problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="accuracy_")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -229,9 +229,13 @@ def pose_problem(
     residual, factor = residual_of(scene, data, u)
     bcs, setters = zip(*(dirichlet(V, data, support) for support in scene.supports))
     options = {**scene.pair, **pair}
+    chosen = {f.name for f in fields(fm.Discretization)} & options.keys()
+    discretization = fm.Discretization(**{name: options.pop(name) for name in chosen})
     made = {tool.name: tool.make() for tool in scene.motions}
     pairs = [
-        fm.ContactPair(data, slave, made.get(master, master), **options)
+        fm.ContactPair(
+            data, slave, made.get(master, master), discretization=discretization, **options
+        )
         for slave, master in scene.pairs
     ]
     contact_problem = fm.ContactProblem(

@@ -66,7 +66,7 @@ class Case:
         pressed: Boundary with a traction.
         traction: Its values at times 0, 1, 2, shape (3, 2) [stress].
         step: First step along the path, which is the largest one by default.
-        pair_options: Options of all pairs, none in most cases.
+        pair_options: Options of the discretization of all pairs, none in most cases.
         problem_options: Options of the problem, none in most cases.
     """
 

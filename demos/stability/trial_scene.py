@@ -143,11 +143,12 @@ def _dirichlet(case: Case, V: Any, data: fm.MeshData, held: Held, value: Any) ->
 
 def _pairs(case: Case, data: fm.MeshData) -> list[fm.ContactPair]:
     """The pairs; those of held bodies and of shapes have laws, and rigid planes as masters."""
+    options = {"discretization": fm.Discretization(**case.pair_options)}
     if not isinstance(case, (HeldCase, ShapeCase)):
-        return [fm.ContactPair(data, *names, **case.pair_options) for names in case.pairs]
+        return [fm.ContactPair(data, *names, **options) for names in case.pairs]
     planes = {name: fm.Plane(*where, name=name) for name, where in case.planes.items()}
     return [
-        fm.ContactPair(data, slave, planes.get(master, master), law=rule.law(), **case.pair_options)
+        fm.ContactPair(data, slave, planes.get(master, master), law=rule.law(), **options)
         for (slave, master), rule in zip(case.pairs, case.rules, strict=True)
     ]
 

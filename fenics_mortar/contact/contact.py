@@ -107,7 +107,8 @@ class Contact(Interface):
         """Extract the surfaces (collective); see ``Interface``."""
         self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         super().__init__(pair, space, prescribed, welds)
-        normals, _ = evaluate_normals(self.slave, self.slave.X, pair.normals)
+        choice = pair.discretization
+        normals, _ = evaluate_normals(self.slave, self.slave.X, choice.normals)
         self._multiplier_nodes = MultiplierNodes(
             self.slave, normals, self.free, at_vertices=self.at_vertices
         )
@@ -121,13 +122,13 @@ class Contact(Interface):
             raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
         self.arm = float(np.hypot(*np.ptp(self.slave.X, axis=0)))
         self.options = MortarOptions(
-            pair.basis,
-            pair.normals,
-            pair.gap_weights,
-            pair.integration,
+            choice.basis,
+            choice.normals,
+            choice.gap_weights,
+            choice.integration,
             self._points(),
             pair.search_radius or self._reach(),
-            float(np.cos(np.radians(pair.max_angle))),
+            float(np.cos(np.radians(choice.max_angle))),
         )
         sides, small = (self.slave, self.master), pair.sliding == "small"
         self.integration = Integration(
@@ -138,7 +139,7 @@ class Contact(Interface):
         self.asker = Asker(pair.slave_name)
         at_rest = np.zeros(none.size, np.int64)
         branch = self.asker.branch(pair.law, start, at_rest, self.slave.X)
-        self.change(multiplier_nodes=self._may_carry, branch=branch, c_n=pair.c_n)
+        self.change(multiplier_nodes=self._may_carry, branch=branch, c_n=choice.c_n)
         raise_noted(self.slave.comm, [self])
 
     def _master_surface(self, space: DisplacementSpace) -> Surface:
@@ -188,14 +189,14 @@ class Contact(Interface):
         if reference is not self._state.reference:
             self.change(reference=reference)
         self.show(operators.less_offset(self.offset) if self.offset.any() else operators)
-        if self.pair.slip == "operators":
+        if self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # by all ranks
 
     @property
     def _slip_measure(self) -> Measure:
         """The pair's, where there is a choice."""
         one = self.obstacle is not None or self.pair.sliding == "small"
-        return "partners" if one else self.pair.slip
+        return "partners" if one else self.pair.discretization.slip
 
     @property
     def reference_place(self) -> Array:

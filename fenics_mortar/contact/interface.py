@@ -97,7 +97,7 @@ class Interface(ABC):
         self.stiffness: Array = np.ones(count)
         self._may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
-        self.at_vertices: bool = pair.basis in AT_VERTICES and pair.integration != "nodes"
+        self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
         none = np.zeros(count, bool)
         self._state = InterfaceState(
             z=np.zeros((count, 2)), active=none, branch=np.zeros(count, np.int64),
@@ -172,9 +172,10 @@ class Interface(ABC):
         passes to 0.1 % on facets with two nodes, to 5 % on those with three, through 10 to 0.4 %.
         With fewer points than nodes a facet may have no multiplier functions.
         """
-        points, degree = self.pair.points, self.slave.degree
+        choice, degree = self.pair.discretization, self.slave.degree
+        points = choice.points
         if points is None:
-            on_facets = self.pair.integration == "elements" and self.master.num_nodes > 0
+            on_facets = choice.integration == "elements" and self.master.num_nodes > 0
             return POINTS * (degree if on_facets else 1)
         if points <= degree:
             raise ValueError(

@@ -111,9 +111,10 @@ class Tie(Interface):
         super().__init__(pair, space, prescribed)
         self.obstacle, self.arm = None, 0.0
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
+        choice = pair.discretization
         self.options = MortarOptions(
-            pair.basis, "opposite", "basis", pair.integration, self._points(),
-            pair.search_radius or NEAR * longest, float(np.cos(np.radians(pair.max_angle))),
+            choice.basis, "opposite", "basis", choice.integration, self._points(),
+            pair.search_radius or NEAR * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
         multiplier_nodes = self.free.sum(axis=1) == 2.0
         if self.at_vertices:

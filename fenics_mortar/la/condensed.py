@@ -245,8 +245,9 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
     """Why D cannot be inverted node by node, or ``None`` if it can (local)."""
     for contact in contacts:
         names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
-        if contact.pair.basis not in ("dual", "vertices") and contact.pair.integration != "nodes":
-            return f"{names} has basis '{contact.pair.basis}', so D is not diagonal"
+        basis = contact.pair.discretization.basis
+        if basis not in ("dual", "vertices"):
+            return f"{names} has basis '{basis}', so D is not diagonal"
         if contact.oblique.any():
             where = errors.place(contact.slave.X[contact.oblique][0])
             return (

@@ -229,9 +229,8 @@ def largest_slip(contact: Contact) -> tuple[float, float]:
     o, on = contact.operators, contact.active & contact.covered
     jump = o.jump(o.x - contact.slave.X, o.m - contact.master.X)
     slip = np.einsum("jc,jc->j", o.tau, jump)[on] / (o.weight * contact.nodal_lengths)[on]
-    before, now = (
-        evaluate_normals(contact.slave, x, contact.pair.normals)[0] for x in (contact.slave.X, o.x)
-    )
+    weighting = contact.pair.discretization.normals
+    before, now = (evaluate_normals(contact.slave, x, weighting)[0] for x in (contact.slave.X, o.x))
     cosine = np.einsum("jc,jc->j", before, now)[on]
     turn = np.arccos(np.clip(cosine, -1.0, 1.0))
     return float(np.abs(slip).max(initial=0.0)), float(turn.max(initial=0.0))

@@ -145,16 +145,6 @@ def test_matrices_have_equal_row_sums_and_diagonal_D(pair, degree):
     assert np.abs(D - np.diag(np.diag(D)))[:, kept].max() == 0.0
 
 
-@pytest.mark.parametrize("pair", FIXED)
-def test_standard_basis_with_points_at_the_nodes_is_the_dual_one(pair):
-    one, other = (moved_scene(pair={**pair, "basis": kind}) for kind in ("dual", "standard"))
-    D, M = (
-        [dense(getattr(scene.problem.matrices, name)()) for scene in (one, other)] for name in "DM"
-    )
-    same = pair["integration"] == "nodes"
-    assert np.array_equal(D[0], D[1]) == same and np.array_equal(M[0], M[1]) == same
-
-
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("pair", FIXED)
 def test_solution_does_not_depend_on_the_number_of_ranks(pair, degree):

@@ -23,6 +23,7 @@ from scenes import (
     lame,
     linear_elastic,
     neo_hookean,
+    pair_options,
     read,
     rotation,
 )
@@ -141,7 +142,7 @@ def test_pressure_under_a_plane_is_uniform(angle, integration, degree):
     problem = fm.ContactProblem(
         internal(u, neo_hookean(u, E, NU)),
         u,
-        [fm.ContactPair(data, "lower/top", plane, integration=integration)],
+        [fm.ContactPair(data, "lower/top", plane, **pair_options(integration=integration))],
         bcs=[
             fm.dirichlet(V, data, "lower/bottom", exact),
             fm.dirichlet(V, data, "upper/top", (0.0, 0.0)),

@@ -12,6 +12,7 @@ from scenes import (
     lame,
     linear_elastic,
     neo_hookean,
+    pair_options,
     pressed_blocks,
     read,
     rotation,
@@ -152,7 +153,8 @@ def press_fit(n, slave, cell, basis="dual"):
     u = fem.Function(V)
     bcs = [fm.dirichlet(V, data, name, np.zeros(2)) for name in ("inner/inside", "outer/outside")]
     sides = ["inner/outside", "outer/inside"]
-    pair = fm.ContactPair(data, *(sides if slave == "inner" else sides[::-1]), basis=basis)
+    sides = sides if slave == "inner" else sides[::-1]
+    pair = fm.ContactPair(data, *sides, **pair_options(basis=basis))
     residual = internal(u, linear_elastic(u, E, NU))
     return fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="fit_")
 

@@ -10,7 +10,7 @@ both sides are on the curve, cells of order p have curved sides.
 import mapped_grids
 import numpy as np
 import pytest
-from scenes import TIGHT, neo_hookean, read
+from scenes import TIGHT, neo_hookean, pair_options, read
 
 import ufl
 from dolfinx import fem
@@ -53,7 +53,7 @@ def solve(n, degree, interface, *, slave="upper/bottom", cell="quadrilateral", *
     outside = ["lower/left", "lower/bottom", "lower/right", "upper/left", "upper/top"]
     bcs = [fm.dirichlet(V, data, [*outside, "upper/right"], given)]
     master = {"upper/bottom": "lower/top", "lower/top": "upper/bottom"}[slave]
-    tie = fm.TiedPair(data, slave, master, **pair)
+    tie = fm.TiedPair(data, slave, master, **pair_options(pair))
     u.x.array[:] = given.x.array
     problem = fm.ContactProblem(
         residual, u, [tie], bcs=bcs, petsc_options_prefix="rates_", newton=TIGHT

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: MIT
+"""How contact of a pair is discretized: choices for research and for comparison with other codes.
+
+The default is the accurate one. The other choices reproduce what other codes do, or show what a
+choice costs. Conventions that belong together have a name, see ``PRESETS``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import get_args
+
+import numpy as np
+
+from fenics_mortar.contact.slip import Measure
+from fenics_mortar.interface.options import Basis, GapWeights, Weighting
+from fenics_mortar.interface.segments import Integration
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
+
+# Options of a tied pair: a tie has no active set and no slip, and a gap vector without normals.
+OF_TIES = ("basis", "points", "max_angle")
+
+
+@dataclass(frozen=True)
+class Discretization:
+    """Discretization of a pair: multipliers, normals, weighted gap, integration, slip.
+
+    The options are checked by the pair that takes them, on all ranks together. Of the presets,
+    "default" is ``Discretization()``. "other_codes" has unit weights of the normals, gaps weighted
+    by the multiplier functions and slip from the changes of D and M, as 4C has them; solutions
+    agree with it to rounding where facets are covered whole. "petrov_galerkin" weighs gaps by the
+    standard functions, with dual multipliers (Popp, Seitz, Gee & Wall 2013).
+    ``dataclasses.replace`` changes options of one.
+
+    Attributes:
+        basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes; on
+            quadratic facets also linear functions at their vertices only: "vertices", which can be
+            condensed, or "linear", the standard linear functions of other codes. The two are equal
+            on straight facets that are covered whole. They have half as many multipliers, but
+            the pressure overshoots at the edge of contact.
+        normals: Weights of the facet normals at a slave node: "opposite" (length of the other
+            facet: exact on circles), "unit" (the choice of most codes) or "own" length. On an
+            obstacle, which has its own normals, they matter on symmetry planes only.
+        gap_weights: Functions that weigh the gap of a node. "cover": the multiplier function if the
+            node is covered. Beyond the edge of the master a dual function would extrapolate the gap
+            to the node, and would find overlap where the surfaces are apart; the gap is
+            evaluated at the edge there. "basis": always the multiplier function, as in most codes.
+            "standard": the standard functions (Petrov-Galerkin), with dual multipliers only.
+            On an obstacle, which has no ends, "cover" is "basis".
+        integration: Integration points of D, M and gap. "segments": exact, on every intersection of
+            a slave with a master facet. "elements": ``points`` Gauss points per slave facet, each
+            with the partner that it hits, as in many codes; forces balance, but a uniform pressure
+            is transferred only as well as the points resolve the ends of master facets. A facet
+            with fewer partners than nodes counts as uncovered. "nodes": the slave nodes
+            (node-to-segment contact); each node that has a partner has its weight. The last two
+            are for comparison: as points change their partners, forces jump or have kinks. On an
+            obstacle "segments" and "elements" are equal: Gauss points on whole slave facets.
+        points: Gauss points per segment, with "elements" per slave facet; at least as many as a
+            facet has nodes. ``None``: 5, with "elements" 5 per interval between two nodes.
+        slip: Measure of slip for friction, see ``slip``. "partners": motion of a node along the
+            material points that it faced at the start of the step. "operators": changes of D and M,
+            as in most codes. With small sliding, where these do not change, and on obstacles
+            both are "partners".
+        max_angle: Largest angle between the slave normal and the reversed master normal [degree].
+            Steeper facets, as the side of a block that stands on the slave, do not count as cover.
+        c_n: Weight of the gap in the active-set test, dimensionless. The result does not depend on
+            it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
+            that a nonlinear step leaves.
+    """
+
+    basis: Basis = "dual"
+    normals: Weighting = "opposite"
+    gap_weights: GapWeights = "cover"
+    integration: Integration = "segments"
+    points: int | None = None
+    slip: Measure = "partners"
+    max_angle: float = 70.0
+    c_n: float = 1e-3
+
+    def check(self) -> None:
+        """Refuse options that are not allowed, or that contradict each other (local).
+
+        Raises:
+            ValueError: For such an option; names it and the allowed ones.
+        """
+        for name, allowed in (
+            ("basis", get_args(Basis)),
+            ("normals", get_args(Weighting)),
+            ("gap_weights", get_args(GapWeights)),
+            ("integration", get_args(Integration)),
+            ("slip", get_args(Measure)),
+        ):
+            check_choice(name, getattr(self, name), allowed)
+        self._check_combination()
+        if self.points is not None:
+            per = "segment" if self.integration == "segments" else "facet"
+            expected = f"a whole number, at least 2 per {per}"
+            check_number("points", self.points, expected, lambda n: n >= 2, whole=True)
+        expected = "a number between 0 and 90 degrees"
+        check_number("max_angle", self.max_angle, expected, lambda angle: 0.0 < angle < 90.0)
+        check_number("c_n", self.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
+
+    def _check_combination(self) -> None:
+        """Refuse options that have no effect or no meaning beside another one (local)."""
+        if self.integration == "nodes":
+            at_nodes = {
+                "points": "the points are the nodes",
+                "basis": "all multiplier functions are equal at the nodes",
+                "gap_weights": "all functions that weigh the gap are equal at the nodes",
+            }
+            self._refuse_set(at_nodes, "integration='nodes'")
+        if self.gap_weights == "standard" and self.basis in ("standard", "linear"):
+            raise ValueError(
+                f"gap_weights='standard' with basis='{self.basis}': Petrov-Galerkin needs dual "
+                "multipliers, basis='dual' or 'vertices'; gap_weights='basis' weighs the gap by "
+                "the standard functions here"
+            )
+
+    def check_for_tie(self) -> None:
+        """Refuse options that a tied pair does not have (local).
+
+        Raises:
+            ValueError: For such an option.
+        """
+        self.check()
+        why = f"a tie has {', '.join(OF_TIES)} only"
+        others = {field.name: why for field in fields(self) if field.name not in OF_TIES}
+        self._refuse_set(others, "TiedPair")
+
+    def _refuse_set(self, reasons: Mapping[str, str], where: str) -> None:
+        """Refuse options, given by name with the reason, that differ from the default (local)."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in reasons and value != field.default:
+                raise ValueError(
+                    f"{field.name}={value!r} with {where}: {reasons[field.name]}; expected "
+                    f"{field.default!r}"
+                )
+
+
+PRESETS: Mapping[str, Discretization] = MappingProxyType(
+    {
+        "default": Discretization(),
+        "other_codes": Discretization(normals="unit", gap_weights="basis", slip="operators"),
+        "petrov_galerkin": Discretization(gap_weights="standard"),
+    }
+)
+
+
+def as_discretization(given: str | Discretization) -> Discretization:
+    """Discretization of a preset's name; another one unchanged (local).
+
+    Raises:
+        ValueError: For an unknown name or an object of another type.
+    """
+    if isinstance(given, str):
+        check_choice("discretization", given, PRESETS)
+        return PRESETS[given]
+    expected = f"an instance of Discretization, or one of {', '.join(PRESETS)}"
+    check_kind("discretization", given, Discretization, expected)
+    return given
