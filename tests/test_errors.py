@@ -759,7 +759,7 @@ def test_inverted_cells_at_the_start_are_named():
         ),
         ({"points": 1}, "points=1: .*at least 2 per segment"),
         ({"integration": "elements", "points": 1}, "points=1: .*at least 2 per facet"),
-        ({"integration": "nodes", "points": 3}, "points=3: .*the points are the nodes"),
+        ({"integration": "nodes", "points": 3}, "points=3: .*not allowed"),
         ({"points": 2.5}, "points=2.5: .*whole number"),
         ({"search_radius": 0.0}, "search_radius=0.0: expected a positive length"),
         ({"search_radius": np.nan}, "search_radius=nan: expected a positive length"),

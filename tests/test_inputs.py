@@ -103,11 +103,11 @@ def test_distance_that_is_not_finite_is_refused_with_a_place(what, at_once):
 @pytest.mark.parametrize(
     "spoil, words",
     [
-        (lambda x, phi, g, H: None, "returned NoneType; right are three arrays"),
-        (lambda x, phi, g, H: (phi, g), "returned tuple; right are three arrays"),
-        (lambda x, phi, g, H: (phi, g, H[0]), r"returned shapes .*; right are"),
-        (lambda x, phi, g, H: (phi + 1j, g, H), "no real numbers"),
-        (lambda x, phi, g, H: (phi.astype(str), g, H), "no real numbers"),
+        (lambda x, phi, g, H: None, "returned NoneType; expected three arrays"),
+        (lambda x, phi, g, H: (phi, g), "returned tuple; expected three arrays"),
+        (lambda x, phi, g, H: (phi, g, H[0]), r"returned shapes .*; expected"),
+        (lambda x, phi, g, H: (phi + 1j, g, H), "expected real numbers"),
+        (lambda x, phi, g, H: (phi.astype(str), g, H), "expected real numbers"),
     ],
 )
 def test_what_is_no_distance_is_refused(spoil, words):
@@ -244,12 +244,12 @@ def test_obstacle_that_goes_deep_but_faces_the_body_is_an_interference():
 @pytest.mark.parametrize(
     "points, words",
     [
-        ([(0, 0), (1, 1), (1, 0), (0, 1)], r"meets itself: its edges from \(0, 0\) to \(1, 1\)"),
-        ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "meets itself"),
-        ([(0, 0), (1, 0), (1, 1), (0, 0)], "meets itself"),
-        ([(0, 0), (1, 0), (2, 0)], "goes back on itself"),
-        ([(0, 0), (2, 0), (2, 2), (1, 0.01), (0, 2)], "less its rounding=0.02 meets itself"),
-        ("abc", "points='abc': real numbers"),
+        ([(0, 0), (1, 1), (1, 0), (0, 1)], r"intersects itself: edges from \(0, 0\) to \(1, 1\)"),
+        ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "intersects itself"),
+        ([(0, 0), (1, 0), (1, 1), (0, 0)], "intersects itself"),
+        ([(0, 0), (1, 0), (2, 0)], "two edges of the polygon overlap"),
+        ([(0, 0), (2, 0), (2, 2), (1, 0.01), (0, 2)], "less its rounding=0.02 intersects itself"),
+        ("abc", "points='abc': expected real numbers"),
     ],
 )
 def test_polygon_that_meets_itself_is_refused(points, words):
@@ -259,7 +259,7 @@ def test_polygon_that_meets_itself_is_refused(points, words):
 
 @pytest.mark.parametrize("closed", [True, False])
 def test_spline_that_meets_itself_is_refused(closed):
-    with pytest.raises(ValueError, match="the spline meets itself"):
+    with pytest.raises(ValueError, match="the spline intersects itself"):
         fm.Spline([(0, 0), (2, 1), (2, 0), (0, 1)], closed=closed)
 
 
@@ -276,8 +276,8 @@ def test_polygons_and_splines_that_do_not_meet_themselves_are_taken():
     [
         (lambda: fm.Circle((0, 0), "1"), "radius='1': expected a positive length"),
         (lambda: fm.Circle((0, 0), 1.0, inside="no"), "inside='no': expected True or False"),
-        (lambda: fm.Circle("ab", 1.0), "centre='ab': real numbers"),
-        (lambda: fm.Plane((0, 0), (0, 1j)), "normal=.*: real numbers"),
+        (lambda: fm.Circle("ab", 1.0), "centre='ab': expected real numbers"),
+        (lambda: fm.Plane((0, 0), (0, 1j)), "normal=.*: expected real numbers"),
         (lambda: fm.Plane((0, 0), (0, 1), name=None), "name=None: expected a text"),
         (lambda: fm.Plane((0, 0), (0, 1)).move(y="up"), "y='up': expected a finite number"),
         (lambda: fm.Plane((0, 0), (0, 1)).push(moment=1j), "moment=1j: expected a finite number"),
@@ -334,7 +334,7 @@ WRONG_ANSWERS = [
     ("branch", lambda p: p * np.nan, NotFiniteError, "piece returned numbers .* not finite at 5"),
     ("branch", lambda p: p[:2], ValueError, r"piece returned an array of shape \(2,\)"),
     ("branch", lambda p: None, ValueError, "piece returned an array of .* type object"),
-    ("branch", lambda p: p + 0.5, ValueError, "piece returned .*; right are whole numbers"),
+    ("branch", lambda p: p + 0.5, ValueError, "branch returned .*; expected integers"),
     ("tangential", spoil_row("residual"), NotFiniteError, r"not finite at 5 nodes .* one at \("),
     ("tangential", spoil_row("by_slip"), NotFiniteError, "tangential returned numbers"),
     ("tangential", lambda row: None, ValueError, "tangential returned None; expected a Row"),
@@ -359,7 +359,7 @@ WRONG_ANSWERS = [
     ),
     ("adhesion", lambda a: (a[0] * np.nan, a[1]), NotFiniteError, "adhesion returned numbers"),
     ("adhesion", lambda a: (-a[0], a[1]), ValueError, "adhesion returned -0.1 .* zero or positive"),
-    ("adhesion", lambda a: a[0], ValueError, "adhesion returned array.* right are two arrays"),
+    ("adhesion", lambda a: a[0], ValueError, "adhesion returned array.* expected two arrays"),
     ("adhesion", lambda a: (a[0][:1], a[1][:1]), ValueError, r"array of shape \(1,\)"),
 ]
 

@@ -349,4 +349,4 @@ def test_deep_overlap_of_an_active_node_is_named_with_the_reach():
     assert re.search(words, scene.problem.equations.diagnose())
     (certificate,) = scene.problem.certificate().pairs
     (said,) = (v for v in certificate.violations() if "overlap" in v)
-    assert re.search(r"at \(.*\), in facets; partners are looked for up to", said)
+    assert re.search(r"at \(.*\), in facets; partners are searched up to", said)

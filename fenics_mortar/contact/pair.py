@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A contact pair: which sides meet, and the choices of how contact is discretised there."""
+"""A contact pair: slave, master, contact law and discretization."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Sliding = Literal["finite", "small"]
 
 
 def check_reach(search_radius: Any, max_angle: Any) -> None:
-    """Refuse a radius or an angle that finds nothing (local)."""
+    """Check the limits of the search for partners (local)."""
     if search_radius is not None:
-        right = "a positive length, or None"
-        check_number("search_radius", search_radius, right, lambda r: r > 0.0)
-    right = "a number between 0 and 90 degrees"
-    check_number("max_angle", max_angle, right, lambda angle: 0.0 < angle < 90.0)
+        expected = "a positive length, or None"
+        check_number("search_radius", search_radius, expected, lambda r: r > 0.0)
+    expected = "a number between 0 and 90 degrees"
+    check_number("max_angle", max_angle, expected, lambda angle: 0.0 < angle < 90.0)
 
 
 class ContactPair:
@@ -34,59 +34,59 @@ class ContactPair:
     Args:
         data: Mesh, tags and names.
         slave: Name or tag of the side that carries the multiplier (the finer or softer one).
-        master: Name or tag of the other side, or an obstacle; several pairs may share one, and a
-            slave may have several masters, one pair each: in a groove a node may touch two, and
-            stick to both, see ``redundancy``. An obstacle has its own normals and no
-            ends, so that ``normals`` matters on symmetry planes only, ``gap_weights="cover"`` is
-            "basis", and "segments" and "elements" are the same: Gauss points on whole slave facets.
-        law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or one's own, see ``laws``.
-            Nodes that are held in a component, as on symmetry planes, have no friction.
-        basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes, or, of
-            quadratic facets, at their "vertices" only: linear functions, which can be condensed,
-            too. They are half as many, but the pressure overshoots at the edge of contact. "linear"
-            has the standard linear functions there, as in other codes: the same on straight facets
-            that are covered whole, but not condensed.
+        master: Name or tag of the other side, or an obstacle. Several pairs may share a master. A
+            slave with several masters needs one pair for each; see ``redundancy`` for nodes that
+            touch two of them. With an obstacle ``normals`` affects symmetry planes only,
+            ``gap_weights="cover"`` equals "basis", and "segments" equals "elements".
+        law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or a user's law, see ``laws``.
+            Nodes with a prescribed component, as on symmetry planes, are frictionless.
+        basis: Multiplier functions.
+
+            - "dual": dual functions at all nodes; D is diagonal and can be condensed.
+            - "standard": standard functions at all nodes; not condensed.
+            - "vertices": linear dual functions at the vertices of quadratic facets. Half as many
+              multipliers, but the pressure overshoots at the edge of contact.
+            - "linear": linear standard functions at the vertices; not condensed.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
-            facet: exact on circles), "unit" (the choice of most codes) or "own" length.
-        gap_weights: What the gap of a node is weighted by. "cover": by the multiplier's function if
-            the node is covered; beyond the edge of the master the dual function would continue the
-            gap to the node, see overlap where the surfaces are apart and press from a distance, so
-            there it is one that evaluates the gap at the edge. "basis": always by the multiplier's
-            function, as most codes do. "standard": by the standard functions (Petrov-Galerkin).
-        integration: Where the gap is looked at. "segments": exactly, on every intersection of a
-            slave with a master facet. "elements": at ``points`` Gauss points per slave facet, each
-            with the partner that it hits, as in many codes; forces balance, but a uniform pressure
-            passes only as well as the points resolve the ends of master facets. A facet with fewer
-            partners than nodes counts as uncovered. "nodes": at the slave nodes, which is
-            node-to-segment contact; each node that has a partner has its weight. ``basis`` and
-            ``gap_weights`` mean nothing then, and ``points`` is refused. The last two are there for
-            comparison: as points change their partners, the forces jump or have kinks.
-        points: Gauss points per segment, with "elements" per slave facet. By default 5, with
-            "elements" 5 for each part of a facet between two nodes.
-        search_radius: Farthest distance along the slave normal at which a partner is looked for, in
-            front of the slave and behind it [length]; the diagonal of the smaller surface's box by
-            default, for an obstacle no limit. Behind, where bodies overlap, the nearer way out
-            counts: to half of what both bodies are thick there together, in their present state
-            (tied ones as one). So surfaces may be whole outlines: nothing is seen through a plate.
+            facet; exact on circles), "unit" (common in other codes) or "own" (own length).
+        gap_weights: Weight functions of the gap.
+
+            - "cover": the multiplier's function at covered nodes. At nodes beyond the edge of the
+              master the gap is evaluated at the edge; the dual function would extrapolate it to the
+              node and might indicate an overlap of separate surfaces.
+            - "basis": always the multiplier's function, as in most codes.
+            - "standard": the standard functions (Petrov-Galerkin).
+        integration: Quadrature of D, M and gap. The last two are for comparison: forces jump or
+            have kinks where points change their partners.
+
+            - "segments": exact, on the intersections of slave and master facets.
+            - "elements": ``points`` Gauss points per slave facet, each with its own partner. Forces
+              balance; the error under uniform pressure depends on the number of points. A facet
+              with fewer partners than nodes counts as uncovered.
+            - "nodes": at the slave nodes (node-to-segment contact). ``basis`` and ``gap_weights``
+              have no effect, ``points`` is not allowed.
+        points: Gauss points per segment, 5 by default; with "elements" per slave facet, 5 between
+            neighbouring nodes by default.
+        search_radius: Largest distance of partners along the slave normal, in front of the slave
+            and behind it [length]. Default: diagonal of the smaller surface's bounding box; for an
+            obstacle no limit. Behind the slave the distance is also limited to half of the present
+            thickness of both bodies together, so that surfaces may be whole outlines.
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
-            Steeper facets, as the side of a block that stands on the slave, do not count as cover.
-        initial_gap: Gap [length] that the nodes near the other surface (half a facet) shall have
-            where the problem is set up, whatever the facets of curved surfaces leave between them:
-            0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
-            and overlaps as they are meshed. See also ``Contact.offset``.
-        sliding: "finite", or "small": D, M and normals stay those of the undeformed mesh, and the
-            gap is linear in the displacement. It suffices where slip is small beside a facet and
-            normals hardly turn; with linear bulk the matrix is factored once, see ``reduced``.
-        slip: What friction measures slip by, see ``slip``. "partners": how far a node has moved
-            along the material points that it faced when the step began. "operators": the changes
-            of D and M, as most codes do. With small sliding, where these do not change, and on
-            obstacles both are the first.
-        c_n: Weight of the gap in the active-set test, a plain number. The result does not depend on
-            it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
-            that a nonlinear step leaves behind.
+            Steeper facets do not count as cover.
+        initial_gap: Gap at set-up of all nodes within half a facet of the other surface [length]: 0
+            removes gaps and overlaps of faceted curves, a negative number is an interference.
+            ``None`` keeps the gaps of the mesh. See also ``PairView.offset``.
+        sliding: "finite", or "small": D, M and normals of the undeformed mesh, and a gap that is
+            linear in the displacement. For slip that is small compared with a facet and small
+            rotations; with linear bulk the matrix is factored once, see ``reduced``.
+        slip: Measure of slip, see ``slip``: "partners" (motion along the material points faced at
+            the start of the step) or "operators" (changes of D and M, as in most codes). With small
+            sliding and on obstacles always "partners".
+        c_n: Weight of the gap in the active-set test [1]. The result does not depend on it, nor do
+            the iterations from 1e-8 to 1; larger weights release nodes too early.
 
     Raises:
-        ValueError: If an option is not one of those named.
+        ValueError: If an option has a value that is not allowed.
         MeshError: If a name or tag is unknown or has no facets.
 
     Note:
@@ -136,10 +136,10 @@ class ContactPair:
                 data.boundary_facets(name)
 
     def check(self) -> None:
-        """Refuse options that are not allowed (local).
+        """Check the options (local).
 
         Raises:
-            ValueError: If an option is not one of those named.
+            ValueError: If an option has a value that is not allowed.
         """
         check_kind("data", self.data, MeshData, "the MeshData of the mesh")
         for what, allowed in (
@@ -153,11 +153,11 @@ class ContactPair:
             check_choice(what, getattr(self, what), allowed)
         points, integration = self.points, self.integration
         if integration == "nodes" and points is not None:
-            raise ValueError(f"points={points}: with integration='nodes' the points are the nodes")
+            raise ValueError(f"points={points}: not allowed with integration='nodes'")
         what = {"segments": "segment", "elements": "facet", "nodes": "facet"}[integration]
-        right = f"a whole number, at least 2 per {what}"
+        expected = f"a whole number, at least 2 per {what}"
         if points is not None:
-            check_number("points", points, right, lambda n: n >= 2, whole=True)
+            check_number("points", points, expected, lambda n: n >= 2, whole=True)
         check_reach(self.search_radius, self.max_angle)
         if self.initial_gap is not None:
             check_number("initial_gap", self.initial_gap, "a length, or None", np.isfinite)

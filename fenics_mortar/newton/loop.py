@@ -110,15 +110,15 @@ class NewtonOptions:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        right = "a whole number, at least 1"
-        check_number("max_iterations", self.max_iterations, right, lambda n: n >= 1, whole=True)
+        expected = "a whole number, at least 1"
+        check_number("max_iterations", self.max_iterations, expected, lambda n: n >= 1, whole=True)
         for what in ("residual_tolerance", "increment_tolerance"):
             value = getattr(self, what)
             check_number(what, value, "a positive number", lambda number: 0.0 < number < np.inf)
-        right = "a positive number"
-        check_number("max_remaining", self.max_remaining, right, lambda number: number > 0.0)
-        right = "a positive number of facets"
-        check_number("max_motion", self.max_motion, right, lambda number: number > 0.0)
+        expected = "a positive number"
+        check_number("max_remaining", self.max_remaining, expected, lambda number: number > 0.0)
+        expected = "a positive number of facets"
+        check_number("max_motion", self.max_motion, expected, lambda number: number > 0.0)
         for what in ("line_search", "tentative"):
             check_flag(what, getattr(self, what))
 
