@@ -334,7 +334,7 @@ class ContactProblem:
 
     @property
     def matrices(self) -> OperatorMatrices:
-        """D, M, gap, normals and derivatives at the present state, as PETSc objects (collective)."""
+        """D, M, gap, normals and derivatives at the present state, as PETSc objects; collective."""
         self.equations.evaluate_operators()
         return OperatorMatrices(self.equations.bulk, self.equations.contacts)
 
