@@ -1167,7 +1167,7 @@ def solved_with(options, **more):
 
 def test_misspelt_option_of_petsc_is_told_once():
     problem = solved_with({"ksp_rtoll": 1e-3, "mat_mumps_icntl_7": 2})
-    words = "did not ask for the option 'test_ksp_rtoll': misspelt"
+    words = "did not use the option 'test_ksp_rtoll': misspelt"
     assert sum(words in note for note in problem.solve().notes) == 1
     assert not any("did not ask" in note for note in problem.solve().notes)
 
@@ -1188,7 +1188,7 @@ def test_misspelt_option_is_told_where_the_linear_bulk_is_factored_once(sliding)
     finally:
         on_line.delValue("compliance_mat_mumps_icntl_144")
     names = "'test_compliance_mat_mumps_icntl_144', 'test_ksp_rtoll': misspelt"
-    assert sum(f"did not ask for the option {names}" in note for note in notes) == 1
+    assert sum(f"did not use the option {names}" in note for note in notes) == 1
     assert not any("did not ask" in note for note in scene.problem.solve().notes)
 
 
@@ -1207,7 +1207,7 @@ def test_options_that_petsc_uses_are_not_told_of():
     ],
 )
 def test_value_that_petsc_refuses_is_told_in_words(options, words):
-    with refused(fm.MortarError, f"PETSc refuses an option 'test_...': .*{words}"):
+    with refused(fm.MortarError, f"PETSc rejected an option 'test_...': .*{words}"):
         solved_with(options)
 
 
@@ -1246,4 +1246,4 @@ def test_options_of_the_command_line_are_read():
         [sys.executable, "-c", code, *given], capture_output=True, text=True, check=True
     )
     assert run.stdout.startswith("gmres")
-    assert "did not ask for the option 'test_ksp_rtoll'" in run.stdout
+    assert "did not use the option 'test_ksp_rtoll'" in run.stdout
