@@ -458,7 +458,7 @@ def test_both_algorithms_and_contact_dofs_agree(pair):
     ],
 )
 def test_wrong_numbers_are_refused(wrong):
-    with pytest.raises(ValueError, match=r"mu=|c_t=|limit_by=|most=|stress=|law=|slip="):
+    with pytest.raises(ValueError, match=r"mu=|c_t=|limit_by=|max_shear=|stress=|law=|slip="):
         wrong()
 
 

@@ -146,7 +146,7 @@ def test_shortened_step_is_not_convergence():
         def advance(self):
             return Step(super().advance().increment, 0.5)
 
-    with pytest.raises(fm.NotConvergedError, match="only 5.0e-01 of the last step"):
+    with pytest.raises(fm.NotConvergedError, match="last step shortened to the fraction 5.0e-01"):
         solve(Short(), fm.NewtonOptions(max_iterations=8))
 
 

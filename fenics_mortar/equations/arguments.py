@@ -67,4 +67,4 @@ def check_options(
     right = "the number of a sub-space"
     check_number("displacement", displacement, right, lambda part: part >= 0, whole=True)
     if adequacy is not None and (isinstance(adequacy, type) or not hasattr(adequacy, "prepare")):
-        raise ValueError(f"adequacy={adequacy!r}: an instance of AdequacyCheck, or None")
+        raise ValueError(f"adequacy={adequacy!r}: expected an instance of AdequacyCheck, or None")
