@@ -872,7 +872,7 @@ def test_standard_basis_cannot_be_condensed():
         ({"residual_tolerance": -1.0}, "residual_tolerance=-1.0: expected a positive number"),
         ({"increment_tolerance": np.nan}, "increment_tolerance=nan: expected a positive number"),
         ({"max_iterations": 2.5}, "max_iterations=2.5: expected a whole number, at least 1"),
-        ({"max_motion": "half"}, "most_motion='half': expected a positive number of facets"),
+        ({"max_motion": "half"}, "max_motion='half': expected a positive number of facets"),
         ({"line_search": "no"}, "line_search='no': expected True or False"),
     ],
 )
