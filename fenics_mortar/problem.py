@@ -51,42 +51,39 @@ class ContactProblem:
     """Quasi-static equilibrium of bodies in contact.
 
     Args:
-        residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``. Give
-            its measures a ``quadrature_degree``.
-        u: Displacement, alone or with other unknowns (as a pressure) in a mixed function; its
-            present value is the start of the next solve.
+        residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``.
+            Specify a ``quadrature_degree`` for its measures.
+        u: Displacement, or a mixed function with the displacement and further unknowns, such as a
+            pressure. Its present value is the initial guess of the next solve.
         pairs: Contact and tied pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
-        petsc_options: Options of the linear solver, beside those of ``solver``.
-        algorithm: "condensed" (the paper's Alg. 2, dual multipliers only) or "saddle" (Alg. 1);
-            condensed by default where D can be inverted node by node.
+        petsc_options: Options of the linear solver, in addition to those of ``solver``.
+        algorithm: "condensed" (Foltyn & Vlach 2016, Alg. 2; dual multipliers only) or "saddle"
+            (Alg. 1). Default: condensed if D can be inverted node by node.
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
-            That iterates from 100,000 unknowns on (``system.MANY``), where no options of PETSc are
-            given and the bulk is not linear, and directly solves all else: mixed functions, small
-            problems. If an iterative solution fails the direct solver takes over, and the report
-            says so.
-            Measured, CPU time of a Newton iteration, direct over iterative (``bench_newton.py``,
-            two blocks): 1.0 with 10,000 unknowns, 1.5 with 41,000, 1.9 with 161,000. Below
-            100,000 the gain is not worth answers that are right to 1e-8 instead of rounding.
+            "auto" selects the iterative solver from 100,000 unknowns (``la.options.MANY``) for
+            nonlinear bulk without PETSc options, else the direct one. If an iterative solve fails,
+            the direct solver is used and the report has a note. CPU time of a Newton iteration,
+            direct over iterative (``bench_newton.py``, two blocks): 1.0 with 10,000 unknowns, 1.5
+            with 41,000, 1.9 with 161,000.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
-        newton: When to stop.
+        newton: Tolerances and limits of Newton's method.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
-        displacement: Number of the displacement's sub-space, if ``u`` is a mixed function.
-        linear_bulk: Whether the tangent of the bulk is constant, so that it can be factored once;
-            see ``reduced``. By default this is seen from ``residual``, and done once it pays; with
-            solver "iterative" only if asked for.
-        adequacy: What asks after each solve whether the model was rich enough, an
-            ``AdequacyCheck``; its answer is ``report.adequacy``. It may also begin each solve on a
-            cheaper model, and go on only if that was not enough.
+        displacement: Index of the displacement's sub-space if ``u`` is a mixed function.
+        linear_bulk: Whether the bulk tangent is constant and may be factored once; see ``reduced``.
+            Default: detected from ``residual`` and used where it pays, but never with
+            solver="iterative".
+        adequacy: An ``AdequacyCheck`` that estimates the model error after each solve
+            (``report.adequacy``) and may start each solve on a cheaper model.
 
     Attributes:
         equations: All equations and their state, for research: bodies, contacts with surfaces and
             operators, driven obstacles, the linear system.
 
     Raises:
-        MortarError: On all ranks, if mesh, surfaces or PETSc do not fit.
-        ValueError: If an option is not one of those named.
+        MortarError: On all ranks, if the mesh, a surface or PETSc is unsuitable.
+        ValueError: If an argument has a value that is not allowed.
 
     Note:
         All methods are collective.
@@ -147,7 +144,7 @@ class ContactProblem:
         )
         self._show_outlines()
         if solver == "iterative" and linear_bulk is None:
-            linear_bulk = False  # who iterates may lack the memory for factors
+            linear_bulk = False  # the factors may exceed the memory
         self._solver = Solver(
             self.equations,
             system_of(
@@ -169,17 +166,17 @@ class ContactProblem:
 
     @property
     def contacts(self) -> tuple[PairView, ...]:
-        """What was found on each pair, in the order of ``pairs``."""
+        """Results on each pair, in the order of ``pairs``."""
         return tuple(PairView(contact) for contact in self.equations.contacts)
 
     @property
     def obstacles(self) -> list[Obstacle]:
-        """The rigid obstacles of the pairs, each once."""
+        """Rigid obstacles of the pairs, without duplicates."""
         return self.equations.motions.obstacles
 
     @property
     def newton(self) -> NewtonOptions:
-        """When to stop; may be set."""
+        """Tolerances and limits of Newton's method; may be set."""
         return self.equations.newton
 
     @newton.setter
@@ -187,7 +184,7 @@ class ContactProblem:
         self.equations.newton = options
 
     def _show_outlines(self) -> None:
-        """Show each contact the bodies that it may look through, tied ones as one."""
+        """Pass the outlines of the bodies to each contact; tied bodies count as one (local)."""
         contacts, outline = self.equations.contacts, self.equations.crossings.outline
         labels = self.equations.bulk.space.spread(self.equations.floating.labels)
         bodies = outline.gather(labels)[:, 0].astype(np.int64)
@@ -197,7 +194,7 @@ class ContactProblem:
             outline = contact.see(outline)
 
     def _renew_if_interrupted(self) -> None:
-        """Make anew what an interruption may have left half made (collective)."""
+        """Rebuild the solver after an interruption (collective)."""
         if self.comm.allreduce(self.equations.interrupted, MPI.LOR):
             self._solver.renew()
             self._estimator = None
@@ -206,27 +203,26 @@ class ContactProblem:
     # Solving
 
     def solve(self, *, accept_violations: bool = False) -> NewtonReport:
-        """Solve for the present loads and prescribed values; move ``u`` and the multipliers.
+        """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
+
+        Collective.
 
         Args:
-            accept_violations: Whether a state that violates its certificate is returned like any
-                other, for who looks at ``report.certificate`` himself. It is asked for with the
-                solve, not among the options of Newton's method, which knows no contact.
+            accept_violations: Return a state that violates its certificate instead of raising; see
+                ``report.certificate``.
 
         Returns:
             The record of the Newton iterations.
 
         Raises:
-            NotConvergedError: On all ranks; holds the record. So it is if Newton's method does not
-                converge, and if it converges to a state that violates its certificate. ``u`` and
-                the multipliers are left at the last iterate, or at that state, to be looked at,
-                and slip goes on to count from the last state that was accepted; to solve again,
-                reset ``u`` and mend what was wrong, or ``restore`` a copy made by ``state``.
+            NotConvergedError: On all ranks, with the record, if Newton's method does not converge
+                or converges to a state that violates its certificate. ``u`` and the multipliers
+                keep the values of the last iterate; slip still counts from the last accepted
+                state. Before the next solve reset ``u``, or ``restore`` a value of ``state``.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
-                if what is set on all ranks is not the same on all, or if the mesh was moved after
-                set-up.
-            BaseException: What came from elsewhere, as a KeyboardInterrupt or the error of a law of
-                the user. Displacement and multipliers are as before the call then.
+                if input differs between ranks, or if the mesh was moved after set-up.
+            BaseException: Any other exception, such as KeyboardInterrupt or an error of a user's
+                law; displacement and multipliers are then restored to their values before the call.
         """
         self._renew_if_interrupted()
         self.equations.bulk.check_input()
@@ -240,27 +236,28 @@ class ContactProblem:
         return report
 
     def accept(self) -> None:
-        """Count slip and ways of nodes from the last evaluated state (collective)."""
+        """Take the last evaluated state as the accepted one: slip counts from it (collective)."""
         self._solver.accept()
 
     def state(self) -> State:
-        """The present state, as a value: displacement, interfaces, places of obstacles (local)."""
+        """Present displacement, interface states and obstacle positions, as a value (local)."""
         return self.equations.state()
 
     def restore(self, state: State) -> None:
-        """Go back to a state of this problem, exactly (collective).
+        """Restore a state of this problem exactly (collective).
 
         Raises:
-            MortarError: On all ranks, if it is none, or one of another problem.
+            MortarError: On all ranks, if ``state`` is not a state of this problem.
         """
         self.equations.restore(state)
 
     def forces(self) -> tuple[Array, Array, Array]:
-        """Residual of the bulk, contact forces and those on obstacles (collective).
+        """Bulk residual, contact forces and forces on obstacles at the present state (collective).
 
-        At the present state, operators evaluated anew. The first two are parts of this rank, shape
-        (owned dofs,) [stress length]; their sums at prescribed dofs are the reactions of the
-        supports. The third, shape (obstacles, 3), is the force and moment that hold the obstacles.
+        Returns:
+            Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
+            [stress length]; their sum at prescribed dofs is the support reaction. Third, forces and
+            moments that hold the obstacles, shape (obstacles, 3), equal on all ranks.
         """
         self.equations.evaluate_operators()
         return self.equations.forces()
@@ -268,14 +265,17 @@ class ContactProblem:
     # Other models
 
     def variant(self, *, residual: Any | None = None, **pair_options: Any) -> ContactProblem:
-        """The same problem by another model, with the same ``u``, conditions and obstacles.
+        """Another model of this problem, with its ``u``, conditions and obstacles (collective).
 
-        The two share the displacement: take a state of the one over by ``adopt``.
+        The two problems share the displacement; ``adopt`` transfers a state.
 
         Args:
-            residual: UFL form in the place of this problem's.
-            pair_options: Attributes of contact pairs instead, as ``sliding="finite"``, or functions
-                of the present ones.
+            residual: UFL form that replaces the present one.
+            pair_options: New attributes of the contact pairs, such as ``sliding="finite"``, or
+                functions of the present ones.
+
+        Raises:
+            ValueError: If a contact pair has no such attribute.
         """
         pairs = [
             p.with_options(**pair_options) if isinstance(p, ContactPair) else copy(p)
@@ -293,29 +293,32 @@ class ContactProblem:
             u[:] = kept
 
     def adopt(self, other: ContactProblem) -> None:
-        """Go to the present state of a variant."""
+        """Take over the present state of a variant (collective)."""
         pairs = zip(self.equations.contacts, other.equations.contacts, strict=True)
         for contact, theirs in pairs:
             if isinstance(contact, Contact) and isinstance(theirs, Contact):
                 contact.adopt(theirs)
         self.restore(other.state())
 
-    # What was found
+    # Results
 
     @property
     def adequacy(self) -> Any:
-        """The ``AdequacyCheck`` that asks after each solve, or ``None``."""
+        """The ``AdequacyCheck`` that follows each solve, or ``None``."""
         return self._adequacy
 
     def certificate(self) -> Certificate:
-        """Measure balance, signs, penetration and crossings of the last evaluated state."""
+        """Measure balance, signs, penetration and crossings of the last evaluated state.
+
+        Collective.
+        """
         return self._solver.certificate()
 
     def estimate(self) -> ErrorEstimate:
-        """Estimate the error of the present state by cells; see ``estimate``.
+        """Estimate the discretization error of the present state, cell by cell (collective).
 
         Raises:
-            MortarError: On all ranks, if the residual has integrals that cannot be read.
+            MortarError: On all ranks, if the residual has integrals that are not supported.
         """
         self._renew_if_interrupted()
         if self._estimator is None:
@@ -328,13 +331,13 @@ class ContactProblem:
 
     @property
     def matrices(self) -> OperatorMatrices:
-        """D, M, gap, normals and their derivatives as PETSc objects, at the present state."""
+        """D, M, gap, normals and derivatives at the present state, as PETSc objects; collective."""
         self.equations.evaluate_operators()
         return OperatorMatrices(self.equations.bulk, self.equations.contacts)
 
     @property
     def tangent(self) -> PETSc.Mat:
-        """Matrix of the linear system at the present state."""
+        """Matrix of the linear system at the present state (collective)."""
         self._renew_if_interrupted()
         equations = self.equations
         equations.bulk.free_garbage()
@@ -345,24 +348,24 @@ class ContactProblem:
         return equations.system.matrix
 
     def linear_solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:
-        """Solve with the tangent of all equations at the present state, or with its transpose.
+        """Solve with the tangent at the present state, or with its transpose (collective).
 
-        For sensitivities: unknowns, rows and units are those of ``equations.linearized``. Active
-        sets, branches of the laws and multipliers are those of the present state; nothing of it
-        changes. A direct solver is exact but for rounding; an iterative one leaves the part
-        ``ksp_rtol`` of the right-hand side (1e-8 by default).
+        For sensitivities. Unknowns, rows and units are those of ``equations.linearized``; active
+        sets, branches and multipliers are those of the present state, which is not changed. The
+        relative residual is that of rounding with a direct solver, ``ksp_rtol`` (1e-8 by default)
+        with an iterative one.
 
         Args:
-            rhs: The right-hand side.
-            transpose: Whether to solve with the transpose, as for an adjoint.
+            rhs: Right-hand side.
+            transpose: Solve with the transpose, for adjoint sensitivities.
 
         Returns:
-            The solution, with all parts.
+            The solution: increments of displacement, multipliers and obstacle motions.
 
         Raises:
-            ValueError: On all ranks, if ``rhs`` has another shape or is not finite.
-            MortarError: On all ranks, if the tangent is singular, as where contact leaves a body
-                free, or if z or q are not alike on all ranks.
+            ValueError: On all ranks, if ``rhs`` has a wrong shape or is not finite.
+            MortarError: On all ranks, if the tangent is singular, for instance because contact
+                leaves a body free, or if z or q differ between ranks.
         """
         self._renew_if_interrupted()
         with undone_if_interrupted(self.equations, self._adequacy):
@@ -373,7 +376,10 @@ class ContactProblem:
             return linearized.solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
-        """Taylor slopes of all derivatives at the present state; see ``tangent.check_tangent``."""
+        """Taylor slopes of all derivatives at the present state (collective).
+
+        Options and result: see ``verify.tangent.check_tangent``.
+        """
         self._renew_if_interrupted()
         with undone_if_interrupted(self.equations, self._adequacy):
             return check_tangent(self.equations, **options)

@@ -19,15 +19,17 @@ TOUCHING = 1e-8
 
 
 def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
-    """The state with the sets of the complementarity function, and which nodes changed (local).
+    """Active set and branches by the complementarity function (local).
 
-    Nodes that were noted to press though their multipliers pull get the multipliers of their
-    forces. Multipliers of open nodes become those of the contact law.
+    Nodes in ``state.borne`` get the multipliers of their forces, open nodes those of the law.
 
     Args:
         f: Fields of the present state.
-        start: Whether this is before the first solve, where no pressure is known: nodes that touch
-            join the set then, and multipliers that a failed solve left as nan become zero.
+        start: Whether this precedes the first solve, with unknown pressures: touching nodes become
+            active, and multipliers that are nan after a failed solve become zero.
+
+    Returns:
+        The new state, and the nodes that changed, shape (slave nodes,), bool.
     """
     state, o = f.state, f.operators
     z = np.where(np.isfinite(state.z), state.z, 0.0) if start else state.z
@@ -50,10 +52,10 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
 
 
 def _active(f: ContactFields, *, start: bool) -> Flags:
-    """Nodes with a positive z_n + a - c_n g, the others as they were where all is rounding."""
+    """Nodes with z_n + a - c_n g > 0; unchanged where pressure and gap are rounding."""
     stiffness, on = f.sides.stiffness, f.covered
     gap = np.where(on, f.gap, 0.0)
-    push = np.where(f.attracted, 0.0, -f.tension)  # what is open bears the adhesion
+    push = np.where(f.attracted, 0.0, -f.tension)  # open nodes: z_n = -a
     trial = np.where(on, push - f.state.c_n * stiffness / f.nodal_lengths * gap, 0.0)
     rounding = (np.abs(push) <= ROUNDING * stiffness) & (
         np.abs(np.nan_to_num(f.gap)) <= ROUNDING * np.abs(f.operators.x).max()

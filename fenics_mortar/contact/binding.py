@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""All pairs bound to the space of the displacement; gaps of tied ones removed from the mesh."""
+"""Bind all pairs to the space of the displacement; remove gaps of ties from the mesh."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def bind(
         prescribed: Local dofs with Dirichlet values.
 
     Raises:
-        SurfaceError: If a surface is of no use, or a gap cannot be removed; on all ranks.
+        SurfaceError: On all ranks, if a surface is unsuitable or a gap cannot be removed.
     """
     ties = {pair: Tie(pair, space, prescribed) for pair in pairs if isinstance(pair, TiedPair)}
     welds = np.concatenate([NO_WELDS, *(tie.welds() for tie in ties.values())])
@@ -47,7 +47,7 @@ def bind(
 
 
 def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
-    """Ties release the nodes that other pairs constrain or bear (collective)."""
+    """Release the tied nodes that belong to other pairs (collective)."""
     used = [c.nodes for c in bound]
     for tie in ties:
         others = [nodes for nodes, c in zip(used, bound, strict=True) if c is not tie]
@@ -55,13 +55,13 @@ def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
 
 
 def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:
-    """Move slave nodes onto their masters where that is wanted (collective).
+    """Move slave nodes of ties with gap="removed" onto their masters (collective).
 
-    D and M stay those of the places before: what they ask for is then met by the new places. A
-    master that is itself a slave moves, too, hence the sweeps.
+    D and M stay those of the initial positions; the new positions satisfy their constraints. Sweeps
+    are needed because a master may be the slave of another tie.
 
     Returns:
-        Whether anything moved.
+        Whether a node was moved.
 
     Raises:
         SurfaceError: If the mesh cannot follow.

@@ -62,8 +62,7 @@ from fenics_mortar.utils.arguments import check_lengths
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
 
-# A node lies on the other surface, up to facets that stand for curves, within this fraction of its
-# length.
+# Gap over nodal length [1] up to which ``initial_gap`` is applied: the sagitta of coarse facets.
 NEAR = 0.5
 
 
@@ -78,13 +77,10 @@ class Contact(Interface):
         arm: Length by which angles of the obstacle are multiplied [length].
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
         asker: Calls the law of the pair.
-        follows_law: Whether a node follows the law: not if one of its components is prescribed,
+        follows_law: Whether the contact law applies to a node: not if a component is prescribed,
             shape (slave nodes,), bool.
         plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
-        offset, c_n: See ``InterfaceState``. May be set. To ramp an overlap of the mesh, go with
-            ``t`` from 0 to 1 by ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
-            ``np.nan_to_num(contact.gap).clip(max=0)`` at the start. An offset of another shape, nan
-            and inf are refused by a ``ValueError``.
+        offset, c_n: See ``InterfaceState`` and ``PairView``. May be set.
     """
 
     now: ContactFields
@@ -119,7 +115,7 @@ class Contact(Interface):
         self.follows_law: Flags = self.free.all(axis=1)
         self.oblique = self._multiplier_nodes.oblique
         if not self._may_carry.any():
-            raise SurfaceError(f"every node of slave surface '{pair.slave_name}' is prescribed")
+            raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
         self.arm = float(np.hypot(*np.ptp(self.slave.X, axis=0)))
         self.options = MortarOptions(
             choice.basis,
@@ -149,7 +145,7 @@ class Contact(Interface):
         return super()._master_surface(space)
 
     def see(self, outline: Outline) -> Outline:
-        """See ``Interface``: through what partners may lie behind the slave."""
+        """See ``Interface``; the outline limits the distance of partners behind the slave."""
         self.integration.see(outline)
         return outline
 
@@ -161,19 +157,19 @@ class Contact(Interface):
         return normals_on_planes(normals, 1.0 - self.master.gather(prescribed.astype(float)))
 
     def has_master_of(self, other: Interface) -> bool:
-        """Whether the two have the same obstacle, or masters that share a node."""
+        """Whether the pairs have a common obstacle or a common master node."""
         same = self.obstacle is not None and self.obstacle is other.pair.master
         return same or super().has_master_of(other)
 
     def _reach(self) -> float:
-        """Distance at which partners are looked for by default."""
+        """Default search radius [length]."""
         if self.obstacle is not None:
             return np.inf
         return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
 
     @property
     def offset(self) -> Array:
-        """Length taken off the pointwise gap, shape (slave nodes,) [length]."""
+        """Length subtracted from the pointwise gap, shape (slave nodes,) [length]."""
         return self._state.offset
 
     @offset.setter
@@ -194,37 +190,34 @@ class Contact(Interface):
 
     @property
     def _slip_measure(self) -> Measure:
-        """The pair's, where there is a choice."""
+        """The pair's measure of slip; "partners" on obstacles and with small sliding."""
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.discretization.slip
 
     @property
     def reference_place(self) -> Array:
-        """Where the obstacle was for the operators of the undeformed mesh, (3,); nan if none."""
+        """Position of the obstacle in the frozen operators, shape (3,); nan if there are none."""
         return NO_PLACE if self._state.reference is None else self._state.reference.place
 
     def refer_to(self, place: Array, multiplier_nodes: Flags) -> None:
-        """Evaluate the operators of the undeformed mesh as they once were (collective).
+        """Evaluate the operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: ``reference_place`` of then, shape (3,); nan: there were none.
-            multiplier_nodes: Nodes with multipliers of then, shape (slave nodes,).
+            place: ``reference_place`` of that state, shape (3,); nan if it had none.
+            multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
         reference = self.integration.refer_as_at(place, multiplier_nodes)
         self.change(reference=reference, multiplier_nodes=multiplier_nodes)
 
     @property
     def as_faced(self) -> MortarOperators:
-        """The operators at the places of the nodes by which points of both sides are partners.
-
-        With small sliding these are those of the undeformed mesh.
-        """
+        """Operators at the positions that define the partners; undeformed with small sliding."""
         if self.pair.sliding == "small" and self._state.reference is not None:
             return self._state.reference.operators
         return self.operators
 
     def intersections(self) -> Segments:
-        """Where the facets of this rank's share meet the master, whatever integrates the pair."""
+        """Intersections of this rank's slave facets with the master, for any integration."""
         return self.integration.intersections(self.as_faced)
 
     def set_arm(self, arm: float) -> None:
@@ -232,7 +225,7 @@ class Contact(Interface):
         self.arm = self.integration.arm = arm
 
     def adopt(self, other: Contact) -> None:
-        """Take over offset, weight and undeformed operators of the same pair by another model."""
+        """Take over offset, c_n and frozen operators of this pair in another model."""
         self.change(
             offset=other.offset,
             c_n=other.c_n,
@@ -241,36 +234,36 @@ class Contact(Interface):
         self.integration.view = other.integration.view or self.integration.view
 
     def begin(self) -> None:
-        """Forget how often nodes changed in the last solve, and what they bore."""
+        """Reset the counts of multiplier changes and the forces of the last solve."""
         self._multiplier_nodes.begin()
         if self.state.borne is not None:
             self.change(borne=None)
 
-    def move(self, z: Array, part: float, step: Array) -> None:
-        """See ``Interface``; notes the nodes that press though their multipliers pull (collective).
+    def move(self, z: Array, fraction: float, step: Array) -> None:
+        """See ``Interface``; also marks nodes with tensile multiplier and compressive force.
 
-        A linear system knows the force w z of a node to first order, w_old z + dw z_old. As the
-        weight of a node more than doubles, at an edge that slides, the second term alone may be
-        more than the force, and z pulls to make up for it. Such a node would be released, to come
-        back an iteration or two later; it is its force that says if it presses.
+        Collective. The linear system contains the force w z of a node to first order,
+        w_old z + dw z_old. If the weight more than doubles, as at a sliding edge, dw z_old may
+        exceed the force, and z becomes tensile. The active set of such a node is decided by its
+        force; by z it would be released for an iteration or two.
         """
         old, o = self.z, self.operators
-        z = old + part * (z - old) if part < 1.0 else z
+        z = old + fraction * (z - old) if fraction < 1.0 else z
         self.change(z=z, borne=None)
         pulls = self.active & (self.tension > 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
-            change = part * change_along(self.now, o.weight_derivative(), *sides)
+            change = fraction * change_along(self.now, o.weight_derivative(), *sides)
             pulls &= change > o.weight
             force = o.weight[:, None] * self.z + change[:, None] * old
-            least = -o.weight * self.now.adhesion[0]
-            self.change(borne=(pulls & (np.einsum("ja,ja->j", o.n, force) > least), force))
+            min_force = -o.weight * self.now.adhesion[0]
+            self.change(borne=(pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force))
 
     def accept(self, slid: Flags | None = None) -> None:
-        """Note what the slave nodes face at the last evaluated state (collective).
+        """Find the partners at the last evaluated state (collective).
 
         Args:
-            slid: Nodes whose slip so far goes on to count, shape (slave nodes,), bool.
+            slid: Nodes that keep their present slip, shape (slave nodes,), bool.
         """
         slip = np.zeros(len(self.z)) if slid is None else np.where(slid, self.slip, 0.0)
         touches = self.active | (self.pair.sliding == "small")
@@ -290,14 +283,14 @@ class Contact(Interface):
         self.change(partners=self.accepted)
 
     def faced(self) -> tuple[Indices, Indices]:
-        """Slave nodes, and the master nodes that slip couples them to."""
+        """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
         return self.partners.pairs() if self.pair.law.has_friction else super().faced()
 
     def update_multiplier_nodes(self) -> int:
-        """Hand over and take back multipliers, see ``carriers``; return how many changed.
+        """Update the multiplier nodes, see ``multiplier_nodes``; return the number of changes.
 
-        The operators have to be evaluated anew then. Points at the nodes cover a node or they do
-        not, there is nothing to hand over.
+        After a change the operators must be evaluated again. No node changes with
+        integration="nodes".
         """
         if self.options.integration == "nodes":
             return 0
@@ -310,7 +303,7 @@ class Contact(Interface):
 
     @property
     def undecided(self) -> Indices:
-        """Nodes that may as well carry a multiplier as not; see ``Carriers.undecided``."""
+        """Nodes whose cover is at the limit; see ``MultiplierNodes.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
         return self._multiplier_nodes.undecided(
@@ -324,10 +317,10 @@ class Contact(Interface):
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:
-        """Set the active set from the complementarity function; return how many nodes changed.
+        """Set the active set by the complementarity function; return the number of changes.
 
         Args:
-            start: Whether this is before the first solve; see ``active_set``.
+            start: Whether this precedes the first solve; see ``active_set``.
         """
         state, changed = next_sets(self.now, start=start)
         self.put(state)
@@ -351,7 +344,7 @@ class Contact(Interface):
         return frame_of(self.now)
 
     def law(self, frame: Frame) -> Array:
-        """The two rows of each node that solutions make zero, weighted by ``frame``."""
+        """Nonlinear rows weighted by ``frame``, zero at a solution, shape (slave nodes, 2)."""
         return law_of(self.now, frame)
 
     def motion_rows(self) -> Array:
@@ -359,5 +352,5 @@ class Contact(Interface):
         return motion_rows_of(self.now, self.frame())
 
     def gap_by_motions(self) -> Array:
-        """Derivative of the mean gaps by the motions, (slave nodes, 3); zero where not covered."""
+        """Derivative of mean gaps by obstacle motions, (slave nodes, 3); zero where uncovered."""
         return gap_by_motions(self.now)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Derivatives of the nodal fields of a contact in one direction, all of them replicated."""
+"""Directional derivatives of the nodal fields of a contact, replicated."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def change_along(
 
     Args:
         f: Fields of the pair.
-        blocks: The parts of this rank.
+        blocks: Blocks of this rank.
         on_slave: Displacements of the slave nodes, shape (n, 2) [length].
         on_master: Displacements of the master nodes, shape (n, 2) [length].
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Nodal fields of an interface: computed once from its state and its operators.
+"""Nodal fields of an interface, computed once from its state and its operators.
 
-New operators make new fields. A new state does so, too, but for fields that depend on nothing that
-has changed; each names the parts of the state that it depends on. A field is computed when it is
-first read, and kept.
+A field is computed when first read, and cached. New operators invalidate all fields, a new state
+those that depend on a changed attribute; each field names the attributes of the state that it
+depends on.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
-# A node counts as covered if the diagonal of D is above this fraction of its length.
-LEAST_NODE_COVER = 1e-10
-# Stiffness of the elastic stick of redundant sticks over that of the bulk. The slip that curvature
-# leaves is of second order in the strains e: it makes a shear of 1000 e of the pressure.
+# Diagonal of D over nodal length [1] above which a node is covered: rounding.
+MIN_NODE_COVER = 1e-10
+# Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
+# the strains e; the shear is 1000 e times the pressure.
 ELASTIC = 1e3
 
 
 class _Field(cached_property[Any]):
-    """A field that is kept until one of the named parts of the state changes."""
+    """A field that is cached until one of the named attributes of the state changes."""
 
     names: frozenset[str]
 
 
 def field(*names: str) -> Callable[[Callable[[Any], Any]], Any]:
-    """A field that depends on the operators and on the named parts of the state."""
+    """A field that depends on the operators and on the named attributes of the state."""
 
     def wrap(function: Callable[[Any], Any]) -> _Field:
         made = _Field(function)
@@ -47,7 +47,7 @@ def field(*names: str) -> Callable[[Callable[[Any], Any]], Any]:
 
 
 class Sides(Protocol):
-    """What the fields of an interface need to know of it: constants."""
+    """Constants of an interface that its fields depend on."""
 
     pair: Any
     slave: Surface
@@ -57,12 +57,12 @@ class Sides(Protocol):
 
 
 class InterfaceFields:
-    """Fields that all interfaces have.
+    """Fields of all interfaces.
 
     Args:
         sides: The interface.
         state: Its state.
-        operators: D, M and all that follows from them, at the last evaluated displacement.
+        operators: D, M, gap and normals at the last evaluated displacement.
     """
 
     def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
@@ -89,7 +89,7 @@ class InterfaceFields:
 
     @property
     def acts(self) -> Flags:
-        """Whether a node has a multiplier that may not be zero, shape (slave nodes,), bool."""
+        """Whether the multiplier of a node may be nonzero, shape (slave nodes,), bool."""
         return self.state.active
 
     @property
@@ -119,7 +119,7 @@ class InterfaceFields:
 
     @property
     def steepness(self) -> float:
-        """Largest force by slip of a node, where that may be more than the bulk's [stress]."""
+        """Largest derivative of a nodal force by slip, if it may exceed the bulk's [stress]."""
         return 0.0
 
     @property
@@ -143,7 +143,7 @@ class InterfaceFields:
         return -self.operators.weight @ self.state.z
 
     def fill_inside(self, values: Array) -> Array:
-        """Set nodes inside facets to the mean of the ends, if only these have multipliers."""
+        """Set inner nodes of facets to the mean of the vertices if only these have multipliers."""
         if self.sides.at_vertices:
             facets = self.sides.slave.facets
             values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
@@ -151,7 +151,7 @@ class InterfaceFields:
 
 
 class ContactSides(Sides, Protocol):
-    """What the fields of a contact need to know of it: constants."""
+    """Constants of a contact that its fields depend on."""
 
     asker: Asker
     follows_law: Flags
@@ -167,7 +167,7 @@ class ContactFields(InterfaceFields):
     def covered(self) -> Flags:
         """See ``InterfaceFields``."""
         return self.state.multiplier_nodes & (
-            self.operators.diagonal > LEAST_NODE_COVER * self.nodal_lengths
+            self.operators.diagonal > MIN_NODE_COVER * self.nodal_lengths
         )
 
     @field("multiplier_nodes")
@@ -183,9 +183,9 @@ class ContactFields(InterfaceFields):
 
     @field("multiplier_nodes")
     def adhesion(self) -> tuple[Array, Array]:
-        """A at the mean gaps of covered nodes [stress], and its derivative; zero elsewhere.
+        """Adhesion a at the mean gaps of covered nodes, and a'; zero elsewhere, (slave nodes,).
 
-        Overlaps have the straight continuation of a from zero.
+        Continued linearly to negative gaps.
         """
         law, on, none = self.sides.pair.law, self.covered, np.zeros(len(self.state.z))
         if not law.has_adhesion:
@@ -197,7 +197,7 @@ class ContactFields(InterfaceFields):
 
     @field("multiplier_nodes", "active")
     def attracted(self) -> Flags:
-        """Whether an open node bears the adhesion of the contact law, (slave nodes,), bool."""
+        """Open nodes under adhesion, shape (slave nodes,), bool."""
         return (self.adhesion[0] > 0.0) & ~self.state.active
 
     @field("multiplier_nodes", "active")
@@ -207,14 +207,14 @@ class ContactFields(InterfaceFields):
 
     @property
     def tension(self) -> Array:
-        """Pull -z_n of each node beyond what the law allows, negative if less, (slave nodes,)."""
+        """Tension beyond the adhesion, -(z_n + a), shape (slave nodes,) [stress]."""
         return -(self.z_n + self.adhesion[0])
 
     @field("partners")
     def slip(self) -> Array:
         """See ``InterfaceFields``.
 
-        Zero on symmetry planes: across them nothing slips, but the partners are on one side.
+        Zero on symmetry planes, where partners are on one side only.
         """
         on_plane = np.isfinite(self.sides.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
@@ -241,14 +241,14 @@ class ContactFields(InterfaceFields):
 
     @property
     def friction_work(self) -> float:
-        """What friction takes up in a step, by the shear at its end [stress length^2]."""
+        """Work of friction in the step, with the shear at its end [stress length^2]."""
         return float(self.shear_force @ np.where(self.state.active, self.slip, 0.0))
 
     @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
     def tangential_row(self) -> Row:
-        """Tangential row of all nodes, open ones as if they were active, each (slave nodes,).
+        """Tangential row of all nodes, open ones as if active, each (slave nodes,).
 
-        Overheld nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
+        Redundant nodes stick elastically, z_tau = z_tau,old + (k / l) u; see ``redundancy``.
         """
         state, node = self.state, self.nodal
         follows_law = self.sides.follows_law & ~self.attracted
@@ -265,13 +265,13 @@ class ContactFields(InterfaceFields):
 
     @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
     def law_rows(self) -> tuple[Row, Row]:
-        """The contact law along tau, and along n of open nodes; each (slave nodes,)."""
+        """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,)."""
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
         return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
 
     @property
     def steepness(self) -> float:
-        """See ``InterfaceFields``: laws of the package are no steeper than the bulk is stiff."""
+        """See ``InterfaceFields``; zero for laws of the package."""
         if self.sides.pair.law.is_of_package:
             return 0.0
         force = self.operators.diagonal * np.abs(self.tangential_row.by_slip)

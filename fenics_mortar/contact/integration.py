@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""How the operators of one contact are integrated: on a master surface or an obstacle.
+"""Evaluation of the operators of one contact with a master surface or an obstacle.
 
-With small sliding they are those of the undeformed mesh, with the gap of the present positions.
+With small sliding D, M and normals are those of the undeformed mesh, the gap is the present one.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
-# The place of a reference that there is not.
+# Position of the obstacle if there are no frozen operators.
 NO_PLACE = np.full(3, np.nan)
 
 
 class Reference(NamedTuple):
-    """Frozen operators of the undeformed mesh, and what they were evaluated with."""
+    """Frozen operators of the undeformed mesh, with multiplier nodes and obstacle position."""
 
     operators: Any
     multiplier_nodes: Flags
@@ -63,9 +63,9 @@ class Integration:
         self.view: View | None = None
 
     def see(self, outline: Outline) -> None:
-        """Let partners lie behind the slave as far as its body is thick (collective).
+        """Limit the distance of partners behind the slave by the thickness of the bodies (local).
 
-        Not behind an obstacle: what faces it from outside has it in front.
+        Without effect on obstacles.
         """
         if self.obstacle is None:
             normals, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
@@ -98,11 +98,11 @@ class Integration:
         return Reference(operators.freeze(), multiplier_nodes, place)
 
     def refer_as_at(self, place: Array, multiplier_nodes: Flags) -> Reference | None:
-        """The operators of the undeformed mesh as they once were (collective).
+        """Operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: Place of the obstacle of then, shape (3,); nan: there were none.
-            multiplier_nodes: Nodes with multipliers of then, shape (slave nodes,).
+            place: Position of the obstacle in that state, shape (3,); nan if it had none.
+            multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
         if np.isnan(place).any():
             return None
@@ -115,10 +115,10 @@ class Integration:
             self.obstacle.place = now
 
     def intersections(self, o: MortarOperators) -> Segments:
-        """Where the facets of this rank's share meet the master, whatever integrates the pair.
+        """Intersections of this rank's slave facets with the master, for any integration (local).
 
         Args:
-            o: Operators at the places where points of both sides are partners.
+            o: Operators at the positions that define the partners.
         """
         if self.options.integration == "segments" or self.obstacle is not None:
             return o.segments
@@ -128,7 +128,7 @@ class Integration:
         )  # fmt: skip
 
     def _look(self, u: Array | None) -> tuple[View | None, Array, Array]:
-        """The view at ``u``, or undeformed, and the places of slave and master (collective)."""
+        """View and positions of slave and master at ``u``, or undeformed (collective)."""
         sides = self.slave, self.master
         if self.sight is not None:
             view, *moved = self.sight.look(u)
@@ -145,7 +145,7 @@ class Integration:
         linearization: Linearization,
         view: View | None,
     ) -> MortarOperators:
-        """The operators where the nodes are at ``x`` and ``m`` (collective)."""
+        """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective)."""
         self.view = view
         if self.obstacle is None:
             return evaluate_mortar(

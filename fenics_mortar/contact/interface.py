@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the laws of an interface share: surfaces, multipliers, and the forces that these make."""
+"""Base of contacts and ties: two surfaces, multipliers and their forces."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
-# Gauss points per segment by default, or for each part of a facet between two nodes
+# Default number of Gauss points per segment, or between two neighbouring nodes of a facet
 POINTS = 5
 
 
 def read_only(name: str) -> Any:
-    """A read-only attribute of an interface: the one of its state or of its present fields."""
+    """A read-only attribute of an interface, taken from its state or its present fields."""
     return property(attrgetter(name))
 
 
 class Interface(ABC):
-    """Two surfaces with multipliers on the slave, which make the force D^T z and -M^T z.
+    """Two surfaces with multipliers z on the slave; nodal forces D^T z and -M^T z.
 
-    Its state is a value, replaced by ``put`` alone. All that can be computed from state and
-    operators are its fields, ``now``; the most used of both are attributes here, to be read.
+    The state is a value and is replaced by ``put`` only. ``now`` has the fields computed from state
+    and operators; frequently used ones are read-only attributes.
 
     Attributes:
         slave, master: The surfaces.
@@ -84,7 +84,7 @@ class Interface(ABC):
             pair: The pair.
             space: The displacement's space.
             prescribed: Local dofs with Dirichlet values.
-            welds: Pairs of nodes that are one, see ``Surface.welded``.
+            welds: Pairs of nodes to be merged, see ``Surface.welded``.
         """
         self.pair = pair
         tags = pair.data.facet_tags
@@ -116,11 +116,11 @@ class Interface(ABC):
             self.now = self.now.after(state)
 
     def change(self, **values: Any) -> None:
-        """Go to a state that has other ``values`` (local); see ``put``."""
+        """Replace ``values`` of the state (local); see ``put``."""
         self.put(replace(self._state, **values))
 
     def show(self, operators: MortarOperators) -> None:
-        """Take operators for those of the present displacement (local)."""
+        """Set the operators of the present displacement (local)."""
         self.now = self._fields(operators)
 
     @abstractmethod
@@ -128,14 +128,14 @@ class Interface(ABC):
         """The fields of the present state with these operators."""
 
     def set_stiffness(self, stiffness: Array) -> None:
-        """Set ``stiffness``, when the bulk tangent is known."""
+        """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
         self.stiffness = stiffness
         if hasattr(self, "now"):
             self.show(self.operators)
 
     @property
     def c_n(self) -> float:
-        """Weight of the gap at present. May be set."""
+        """Present weight of the gap in the complementarity function [1]. May be set."""
         return self._state.c_n
 
     @c_n.setter
@@ -153,12 +153,12 @@ class Interface(ABC):
             where = self.slave.X[np.flatnonzero(self.slave.nodes == both[0])[0]]
             raise SurfaceError(
                 f"slave '{self.pair.slave_name}' and master '{self.pair.master_name}' share "
-                f"{both.size} nodes, one at {place(where)}; the two sides must be different "
-                "surfaces that are not joined in the mesh"
+                f"{both.size} nodes, one at {place(where)}; expected different surfaces that are "
+                "not joined in the mesh"
             )
 
     def see(self, outline: Outline) -> Outline:
-        """Take note of the boundary of the mesh; return what others see of it (local)."""
+        """Receive the outlines of the bodies; return those for the next interface (local)."""
         return outline
 
     @abstractmethod
@@ -166,11 +166,11 @@ class Interface(ABC):
         """Evaluate everything at the displacement ``u``, a local array (collective)."""
 
     def _points(self) -> int:
-        """Gauss points per segment, with "elements" per facet: those of the pair, or the default.
+        """Gauss points per segment, with "elements" per facet.
 
-        How well points on a facet pass a uniform pressure does not depend on the mesh: through 5 it
-        passes to 0.1 % on facets with two nodes, to 5 % on those with three, through 10 to 0.4 %.
-        With fewer points than nodes a facet may have no multiplier functions.
+        Error of a uniform pressure with "elements", independent of the mesh: 0.1 % with 5 points on
+        facets with two nodes; 5 % with 5 and 0.4 % with 10 points on facets with three. With fewer
+        points than nodes the dual functions of a facet may not exist.
         """
         choice, degree = self.pair.discretization, self.slave.degree
         points = choice.points
@@ -179,28 +179,28 @@ class Interface(ABC):
             return POINTS * (degree if on_facets else 1)
         if points <= degree:
             raise ValueError(
-                f"points={points}: at least as many as a facet has nodes, {degree + 1}"
+                f"points={points}: expected at least one per node of a facet, {degree + 1}"
             )
         return int(points)
 
-    def move(self, z: Array, part: float, step: Array) -> None:
-        """Go a part of the way to the multipliers of a linear system (collective).
+    def move(self, z: Array, fraction: float, step: Array) -> None:
+        """Apply a fraction of the increment of the multipliers (collective).
 
         Args:
-            z: These, shape (slave nodes, 2) [stress].
-            part: How much of it.
-            step: All of the displacements that go with them, owned dofs [length].
+            z: Multipliers of the linear system, shape (slave nodes, 2) [stress].
+            fraction: Fraction of the increment [1].
+            step: Full increment of the displacement, shape (owned dofs,) [length].
         """
-        self.change(z=self.z + part * (z - self.z) if part < 1.0 else z)
+        self.change(z=self.z + fraction * (z - self.z) if fraction < 1.0 else z)
 
     @property
     @abstractmethod
     def as_faced(self) -> MortarOperators:
-        """The operators at the places of the nodes by which points of both sides are partners."""
+        """Operators at the positions that define the partners."""
 
     @abstractmethod
     def intersections(self) -> Segments:
-        """Where the facets of this rank's share meet the master, whatever integrates the pair."""
+        """Intersections of this rank's slave facets with the master, for any integration."""
 
     @abstractmethod
     def rows(self) -> Rows:
@@ -208,31 +208,30 @@ class Interface(ABC):
 
     @abstractmethod
     def residual(self) -> Array:
-        """What the rows make zero, as forces, shape (slave nodes, 2) [stress length]."""
+        """Residual of the rows as forces, shape (slave nodes, 2) [stress length]."""
 
     @abstractmethod
     def followed(self) -> Array:
-        """What the rows say of an active node's own motion, over its stiffness.
+        """Diagonal blocks of the rows of active nodes over their stiffness.
 
-        Plus or minus the dyads of the directions in which it follows its partners, shape (slave
-        nodes, 2, 2).
+        Plus or minus the dyads of the constrained directions, shape (slave nodes, 2, 2) [1].
         """
 
     @abstractmethod
     def accept(self) -> None:
-        """Note what the next step needs of the last evaluated state (collective)."""
+        """Take the last evaluated state as the accepted one (collective)."""
 
     @abstractmethod
     def start_step(self) -> None:
-        """Begin a step at the accepted state."""
+        """Start a step at the accepted state (local)."""
 
     def faced(self) -> tuple[Indices, Indices]:
-        """Slave nodes, and the master nodes that they are coupled to beside those of M."""
+        """Slave nodes and the master nodes coupled to them in addition to M, each (k,)."""
         return np.empty(0, np.int64), np.empty(0, np.int64)
 
     @property
     def nodal_lengths(self) -> Array:
-        """Length of slave surface that belongs to each node, shape (slave nodes,) [length]."""
+        """Tributary length of each slave node, undeformed, shape (slave nodes,) [length]."""
         return self.slave.nodal_lengths
 
     @property
@@ -246,18 +245,18 @@ class Interface(ABC):
         return self.slave.nodes[self._may_carry]
 
     def has_master_of(self, other: Interface) -> bool:
-        """Whether the masters of the two share a node."""
+        """Whether the two masters have a common node."""
         return bool(np.intersect1d(self.master.nodes, other.master.nodes).size)
 
     @property
     def idle_nodes(self) -> Indices:
-        """Global numbers of the other slave nodes: they bear forces of their neighbours."""
+        """Global numbers of the slave nodes that never carry a multiplier."""
         return self.slave.nodes[~self._may_carry]
 
     def force_blocks(self) -> list[Block]:
-        """B^T: force by the multipliers that act; columns 2 j + component.
+        """Blocks of B^T, the force by acting multipliers; columns 2 j + component.
 
-        Entry by entry, without the zeros of D and between components: they would fill the system.
+        Only nonzero entries, to keep the system sparse.
         """
         o, s = self.operators, self.operators.segments
         return [

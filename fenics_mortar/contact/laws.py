@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: MIT
-"""Laws of contact: what the tangential row of an active slave node says, and what open ones bear.
+"""Contact laws: the tangential row of active slave nodes, and the adhesion of open ones.
 
-The gap of an active node closes, whatever the law. What is left is one equation a node,
+The gap of an active node is closed under every law. A law adds one equation per node,
 rho(g, u, z_n, z_tau) = 0, with the mean gap g, the slip u since the last accepted step, and the
-multiplier z = z_n n + z_tau tau, minus the traction on the slave. A law says rho and its four
-derivatives; those of g, u, n and tau by the displacement are ``Contact``'s.
+multiplier z = z_n n + z_tau tau, minus the traction on the slave. It returns rho and its four
+derivatives; the derivatives of g, u, n and tau by the displacement are computed by ``Contact``.
 
-The multiplier of an open node is zero, unless a law says that its sides attract each other, by the
-adhesion a(g) of ``Law.adhesion``. Complementary are then g and z_n + a:
+The multiplier of an open node is zero unless the law has an adhesion a(g), see ``Law.adhesion``.
+Then g and z_n + a are complementary:
 
     g >= 0,    z_n + a(g) >= 0,    (z_n + a(g)) g = 0,
 
-so that a closed node opens where it pulls by more than a(0), and an open one bears z_n = -a(g).
+so that a closed node opens if it pulls by more than a(0), and z_n = -a(g) at an open one.
 
-rho may consist of smooth pieces. Newton's method needs to know on which one a node is, to see when
-the pieces change and when they do so in circles: a law says that, too, as one whole number a node.
+rho may consist of smooth branches. ``Law.branch`` returns the branch of each node as an integer;
+Newton's method uses it to detect changes and cycles.
 
-A regularised Coulomb's law, for example, is smooth, a single piece:
+Example: a regularized Coulomb law with a single branch,
 
 >>> class Creeping(Law):
 ...     def __init__(self, mu: float, length: float) -> None:
@@ -26,27 +26,27 @@ A regularised Coulomb's law, for example, is smooth, a single piece:
 ...         return np.ones_like(before)
 ...
 ...     def tangential(self, node: Nodal, branch: Branches) -> Row:
-...         part = np.tanh(node.slip / self.length)
+...         fraction = np.tanh(node.slip / self.length)
 ...         return Row(
-...             node.z_tau - self.mu * node.z_n * part,
-...             by_slip=-self.mu * node.z_n * (1.0 - part**2) / self.length,
-...             by_z_n=-self.mu * part,
+...             node.z_tau - self.mu * node.z_n * fraction,
+...             by_slip=-self.mu * node.z_n * (1.0 - fraction**2) / self.length,
+...             by_z_n=-self.mu * fraction,
 ...             by_z_tau=1.0,
 ...         )
 ...
 ...     def friction_limit(self, pressure: Array) -> Array:
 ...         return self.mu * pressure
 
-and one with adhesion that fades away as surfaces part, and Coulomb's friction, says besides
+and Coulomb friction with an adhesion that decays with the gap:
 
 >>> class Sticky(Coulomb):
 ...     def adhesion(self, gap: Array) -> tuple[Array, Array]:
 ...         pull = 2.0 * np.exp(-gap / 0.01)
 ...         return pull, -pull / 0.01
 
-``ContactProblem.check_tangent`` proves the derivatives. What a law returns has to be finite, of
-ranks alike, and one number a node; ``Law.check`` may refuse parameters before each solve. A law
-that does otherwise, or raises, ends the solve with an error on all ranks, see ``asking``.
+``ContactProblem.check_tangent`` verifies the derivatives. Results must be finite, equal on all
+ranks, and one number per node. Otherwise, or if a law raises, the solve ends with an error on all
+ranks, see ``law_calls``. ``Law.check`` may reject parameters before each solve.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ from fenics_mortar.utils.arguments import check_choice, check_number
 
 Array = npt.NDArray[np.float64]
 Branches = npt.NDArray[np.int64]
-# A node this close to a kink, as a part of the bound, stays on its piece: it is on both.
+# Distance from a kink over the friction limit [1] within which a node keeps its branch: rounding.
 KINK = 1e-8
 STICK = 0
 
@@ -75,7 +75,7 @@ class Nodal:
         gap: Mean gap g, zero where there is no partner [length].
         slip: Slip u since the last accepted step, positive along tau [length].
         z_n, z_tau: Multiplier [stress].
-        stiffness: That of the bulk k_j / l_j [stress / length].
+        stiffness: Stiffness k_j / l_j of the bulk [stress / length].
         c_n: Weight of the gap in the active-set test, c k_j / l_j [stress / length].
     """
 
@@ -88,7 +88,7 @@ class Nodal:
 
 
 class Row(NamedTuple):
-    """Residual rho [stress] and its derivatives, each of shape (slave nodes,) or a number."""
+    """Residual rho [stress] and its derivatives, each of shape (slave nodes,) or a scalar."""
 
     residual: Any
     by_gap: Any = 0.0
@@ -98,53 +98,56 @@ class Row(NamedTuple):
 
 
 class Law(ABC):
-    """Base of all laws; all methods act on all slave nodes at once."""
+    """Base class of all laws; all methods act on all slave nodes at once and are local."""
 
     @abstractmethod
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """Piece of rho that each node is on, 0 if it sticks; ``before``: where it was."""
+        """Branch of rho at each node, 0 for stick; ``before``: the previous branches.
+
+        Both of shape (slave nodes,), int.
+        """
 
     @abstractmethod
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """Residual and derivatives of nodes that are on the given pieces."""
+        """Residual and derivatives on the given branches, shape (slave nodes,)."""
 
     @abstractmethod
     def friction_limit(self, pressure: Array) -> Array:
-        """Largest |z_tau| that the law allows at a pressure."""
+        """Largest admissible |z_tau| at pressures of shape (n,), shape (n,) [stress]."""
 
     def adhesion(self, gap: Array) -> tuple[Array, Array]:
-        """Pull across gaps that are zero or open, and its derivative; none if not overridden.
+        """Adhesion of closed and open gaps, and its derivative; zero by default.
 
         Args:
-            gap: Shape (slave nodes,), or any other [length].
+            gap: Gaps g >= 0 of any shape [length].
 
         Returns:
-            a(g), zero or positive [stress], and a'(g) [stress / length], of the same shape.
+            a(g) >= 0 [stress] and a'(g) [stress / length], each of the shape of ``gap``.
         """
         return np.zeros_like(gap), np.zeros_like(gap)
 
     def check(self) -> None:  # noqa: B027
-        """Refuse parameters that are not allowed; asked before each solve (local).
+        """Check the parameters; called before each solve (local).
 
-        To be overridden by laws with parameters.
+        Override it in laws with parameters.
 
         Raises:
-            ValueError: If one is not allowed.
+            ValueError: If a parameter has a value that is not allowed.
         """
 
     @property
     def has_friction(self) -> bool:
-        """Whether there may be a shear."""
+        """Whether the law has friction."""
         return type(self).tangential is not Frictionless.tangential
 
     @property
     def is_of_package(self) -> bool:
-        """Whether it is one of the laws here, whose pieces are known; else the user's own."""
+        """Whether the law is one of this module, not a user's."""
         return type(self).__module__ == Law.__module__
 
     @property
     def has_adhesion(self) -> bool:
-        """Whether there may be adhesion."""
+        """Whether the law has adhesion."""
         return type(self).adhesion is not Law.adhesion
 
 
@@ -152,7 +155,7 @@ class Frictionless(Law):
     """No friction: z_tau = 0."""
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """All slide."""
+        """All nodes slide."""
         return np.ones_like(before)
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
@@ -160,15 +163,15 @@ class Frictionless(Law):
         return Row(node.z_tau, by_z_tau=1.0)
 
     def friction_limit(self, pressure: Array) -> Array:
-        """None."""
+        """Zero."""
         return np.zeros_like(pressure)
 
 
 class Stick(Law):
-    """Whatever touches sticks, whatever it takes: (k / l) u = 0."""
+    """All active nodes stick, without a limit of the shear: (k / l) u = 0."""
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """All stick."""
+        """All nodes stick."""
         return np.full_like(before, STICK)
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
@@ -176,23 +179,23 @@ class Stick(Law):
         return Row(node.stiffness * node.slip, by_slip=node.stiffness)
 
     def friction_limit(self, pressure: Array) -> Array:
-        """None that could be reached."""
+        """Infinity."""
         return np.full_like(pressure, np.inf)
 
 
 class Friction(Law):
-    """Nodes stick while |z_tau| is below a bound b, and slide along it.
+    """Base of laws with a friction limit b: nodes stick while |z_tau| < b, else they slide.
 
-    The complementarity function is z_tau - clip(w, -b, b), w = z_tau + c_t (k / l) u; its pieces:
+    The complementarity function is z_tau - clip(w, -b, b), w = z_tau + c_t (k / l) u, with the
+    branches
 
         stick (0):     |w| <= b        (k / l) u = 0
         slide (+-1):   +-w > b         z_tau -+ b = 0
 
     Args:
-        c_t: Weight of the slip in w, a plain number. The result does not depend on it: it decides
-            how soon a node that slides against its shear turns round instead of sticking first.
-            If it does so too soon, all nodes of a body may turn to and fro; if too late, a few that
-            stick hold a body that slides.
+        c_t: Weight of the slip in w [1]. The result does not depend on it. With large weights nodes
+            reverse their direction of sliding at once and may alternate; with small ones they stick
+            first, which slows down the sliding of a body.
 
     Raises:
         ValueError: If a number is not allowed.
@@ -202,15 +205,15 @@ class Friction(Law):
         self.c_t = c_t
 
     def check(self) -> None:
-        """Refuse a weight that is not positive."""
+        """Check the weight of the slip."""
         check_number("c_t", self.c_t, "a positive number", lambda c: 0.0 < c < np.inf)
 
     @abstractmethod
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """B and its derivatives by the mean gap and z_n."""
+        """Friction limit b and its derivatives by the mean gap and z_n, each (slave nodes,)."""
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """Stick, or the direction of sliding; without a bound either direction is right."""
+        """Stick (0) or direction of sliding (+-1); any direction where the limit is zero."""
         w, limit = node.z_tau + self.c_t * node.stiffness * node.slip, self.limit(node)[0]
         now = np.where(np.abs(w) > limit, np.sign(w), STICK).astype(np.int64)
         kink = np.abs(np.abs(w) - limit) <= KINK * limit
@@ -218,7 +221,7 @@ class Friction(Law):
         return np.where(limit == 0.0, free, np.where(kink, before, now))
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """The slip of nodes that stick; how far the shear of those that slide is off the bound."""
+        """Slip of sticking nodes; difference of shear and friction limit of sliding ones."""
         limit, by_gap, by_z_n = self.limit(node)
         sticks = branch == STICK
         return Row(
@@ -231,18 +234,18 @@ class Friction(Law):
 
 
 class Coulomb(Friction):
-    """Coulomb's law, |z_tau| <= mu z_n.
+    """Coulomb's law, |z_tau| <= mu z_n, with an optional upper limit of the shear.
 
     Args:
-        mu: Coefficient of friction.
-        max_shear: Shear that the surface bears at most, whatever the pressure [stress].
-        c_t: Weight of the slip, see ``Friction``.
-        limit_by: What bounds the shear while Newton's method iterates: "trial", the positive part
-            of z_n - c_n g as in the active-set test, or "pressure", that of z_n. Both are the same
-            in the solution.
+        mu: Coefficient of friction [1].
+        max_shear: Upper limit of the shear, independent of the pressure [stress].
+        c_t: Weight of the slip in the complementarity function [1], see ``Friction``.
+        limit_by: Pressure in the friction limit of a Newton iterate: "trial", the positive part of
+            z_n - c_n g as in the active-set test, or "pressure", the positive part of z_n. The
+            solution is the same.
 
     Raises:
-        ValueError: If a number is not allowed.
+        ValueError: If an argument has a value that is not allowed.
     """
 
     def __init__(
@@ -258,12 +261,12 @@ class Coulomb(Friction):
         Coulomb.check(self)
 
     def check(self) -> None:
-        """Refuse a negative coefficient, a bound that is not positive, and other words."""
+        """Check coefficient, upper limit and options."""
         super().check()
-        right = "zero or a positive number"
-        check_number("mu", self.mu, right, lambda mu: 0.0 <= mu < np.inf)
-        right = "a positive stress, or infinity"
-        check_number("max_shear", self.max_shear, right, lambda max_shear: max_shear > 0.0)
+        expected = "zero or a positive number"
+        check_number("mu", self.mu, expected, lambda mu: 0.0 <= mu < np.inf)
+        expected = "a positive stress, or infinity"
+        check_number("max_shear", self.max_shear, expected, lambda max_shear: max_shear > 0.0)
         check_choice("limit_by", self.limit_by, ("trial", "pressure"))
 
     def __repr__(self) -> str:
@@ -271,33 +274,33 @@ class Coulomb(Friction):
         return f"Coulomb({self.mu:g})"
 
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """Mu times the positive part of the trial pressure, at most ``most``."""
+        """Mu times the positive part of the trial pressure, at most ``max_shear``."""
         c_n = node.c_n if self.limit_by == "trial" else np.zeros_like(node.c_n)
         trial = node.z_n - c_n * node.gap
         factor = np.where((trial > 0.0) & (self.mu * trial < self.max_shear), self.mu, 0.0)
         return np.clip(self.mu * trial, 0.0, self.max_shear), -factor * c_n, factor
 
     def friction_limit(self, pressure: Array) -> Array:
-        """Mu times the pressure."""
+        """Mu times the pressure, at most ``max_shear``."""
         return np.clip(self.mu * pressure, 0.0, self.max_shear)
 
 
 class Tresca(Friction):
-    """Tresca's law, a shear of at most ``stress`` wherever there is contact.
+    """Tresca's law, |z_tau| <= stress at all active nodes.
 
-    That is so however small the pressure, so that a step may have no solution: an edge node, open,
-    overlaps; closed, its shear peels it off; sticking, it bears more than the bound. Such steps of
-    a circle pressed on a block fail for all ways in which the nodes at both edges may be open,
-    stick or slide. Smaller steps have led past each of them. ``Coulomb(mu, max_shear=stress)``
-    leaves a place between, since its limit vanishes with the pressure: with mu = 1 none of these
-    steps failed, with 100, where it is almost a jump, half of them did.
+    The friction limit does not vanish with the pressure, so that a step may have no solution: an
+    edge node overlaps if open, is peeled off by its shear if it slides, and exceeds the limit if it
+    sticks. In such steps of a circle pressed on a block, no combination of open, sticking and
+    sliding edge nodes is a solution; smaller steps converged. ``Coulomb(mu, max_shear=stress)`` has
+    a limit that vanishes with the pressure: none of these steps failed with mu = 1, half of them
+    with mu = 100.
 
     Args:
-        stress: The bound [stress].
-        c_t: Weight of the slip, see ``Friction``.
+        stress: Friction limit [stress].
+        c_t: Weight of the slip in the complementarity function [1], see ``Friction``.
 
     Raises:
-        ValueError: If a number is not allowed.
+        ValueError: If an argument has a value that is not allowed.
     """
 
     def __init__(self, stress: float, *, c_t: float = 0.1) -> None:
@@ -306,23 +309,23 @@ class Tresca(Friction):
         Tresca.check(self)
 
     def check(self) -> None:
-        """Refuse a bound that is negative or infinite."""
+        """Check the friction limit."""
         super().check()
-        right = "zero or a positive number"
-        check_number("stress", self.stress, right, lambda stress: 0.0 <= stress < np.inf)
+        expected = "zero or a positive number"
+        check_number("stress", self.stress, expected, lambda stress: 0.0 <= stress < np.inf)
 
     def __repr__(self) -> str:
-        """The bound."""
+        """The friction limit."""
         return f"Tresca({self.stress:g})"
 
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """The bound, which nothing changes."""
+        """Constant."""
         return np.full_like(node.z_n, self.stress), 0.0, 0.0
 
     def friction_limit(self, pressure: Array) -> Array:
-        """The bound, which nothing changes."""
+        """Constant."""
         return np.full_like(pressure, self.stress)
 
 
-# Laws that return what they should.
+# Laws whose results need no check.
 BUILT_IN = (Frictionless, Stick, Coulomb, Tresca)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Which slave nodes of a contact carry a multiplier.
 
-A node held in one component, whose normal is about along the other one, lies on a symmetry plane:
-by symmetry its normal is along the free component. If its normal is oblique, it is held for another
-reason, and keeps its normal. A node held along its normal, or altogether, carries no multiplier.
+A node with one prescribed component whose normal is approximately along the free one lies on a
+symmetry plane; its normal is set to the free component. A node with an oblique normal keeps it. A
+node prescribed along its normal, or in both components, carries no multiplier.
 
-A node that the master hardly covers hands its multiplier function to a neighbour. Its own
-multiplier z_j bears a force w_j z_j that does not vanish with its weight w_j, so that it grows
-without bound as the cover vanishes. Scaled rows keep the linear systems regular; they do not keep
-z_j small, nor the active set settled. An edge pressed by 2 % and slid past 2.5 slave nodes in 40
-steps (block on block, mean pressure 1.4):
+The multiplier function of a hardly covered node is added to that of a neighbour. The nodal force
+w_j z_j does not vanish with the weight w_j, so that z_j would grow without bound as the cover
+vanishes. Scaling of rows keeps the linear systems regular, but neither z_j small nor the active set
+stable. An edge pressed by 2 % and slid past 2.5 slave nodes in 40 steps (block on block, mean
+pressure 1.4):
 
 ==========================  ==========  ================  ================
 41 load steps               friction    handed over       never
@@ -22,7 +22,7 @@ steps without solution      0.3         0                 2
 ==========================  ==========  ================  ================
 
 Total forces agree to 0.6 %. A gradual transfer, s Phi_j to the node and (1 - s) Phi_j to its
-neighbour, would not help: for s > 0 these functions span the same space as before.
+neighbour, has no effect: for s > 0 the functions span the original space.
 """
 
 from __future__ import annotations
@@ -33,16 +33,15 @@ import numpy.typing as npt
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Indices
 
-# A slave node held in one component lies on a symmetry plane if the cosine between its normal and
-# the free component is above the first (20 degrees), and is held along its normal if below the
-# second.
+# Cosine between the normal of a slave node with one prescribed component and the free component:
+# on a symmetry plane above the first (20 degrees), prescribed along its normal below the second.
 PLANE_COSINE, HELD_COSINE = 0.94, 0.1
-# Covered fraction of a node below which it hands its multiplier to one that is covered more.
+# Covered fraction of a node below which a neighbour takes over its multiplier function.
 HAND_OVER = 0.05
-# Changes of one node in one solve: with and without its multiplier the cover may be on the other
-# side of HAND_OVER, and the iteration would not end.
+# Largest number of changes of a node in one solve: the cover may depend on whether the node carries
+# a multiplier, and the iteration would not end.
 MAX_CHANGES = 4
-# Fraction of HAND_OVER by which the cover may change with the multiplier.
+# Relative change of the cover with the multiplier, over HAND_OVER [1].
 VERGE = 0.1
 
 
@@ -59,7 +58,7 @@ def normals_on_planes(normals: Array, free: Array) -> Array:
 
 
 class MultiplierNodes:
-    """The slave nodes that may carry multipliers, and those that do; equal on all ranks.
+    """Slave nodes that may carry multipliers, and those that do; equal on all ranks.
 
     Args:
         slave: The slave surface.
@@ -87,17 +86,17 @@ class MultiplierNodes:
         self._changes: Indices = np.zeros(slave.num_nodes, np.int64)
 
     def begin(self) -> None:
-        """Forget how often nodes changed in the last solve."""
+        """Reset the counts of changes."""
         self._changes[:] = 0
 
     def update(
         self, multiplier_nodes: npt.NDArray[np.bool_], cover: Array
     ) -> npt.NDArray[np.bool_]:
-        """Which nodes carry a multiplier from now on (local).
+        """New multiplier nodes, shape (slave nodes,), bool (local).
 
         Args:
-            multiplier_nodes: Which ones do at present, shape (slave nodes,).
-            cover: The part of each node that is covered, shape (slave nodes,).
+            multiplier_nodes: Present ones, shape (slave nodes,), bool.
+            cover: Covered fraction of each node, shape (slave nodes,) [1].
         """
         wanted = self.possible & ~((cover < HAND_OVER) & self._helped(cover))
         changed = (wanted != multiplier_nodes) & (self._changes < MAX_CHANGES)
@@ -105,17 +104,16 @@ class MultiplierNodes:
         return np.where(changed, wanted, multiplier_nodes)
 
     def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
-        """Numbers of the nodes beside active ones that are covered by about ``HAND_OVER``.
+        """Numbers of nodes next to active ones whose cover is close to ``HAND_OVER``.
 
-        Whether such a node carries a multiplier changes the surface a little, and with it the cover
-        that decides on it: with and without, there may be two solutions.
+        Their cover depends on whether they carry a multiplier; there may be two solutions.
         """
         near = self._helped(cover) & (np.abs(cover - HAND_OVER) < VERGE * HAND_OVER)
         beside = ((self._sides >= 0) & active[self._sides]).any(axis=0)
         return np.flatnonzero(near & beside)
 
     def _helped(self, cover: Array) -> npt.NDArray[np.bool_]:
-        """Whether nodes have neighbours to hand their multipliers to, (slave nodes,), bool."""
+        """Whether a neighbour can take over the multiplier function, (slave nodes,), bool."""
         strong = self.possible & (cover > HAND_OVER)
         safe, helped = np.ones(cover.size, bool), np.zeros(cover.size, bool)
         for neighbour in self._sides:

@@ -31,28 +31,26 @@ class ContactPair:
     Args:
         data: Mesh, tags and names.
         slave: Name or tag of the side that carries the multiplier (the finer or softer one).
-        master: Name or tag of the other side, or an obstacle; several pairs may share one, and a
-            slave may have several masters, one pair each: in a groove a node may touch two, and
-            stick to both, see ``redundancy``.
-        law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or one's own, see ``laws``.
-            Nodes that are held in a component, as on symmetry planes, have no friction.
-        search_radius: Farthest distance along the slave normal at which a partner is looked for, in
-            front of the slave and behind it [length]; the diagonal of the smaller surface's box by
-            default, for an obstacle no limit. Behind, where bodies overlap, the nearer way out
-            counts: to half of what both bodies are thick there together, in their present state
-            (tied ones as one). So surfaces may be whole outlines: nothing is seen through a plate.
-        initial_gap: Gap [length] that the nodes near the other surface (half a facet) shall have
-            where the problem is set up, whatever the facets of curved surfaces leave between them:
-            0 closes gaps and overlaps, a negative number is an interference. ``None`` takes gaps
-            and overlaps as they are meshed. See also ``Contact.offset``.
-        sliding: "finite", or "small": D, M and normals stay those of the undeformed mesh, and the
-            gap is linear in the displacement. It suffices where slip is small beside a facet and
-            normals hardly turn; with linear bulk the matrix is factored once, see ``reduced``.
+        master: Name or tag of the other side, or an obstacle. Several pairs may share a master. A
+            slave with several masters needs one pair for each; see ``redundancy`` for nodes that
+            touch two of them.
+        law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or a user's law, see ``laws``.
+            Nodes with a prescribed component, as on symmetry planes, are frictionless.
+        search_radius: Largest distance of partners along the slave normal, in front of the slave
+            and behind it [length]. Default: diagonal of the smaller surface's bounding box; for an
+            obstacle no limit. Behind the slave the distance is also limited to half of the present
+            thickness of both bodies together, so that surfaces may be whole outlines.
+        initial_gap: Gap at set-up of all nodes within half a facet of the other surface [length]: 0
+            removes gaps and overlaps of faceted curves, a negative number is an interference.
+            ``None`` keeps the gaps of the mesh. See also ``PairView.offset``.
+        sliding: "finite", or "small": D, M and normals of the undeformed mesh, and a gap that is
+            linear in the displacement. For slip that is small compared with a facet and small
+            rotations; with linear bulk the matrix is factored once, see ``reduced``.
         discretization: Choices for research and comparison: a ``Discretization`` or the name of a
             preset, "default", "other_codes" or "petrov_galerkin".
 
     Raises:
-        ValueError: If an option is not one of those named.
+        ValueError: If an option has a value that is not allowed.
         MeshError: If a name or tag is unknown or has no facets.
 
     Note:
@@ -96,10 +94,10 @@ class ContactPair:
         self.check()
 
     def check(self) -> None:
-        """Refuse options that are not allowed (local).
+        """Check the options (local).
 
         Raises:
-            ValueError: If an option is not one of those named.
+            ValueError: If an option has a value that is not allowed.
         """
         check_kind("data", self.data, MeshData, "the MeshData of the mesh")
         check_choice("sliding", self.sliding, get_args(Sliding))

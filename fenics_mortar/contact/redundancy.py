@@ -1,25 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""Sticking nodes that other constraints hold already: corners where several pairs meet.
+"""Redundant stick: sticking nodes whose stick follows from other constraints.
 
-A gap is one equation for the motion of the two bodies, stick is a second one. Where the nodes of a
-pair are nodes of other pairs as well, stick may follow from the other equations. Three examples:
-the two gaps of a groove fix a node altogether; a facet of C across the joint of A and B keeps the
-corners of both on one line; where four blocks meet, two of the four sticks close a loop. The shear
-there is not unique then, and the linear system would be singular or, with a gap that opens by
-rounding, nearly so.
+A closed gap and stick are one constraint each. Where several pairs share nodes, a stick may depend
+on the other constraints: the two gaps of a groove fix a node completely; a facet of C across the
+joint of A and B keeps the corners of both on one line; where four blocks meet, two of the four
+sticks close a loop. The shear is then not unique, and the linear system is singular or, with a gap
+that opens by rounding, nearly so.
 
-Such a node sticks elastically, a thousand times as stiff as the bulk there, k = 1000 k_j,
+A redundant node sticks elastically with k = 1000 k_j,
 
     z_tau = z_tau,old + (k / l_j) u,      u: slip since the last accepted state,
 
-up to the friction limit. Where its stick follows from other constraints, u vanishes but for their
-curvature, and the shear stays as it was: of all admissible ones the nearest to the last. Where it
-does not, as where one flank of a groove moves on, u is a true slip, and the node soon slides.
+up to the friction limit. As long as the stick is redundant, u vanishes except for the curvature of
+the constraints, and the shear keeps its value: of all admissible shears the nearest to the last. If
+it is no longer redundant, as when one flank of a groove moves, u is a true slip, and the node soon
+slides.
 
-The constraints are compared by their rows (D_jk n, -M_jl n) and (D_jk tau, -M_jl tau) as the bodies
-faced each other at the last accepted state. In a sum of rows that cancels, a row whose slave node
-no other pair touches cannot take part: so only rows of shared slave nodes are compared, a few for
-each corner.
+Dependence is found from the rows (D_jk n, -M_jl n) and (D_jk tau, -M_jl tau) at the last accepted
+state. A row whose slave node belongs to no other pair cannot be part of a vanishing sum; so only
+rows of shared slave nodes are compared, a few per corner.
 """
 
 from __future__ import annotations
@@ -35,10 +34,10 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Part of a row of stick [1] that has to be independent of the other rows. What is left of a
-# redundant one is of the order of the strains, since the bodies have deformed since the step began.
+# Norm of the remainder of a normalized row [1] below which it is dependent. The remainder of a
+# redundant row is of the order of the strains of the step.
 INDEPENDENT = 0.1
-# Part of a row [1] below which an entry couples nothing.
+# Entry of a normalized row [1] below which it is dropped.
 COUPLED = 1e-6
 
 
@@ -72,10 +71,10 @@ class Redundancy:
         self._shared = found[count > 1]
 
     def mark(self) -> None:
-        """Add to ``redundant`` of all contacts what follows from their present active sets.
+        """Mark the redundant sticks of the present active sets in the states of all contacts.
 
-        A node that goes on sticking stays marked: where the gap of a joint is closed by rounding
-        it may open and close again, and the law of the nodes beside it must not change each time.
+        A sticking node stays marked: a joint closed up to rounding may open and close, which must
+        not change the law of its neighbours each time.
         """
         if not self._shared.size:
             return
@@ -102,18 +101,18 @@ class Redundancy:
             self._contacts[i].change(redundant=marks)
 
     def begin(self) -> None:
-        """Forget the marks of the last solve."""
+        """Clear all marks."""
         for contact in self._contacts:
             contact.change(redundant=np.zeros(contact.slave.num_nodes, bool))
 
     def _sticks_at_shared(self, contact: Contact) -> bool:
-        """Whether a node sticks where another pair has a node as well."""
+        """Whether a sticking node is shared with another pair."""
         sticks = contact.slave.nodes[contact.sticking]
         return bool(sticks.size and np.isin(sticks, self._shared).any())
 
     @staticmethod
     def _entries(contact: Contact) -> _Entries:
-        """Rows of active gaps and sticks, of length one each; prescribed components are zero."""
+        """Normalized rows of active gaps and sticks; prescribed components are zero."""
         parts = list(_directed_entries(contact))
         row, node, value, own = (np.concatenate(fields) for fields in zip(*parts, strict=True))
         length = np.sqrt(np.bincount(row, (value**2).sum(axis=1)))[row]
@@ -141,9 +140,9 @@ def _directed_entries(contact: Contact) -> Iterator[_Entries]:
 def repeating(
     pair: Indices, row: Indices, node: Indices, own: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.bool_]:
-    """Entries of rows that may cancel in a sum: those whose slave nodes other pairs touch.
+    """Entries of rows that may be part of a vanishing sum.
 
-    Left out are, again and again, rows with a slave node that is in no row of another pair.
+    Rows with a slave node that is in no row of another pair are removed, repeatedly.
 
     Args:
         pair: Number of the pair of each entry, shape (entries,).
@@ -169,10 +168,10 @@ def repeating(
 
 
 def dependent(rows: Array) -> npt.NDArray[np.bool_]:
-    """Which rows depend on the rows before them up to ``INDEPENDENT``, shape (rows,), bool.
+    """Rows that depend on the rows before them up to ``INDEPENDENT``, shape (rows,), bool.
 
     Args:
-        rows: Rows of length one or zero, shape (rows, columns).
+        rows: Normalized or zero rows, shape (rows, columns).
     """
     basis = np.empty((0, rows.shape[1]))
     found = np.zeros(len(rows), bool)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The rows of the multipliers of a contact, linearized: gap and contact law.
+"""Linearized rows of the multipliers of a contact: gap and contact law.
 
-The row of the gap is weighted by k_j / D_jj, those of the law by D_jj, so that all read like rows
-of the bulk; the two are then turned back to Cartesian components: n (row of the gap) - tau
-(tangential row), or of an open node - n (normal row) - tau (tangential row).
+The row of the gap is weighted by k_j / D_jj, those of the law by D_jj, so that all have the units
+of the bulk rows. They are combined to Cartesian components: n (row of the gap) - tau (tangential
+row), or for an open node - n (normal row) - tau (tangential row).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from fenics_mortar.contact.laws import Row
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array
 
-# What weighs gaps, multipliers that do not act, and the two rows of the law: n k / D, the nodes'
-# lengths, tau D, and n D of open nodes, zero for nodes that have no such row. Shapes (slave nodes,
-# 2), (slave nodes,), (slave nodes, 2), (slave nodes, 2).
+# Weights of the rows: n k / D of gaps, nodal lengths of multipliers that do not act, tau D and n D
+# of the law; zero at nodes without such a row. Shapes (slave nodes, 2), (slave nodes,), (slave
+# nodes, 2), (slave nodes, 2).
 Frame = tuple[Array, Array, Array, Array]
 
 
@@ -76,7 +76,7 @@ def frame_of(f: ContactFields) -> Frame:
 
 
 def law_of(f: ContactFields, frame: Frame) -> Array:
-    """The two rows of each node that solutions make zero, weighted by ``frame``."""
+    """Nonlinear rows weighted by ``frame``, zero at a solution, shape (slave nodes, 2)."""
     normal, idle, *laws = frame
     rows = normal * f.operators.gap[:, None] - idle[:, None] * f.state.z
     for scaled, row in zip(laws, f.law_rows, strict=True):
@@ -104,7 +104,7 @@ def motion_rows_of(f: ContactFields, frame: Frame) -> Array:
 
 
 def gap_by_motions(f: ContactFields) -> Array:
-    """Derivative of the mean gaps by the motions, (slave nodes, 3); zero where not covered."""
+    """Derivative of mean gaps by obstacle motions, (slave nodes, 3); zero where uncovered."""
     o, on = f.on_obstacle, f.covered[:, None]
     return np.where(on, o.dgap_dq / np.where(on, o.weight[:, None], 1.0), 0.0)
 
@@ -122,9 +122,9 @@ def _gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]
 
 
 def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> Iterator[Block]:
-    """Rows -``scaled`` (slave nodes, 2) d(rho), but for the gaps in rho.
+    """Rows -``scaled`` (slave nodes, 2) d(rho), without the derivative by gaps.
 
-    The change of n and tau is that of the nodes that this rank owns.
+    Terms with the change of n and tau are those of the nodes owned by this rank.
     """
     o, slave, z, partners = f.operators, f.sides.slave, f.state.z, f.state.partners
     j = slave.owned[f.acts[slave.owned]]
@@ -142,7 +142,7 @@ def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> Iterator[Block]:
 
 
 def _normal_rows(block: Block, direction: Array) -> Block:
-    """Turn rows of the weighted gap into two rows a node, along ``direction`` (slave nodes, 2)."""
+    """Expand nodal rows to two rows per node along ``direction`` (slave nodes, 2)."""
     values = np.einsum("bja,bjq->bjaq", direction[block.rows], block.values)
     shape = len(block.rows), 2 * block.rows.shape[1]
     rows = (2 * block.rows[:, :, None] + np.arange(2)).reshape(shape)

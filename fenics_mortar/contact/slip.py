@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Slip: how far slave nodes have moved along the material points that they faced.
+"""Slip of slave nodes relative to the material points that they faced.
 
-At each accepted state a slave node gets its partners, the rows of D and M over the node's weight
-w_j. How far a node and its partners are apart at new positions, mostly along the normal, is
+At each accepted state the partners of a slave node are given by the rows of D and M over the node's
+weight w_j. The distance vector of a node and its partners at new positions is
 
     b_j = [(D_jk / w_j)_old - s_j D_jk] x_k - [(M_jl / w_j)_old - s_j M_jl] x_l,
 
-and the slip of the step is what tau_j . b_j has gained since that state, tau_j being the present
-tangent. The number s_j tells the two measures apart:
+and the slip of the step is the change of tau_j . b_j since that state, with the present tangent
+tau_j. The two measures differ in s_j:
 
 ==============  ============  ======================================================================
 measure         s_j           slip u_j
@@ -16,29 +16,32 @@ measure         s_j           slip u_j
 ``operators``   1 / w_j,old   -tau_j . [(D - D_old) x - (M - M_old) x]_j / w_j,old
 ==============  ============  ======================================================================
 
-The second is the usual one (Gitterle, Popp, Gee & Wall 2010); at the accepted state its b_j is
-zero. A rigid motion of everything changes neither, so that both are objective. Between nodes in
-contact they differ by what the tangential part of the weighted gap vectors changes in the step,
-which is small: the shear that holds stuck blocks differs by 5e-6, sliding ones drag by the same
-force, and both take the same iterations.
+"operators" is the common measure (Gitterle, Popp, Gee & Wall 2010); its b_j vanishes at the
+accepted state. Both are objective. In closed contact they differ by the change of the tangential
+part of the weighted gap vectors, which is small: the shear of sticking blocks differs by 5e-6; the
+forces of sliding blocks and the numbers of iterations are equal.
 
-They differ more where nodes come to touch in a step. What they move before that is no slip, but
-both measures count its part along the slave's tangent, and two arcs that are pressed together in
-one step turn their tangents to each other as they flatten. For the first measure, the tangent at
-an accepted state of a node that is open there is the one midway between both sides: motion along
-the normal midway is no slip. Two cylinders, pressed in one step and then sheared, so have the shear
-of Cattaneo and Mindlin up to 1.5 % (1.1 % if pressed without friction), against 39 % by the second
-(``demos/accuracy/cattaneo.py``). In ironing in long steps, where but one side turns, shear times
-slip is 0.05 % less than the work of the shears' forces, by the slave's tangent 0.02 % more. The
-first measure needs no derivatives of D and M, and has a meaning where these do not change: it is
-the default. The second is for comparison with other codes.
+They differ more where a gap closes in the step. The motion before closure is not slip, but both
+measures count its component along the slave's tangent, and the tangents of two arcs rotate as these
+flatten. With "partners", the tangent of open nodes at the accepted state is therefore the mean of
+both sides. Two cylinders pressed together in one step and then sheared
+(``demos/accuracy/cattaneo.py``):
 
-Partners are material points whether or not there is contact yet: nodes that come to touch in a step
-slip by what they have moved along the points that they faced at its start. A node that faced
-nothing, beyond the end of the master, gets the nearest point of the master's nearest facet, which
-goes on straight beyond its ends; it has no D_old, and s_j = 0. The partner of a node at a rigid
-obstacle is the obstacle's nearest point, which moves with it; it lies along the normal, where the
-two measures are the same.
+==============  ===========================================================
+measure         error of the shear, relative to Cattaneo and Mindlin
+==============  ===========================================================
+``partners``    1.5 % (1.1 % if pressed without friction)
+``operators``   39 %
+==============  ===========================================================
+
+In ironing with long steps, where one side rotates only, shear times slip is 0.05 % below the work
+of the shear forces, with the slave's tangent 0.02 % above. "partners" needs no derivatives of D and
+M and is also defined with constant D and M; it is the default. "operators" is for comparison.
+
+Open nodes have partners as well: slip counts from the points faced at the start of the step. A node
+beyond the end of the master gets the nearest point of the nearest master facet, continued straight;
+it has no D_old, and s_j = 0. On a rigid obstacle the partner is the nearest point of the obstacle
+and moves with it; it lies along the normal, so that both measures are equal.
 """
 
 from __future__ import annotations
@@ -70,11 +73,11 @@ class Partners:
         D: Shape (slave nodes, slave nodes), rows sum to one.
         M: Shape (slave nodes, master nodes), rows sum to one; no columns for an obstacle.
         feet: The nearest points of an obstacle in its own frame, shape (slave nodes, 2) [length].
-        present: s_j, what the present D and M count for, shape (slave nodes,) [1 / length].
+        present: s_j, weight of the present D and M, shape (slave nodes,) [1 / length].
         start: tau_j . b_j at that state, shape (slave nodes,) [length].
         shear: z_tau at that state, zero where open, shape (slave nodes,) [stress].
-        facing: Points between the nodes that faced each other, if they were asked for: of bodies
-            that rub against each other. The surface of an obstacle has no mesh.
+        facing: Gauss points of both sides that faced each other, for pairs of two bodies with
+            friction; else ``None``.
     """
 
     D: csr_array
@@ -86,7 +89,7 @@ class Partners:
     facing: Facing | None = None
 
     def apart(self, o: MortarOperators) -> Array:
-        """B at the positions of ``o``, shape (slave nodes, 2) [length]."""
+        """Distance vectors b_j at the positions of ``o``, shape (slave nodes, 2) [length]."""
         if isinstance(o, ObstacleOperators):
             return o.x - o.obstacle.to_space(self.feet)
         apart = self.D @ o.x - self.M @ o.m
@@ -97,9 +100,9 @@ class Partners:
         return np.einsum("ja,ja->j", o.tau, self.apart(o)) - self.start
 
     def derivative(self, o: MortarOperators) -> Iterator[Block]:
-        """tau_j . db_j of this rank's share: rows slave nodes, columns dofs [1].
+        """Blocks tau_j . db_j of this rank's share: rows slave nodes, columns dofs [1].
 
-        The other part of the slip's derivative, by the change of tau, is
+        The other term of the slip's derivative, by the change of tau, is
         ``o.tangential_derivative(b)``.
         """
         for surface, matrix, sign in ((o.slave, self.D, 1.0), (o.master, self.M, -1.0)):
@@ -118,7 +121,7 @@ class Partners:
         return np.einsum("jam,ja->jm", turned, self.apart(o)) - np.einsum("jmc,jc->jm", V, o.tau)
 
     def pairs(self) -> tuple[Indices, Indices]:
-        """Slave nodes and the master nodes that they are coupled to."""
+        """Slave nodes and the master nodes coupled to them, each (k,)."""
         entries = self.M.tocoo()
         return entries.row.astype(np.int64), entries.col.astype(np.int64)
 
@@ -136,11 +139,11 @@ def find_partners(
 
     Args:
         o: Operators of the accepted state.
-        faces: Which slave nodes have a row in D and M, shape (slave nodes,), bool.
-        touches: Which are in contact, or have a tangent that never turns.
-        measure: Whether the present D and M count, too.
+        faces: Slave nodes with rows in D and M, shape (slave nodes,), bool.
+        touches: Slave nodes in contact or with a constant tangent, shape (slave nodes,), bool.
+        measure: Measure of slip, see above.
         master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
-        between: Whether to note what faces each other between the nodes, too.
+        between: Whether to find ``Partners.facing``.
     """
     none, facing = np.zeros(len(o.x)), None
     if isinstance(o, ObstacleOperators):
@@ -162,9 +165,9 @@ def find_partners(
 
 
 def _midway(o: MortarOperators, M: csr_array, planes: Array) -> Array:
-    """Tangents midway between those of the slave nodes and of what they face, (slave nodes, 2).
+    """Mean tangents of slave nodes and the facets opposite, shape (slave nodes, 2).
 
-    Where the nearest facet looks the same way, as behind the back of a plate, the slave's own.
+    The slave's own tangent where the nearest facet has a similar normal, as on the back of a plate.
     """
     n = o.n
     if o.master.num_nodes:
@@ -179,7 +182,7 @@ def _midway(o: MortarOperators, M: csr_array, planes: Array) -> Array:
 def _replicate(
     o: MortarOperators, rows: Indices, columns: Indices, values: Array, scale: Array
 ) -> Entries:
-    """Entries of the blocks (b, K, K) of all ranks, rows scaled, on each of them (collective)."""
+    """Entries of the blocks (b, K, K) of all ranks with scaled rows, replicated (collective)."""
     used = (values != 0.0) & (scale[rows] != 0.0)[:, :, None]
     i = np.broadcast_to(rows[:, :, None], values.shape)[used]
     k = np.broadcast_to(columns[:, None, :], values.shape)[used]
@@ -190,12 +193,12 @@ def _replicate(
 
 def _nearest(o: MortarOperators, j: Indices) -> tuple[Entries, Entries]:
     """Entries of D and M that pair the nodes ``j`` with the line of the nearest master facet."""
-    ends, part = nearest_facets(o.x[j], o.m, o.master)
-    values = np.stack([1.0 - part, part], axis=1).ravel()
+    ends, fraction = nearest_facets(o.x[j], o.m, o.master)
+    values = np.stack([1.0 - fraction, fraction], axis=1).ravel()
     return (j, j, np.ones(j.size)), (np.repeat(j, 2), ends.ravel(), values)
 
 
 def _sum(one: Entries, other: Entries, rows: int, columns: int) -> csr_array:
-    """The matrix of two lots of entries."""
+    """Matrix of shape (rows, columns) with the entries of both."""
     i, k, v = (np.concatenate(parts) for parts in zip(one, other, strict=True))
     return coo_array((v, (i, k)), shape=(rows, columns)).tocsr()

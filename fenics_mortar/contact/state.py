@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The state of an interface: all that a solve moves, or leaves behind for the next one."""
+"""The state of an interface: all quantities that a solve changes or passes to the next one."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from fenics_mortar.utils.arrays import Array, Flags, freeze
 class InterfaceState:
     """State of one interface, a value: ``dataclasses.replace`` makes another one.
 
-    Arrays can not be written to. They are equal on all ranks.
+    Arrays are read-only and equal on all ranks.
 
     Attributes:
         z: Multipliers, minus the traction on the slave, shape (slave nodes, 2) [stress].
         active: Active set, shape (slave nodes,), bool.
         branch: Branch of the law that each node is on, 0 where it sticks, shape (slave nodes,).
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool:
-            not if it is held, nor while it is hardly covered.
+            not if it is prescribed or hardly covered.
         redundant: Whether the stick of a node follows from other constraints, so that it sticks
             elastically, shape (slave nodes,), bool; see ``redundancy``.
         partners: Material points that slip is counted from, the ``Partners`` of the slave nodes at
-            the start of the step; ``None`` of a tie.
-        accepted: Partners at the last accepted state, those of the next step.
-        c_n: Weight of the gap in the complementarity function; less than the pair's after a cycle
-            of the active set.
-        offset: Length taken off the pointwise gap, shape (slave nodes,) [length].
-        reference: With small sliding the operators of the undeformed mesh, once evaluated.
-        borne: Nodes that press although their multipliers pull, and the forces of all nodes, noted
-            by the last increment for the next active set; see ``Contact.move``.
+            the start of the step; ``None`` for a tie.
+        accepted: Partners at the last accepted state, used in the next step.
+        c_n: Weight of the gap in the complementarity function [1]; below the pair's value after a
+            cycle of the active set.
+        offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
+        reference: Operators of the undeformed mesh, with small sliding.
+        borne: Nodes with tensile multiplier and compressive force, and the forces of all nodes, for
+            the next active set; see ``Contact.move``.
     """
 
     z: Array

@@ -1,26 +1,25 @@
 # SPDX-License-Identifier: MIT
-"""Tied pairs: two surfaces whose meshes need not match are joined (mesh tying).
+"""Tied pairs: mesh tying of two surfaces with nonmatching meshes.
 
-With D and M of the reference configuration, once and for all, the displacement of the slave follows
-that of the master,
+With D and M of the reference configuration, the slave's displacement follows the master's,
 
-    sum_k D[j, k] u_k - sum_l M[j, l] u_l = 0    for every slave node j that carries a multiplier,
+    sum_k D[j, k] u_k - sum_l M[j, l] u_l = 0    for every multiplier node j,
 
-in both components. Nothing here depends on the displacement: of a linear bulk the whole system has
-a constant matrix, and eliminating the slave leaves a symmetric one, Q^T K Q with u_s = D^-1 M u_m.
+in both components. The constraint is linear: with linear bulk the matrix of the whole system is
+constant, and elimination of the slave by u_s = D^-1 M u_m gives a symmetric one, Q^T K Q.
 
-If D X_s = M X_m as well, which `close_gaps` sees to, the same holds for current positions: rigid
-motions of everything are free of stress, and the torques of D^T z and M^T z cancel to round-off
-(Puso 2004). Where the facets of a curved interface leave a gap vector g = D X_s - M X_m, it is kept
-by the rows above as it is, without turning: a rotation by an angle a strains the bodies by about
-a |g| over their size, and the torques of the two sides differ by g x z.
+If also D X_s = M X_m, which ``close_gaps`` ensures, the constraint holds for current positions:
+rigid motions are free of stress, and the torques of D^T z and M^T z cancel to rounding (Puso 2004).
+Otherwise the gap vector g = D X_s - M X_m of a faceted curve is kept without rotation: a rotation
+by an angle a strains the bodies by about a |g| over their size, and the torques of the two sides
+differ by g x z.
 
-A node would be constrained twice if it is prescribed or lies on another pair's surface, too, as
-where several tied interfaces meet. Then it carries no multiplier, and its neighbours take over its
-function (Wohlmuth 2000): constants are still met on all of the interface.
+A node that is prescribed or belongs to another pair would be constrained twice, as where several
+tied interfaces meet. It carries no multiplier, and its neighbours take over its function (Wohlmuth
+2000), so that constants are reproduced on the whole interface.
 
-Where a joint ends in a contact surface, the corners of the two bodies are one node of that surface,
-the master's: contact sees a surface that goes on across the joint.
+Where a joint ends at a contact surface, the corners of the two bodies are merged to one node, the
+master's, and the contact surface is continuous across the joint.
 """
 
 from __future__ import annotations
@@ -46,19 +45,19 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
 
-# A slave node of which less than this part is covered hands its function to its neighbours.
-LEAST_COVER = 0.05
-# Partners are looked for within this part of the longest facet, unless a radius is given.
+# Covered fraction of a slave node [1] below which its neighbours take over its function.
+MIN_COVER = 0.05
+# Default search radius over the longest facet [1].
 NEAR = 0.5
-# Ends of both sides are one corner of the outline within this part of the node's length.
+# Distance over nodal length [1] up to which ends of both sides are one corner of the outline.
 SAME_PLACE = 1e-6
-# A gap is rounding below this part of the interface's size and place.
+# Gap over size and position of the interface [1] up to which it is rounding.
 CLOSED = 1e-14
 
 
 @dataclass(frozen=True)
 class TiedOperators(MortarOperators):
-    """D and M of the reference configuration; only positions and normals are the current ones.
+    """D and M of the reference configuration; positions and normals are the current ones.
 
     Attributes:
         apart: D u_s - M u_m, shape (slave nodes, 2) [length^2].
@@ -67,7 +66,7 @@ class TiedOperators(MortarOperators):
     apart: Array
 
     def gap_derivative(self) -> list[Block]:
-        """Nothing: there is no weighted gap."""
+        """Empty: there is no weighted gap."""
         return []
 
 
@@ -82,23 +81,23 @@ class TiedFields(InterfaceFields):
 
     @property
     def jump(self) -> Array:
-        """See the class."""
+        """D u_s - M u_m, shape (slave nodes, 2) [length^2]."""
         return self.operators.apart
 
     @property
     def gap(self) -> Array:
-        """Mean distance that the two sides have moved apart, nan without multiplier [length]."""
+        """Mean relative displacement of the sides, nan without multiplier, (slave nodes,)."""
         on = self.state.active
         weight = np.where(on, self.operators.weight, 1.0)
         return np.where(on, np.linalg.norm(self.jump, axis=1) / weight, np.nan)
 
 
 class Tie(Interface):
-    """One tied pair bound to a displacement space. Replicated, as a ``Contact``.
+    """One tied pair bound to a displacement space; replicated.
 
     Attributes:
-        D: Slave matrix, rows of nodes that carry only, (slave nodes, slave nodes) [length].
-        M: Master matrix, likewise, shape (slave nodes, master nodes) [length].
+        D: Slave matrix, rows of multiplier nodes only, (slave nodes, slave nodes) [length].
+        M: Master matrix, rows of multiplier nodes only, (slave nodes, master nodes) [length].
         jump: D u_s - M u_m at the last evaluated displacement, shape (slave nodes, 2) [length^2].
     """
 
@@ -125,12 +124,16 @@ class Tie(Interface):
         if not (self.operators.cover > 0.0).any():
             raise SurfaceError(
                 f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
-                "search_radius sets how far they may be apart"
+                "increase search_radius"
             )
-        self.release(self.operators.cover < LEAST_COVER * self.nodal_lengths)
+        self.release(self.operators.cover < MIN_COVER * self.nodal_lengths)
 
     def release(self, nodes: Flags) -> None:
-        """Let the neighbours take over the functions of ``nodes`` (slave nodes,) (collective)."""
+        """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
+
+        Raises:
+            SurfaceError: On all ranks, if no multiplier is left.
+        """
         if (nodes & self.multiplier_nodes).any():
             self.change(multiplier_nodes=self.multiplier_nodes & ~nodes)
             self._check_multiplier_nodes(nodes)
@@ -141,8 +144,8 @@ class Tie(Interface):
             where = place(self.slave.X[np.flatnonzero(released)[0]])
             raise SurfaceError(
                 f"{self._names} cannot be tied: every slave node that has a partner is prescribed "
-                f"or lies on the surface of another pair, as the one at {where}; change the roles, "
-                "or refine the slave"
+                f"or belongs to another pair, for example the one at {where}; exchange slave and "
+                "master, or refine the slave"
             )
 
     @property
@@ -180,7 +183,7 @@ class Tie(Interface):
     def _replicate(
         self, rows: Indices, columns: Indices, values: Array, shape: tuple[int, int]
     ) -> csr_array:
-        """Sum of the blocks of all ranks, on each of them; rows of active nodes only."""
+        """Sum of the blocks of all ranks, replicated; rows of active nodes only (collective)."""
         values = np.where(self.active[rows][:, :, None], values, 0.0)
         i, j = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
         parts = self.slave.comm.allgather((i.ravel(), j.ravel(), values.ravel()))
@@ -191,7 +194,7 @@ class Tie(Interface):
 
     @property
     def offset(self) -> Array:
-        """Zero: there is no gap to take it off."""
+        """Zero: a tie has no offset."""
         return self._state.offset
 
     @offset.setter
@@ -203,14 +206,14 @@ class Tie(Interface):
 
     @property
     def nodes(self) -> Indices:
-        """Global numbers of the nodes of both sides that take part."""
+        """Global numbers of the tied nodes of both sides."""
         met = np.unique(self.M.indices)
         return np.concatenate(
             [self.slave.nodes[self.operators.cover > 0.0], self.master.nodes[met]]
         )
 
     def welds(self) -> Indices:
-        """Ends of the slave and of the master at the same place: global nodes (k, 2)."""
+        """Coinciding ends of slave and master: global nodes, shape (k, 2)."""
         ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in self._sides]
         apart = self.slave.X[ends[0], None] - self.master.X[ends[1]]
         near = np.linalg.norm(apart, axis=2) < SAME_PLACE * self.nodal_lengths[ends[0], None]
@@ -231,16 +234,16 @@ class Tie(Interface):
 
     @property
     def as_faced(self) -> MortarOperators:
-        """The operators with the nodes where they are on the reference mesh."""
+        """Operators with the nodes at their reference positions."""
         n, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
         return replace(self.operators, x=self.slave.X, m=self.master.X, n=n)
 
     def intersections(self) -> Segments:
-        """Where the facets of this rank's share meet the master."""
+        """Intersections of this rank's slave facets with the master."""
         return self.operators.segments
 
     def close_gap(self, space: DisplacementSpace) -> bool:
-        """Move active nodes to where D X_s = M X_m (collective); return whether any had to."""
+        """Move active nodes such that D X_s = M X_m (collective); return whether any moved."""
         on, slave = self.active_nodes, self.slave
         idle = np.where(self.active[:, None], 0.0, slave.X)
         rhs = (self.M @ self.master.X - self.D @ idle)[on]
@@ -252,7 +255,7 @@ class Tie(Interface):
         return True
 
     def look_at(self, space: DisplacementSpace) -> None:
-        """See where the nodes of the mesh are now (collective)."""
+        """Update the reference positions from the mesh (collective)."""
         X = space.positions()
         self.slave = replace(self.slave, X=self.slave.gather(X))
         self.master = replace(self.master, X=self.master.gather(X))
@@ -268,36 +271,36 @@ class Tie(Interface):
         return Rows(blocks, inactive[:, None, None] * np.eye(2), -weight[:, None] * self.jump)
 
     def followed(self) -> Array:
-        """See ``Interface``: both directions."""
+        """See ``Interface``; both directions are constrained."""
         return np.tile(np.eye(2), (self.slave.num_nodes, 1, 1))
 
     def frame(self) -> tuple[Array, Array]:
-        """What weighs the rows: diagonal of D [length], stiffness over it where active."""
+        """Weights of the rows: diagonal of D [length], stiffness over it where active."""
         diagonal = np.where(self.active, self.operators.diagonal, self.nodal_lengths)
         return diagonal, np.where(self.active, self.stiffness / diagonal, 0.0)
 
     def law(self, frame: tuple[Array, Array]) -> Array:
-        """What the rows make zero, weighted by ``frame``, shape (slave nodes, 2)."""
+        """Rows weighted by ``frame``, zero at a solution, shape (slave nodes, 2)."""
         diagonal, weight = frame
         inactive = np.where(self.active, 0.0, diagonal)
         return weight[:, None] * self.jump - inactive[:, None] * self.z
 
     def residual(self) -> Array:
-        """The jump of active nodes as a force, shape (slave nodes, 2) [stress length]."""
+        """Jump of active nodes as forces, shape (slave nodes, 2) [stress length]."""
         length = np.where(self.active, self.operators.weight, np.inf)
         return (self.stiffness / length)[:, None] * self.jump
 
     def force_blocks(self) -> list[Block]:
-        """B^T, see ``Interface``; it never changes."""
+        """B^T, see ``Interface``; constant."""
         return self._force_blocks
 
     def see(self, outline: Outline) -> Outline:
-        """See ``Interface``: where it is tied, one body goes on in the other."""
+        """See ``Interface``; tied facets are no boundary."""
         for side in self._sides:
             outline = outline.without(side, self.nodes)
         return outline
 
-    # What of a contact is nothing here
+    # Methods of a contact without effect on a tie
 
     def accept(self) -> None:
         """Nothing slips."""
@@ -313,10 +316,10 @@ class Tie(Interface):
         return 0
 
     def update_active(self, *, start: bool = False) -> int:
-        """No node changes; with ``start`` multipliers that a failed solve left are forgotten."""
+        """No node changes; with ``start`` multipliers that are not finite become zero."""
         if start:
             self.change(z=np.where(np.isfinite(self.z), self.z, 0.0))
         return 0
 
     def set_initial_gap(self) -> None:
-        """There is none to set."""
+        """A tie has no initial gap."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A tied pair: which two sides are joined, and how."""
+"""A tied pair: slave, master and discretization of a joint."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ Gap = Literal["removed", "kept"]
 
 
 class TiedPair:
-    """Joins a slave to a master surface, whose meshes need not match.
+    """Mesh tying of a slave and a master surface with nonmatching meshes.
 
     Args:
         data: Mesh, tags and names.
-        slave: Name or tag of the side that carries the multiplier; either side will do, the finer
-            or softer one gives smoother tractions.
+        slave: Name or tag of the side that carries the multiplier; tractions are smoother on the
+            finer or softer side.
         master: Name or tag of the other side.
-        gap: What becomes of the gap that the facets of a curved interface leave. "removed": when
-            the problem is set up, slave nodes move onto the master in the mesh itself, which
-            is then free of stress; so make the problem before you interpolate anything. A
-            displacement of degree 2 needs cells of second order for that, unless the interface is
-            straight. "kept": the mesh stays, and so does the gap vector. It does not turn with
-            the bodies: right for small rotations only, unless there is no gap.
-        search_radius: Farthest distance along the slave normal at which a partner is looked for
-            [length]; half the longest facet of the two sides by default. What has no partner stays
-            free.
+        gap: Treatment of gaps between the facets of a curved interface.
+
+            - "removed": at set-up the slave nodes of the mesh are moved onto the master, without
+              stress. Interpolate functions after the set-up. A displacement of degree 2 needs cells
+              of second order, unless the interface is straight.
+            - "kept": the mesh and the gap vector stay. The vector does not rotate with the bodies,
+              so that a nonzero gap is admissible for small rotations only.
+        search_radius: Largest distance of partners along the slave normal [length]; half the
+            longest facet of both sides by default. Nodes without partner stay free.
         discretization: ``Discretization`` of which a tie has basis, points and max_angle only, or
             "default".
 
     Raises:
-        ValueError: If an option is not one of those named.
+        ValueError: If an option has a value that is not allowed.
         MeshError: If a name or tag is unknown or has no facets.
 
     Note:
@@ -67,10 +67,10 @@ class TiedPair:
             data.boundary_facets(name)
 
     def check(self) -> None:
-        """Refuse options that are not allowed (local).
+        """Check the options (local).
 
         Raises:
-            ValueError: If an option is not one of those named.
+            ValueError: If an option has a value that is not allowed.
         """
         check_choice("gap", self.gap, get_args(Gap))
         expected = "an instance of Discretization"

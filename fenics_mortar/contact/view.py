@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A pair as users read it: nodal fields along the slave surface, and forces."""
+"""Results on a pair: nodal fields along the slave surface, and forces."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class PairView:
-    """A contact or tied pair of a problem, ``problem.contacts[i]``: what was found on it.
+    """Results on a contact or tied pair of a problem, ``problem.contacts[i]``.
 
-    All arrays are equal on all ranks. Nodal ones are in the order of the slave nodes along the
-    surface, at the present multipliers and the last evaluated displacement, which after a solve is
-    the solution. None of this is collective.
+    All arrays are equal on all ranks. Nodal arrays follow the slave nodes along the surface, at the
+    present multipliers and the last evaluated displacement; after a solve this is the solution. All
+    attributes but ``forces`` are local.
     """
 
     def __init__(self, interface: Interface) -> None:
         self._interface = interface
 
     def __repr__(self) -> str:
-        """The pair, its force and the number of its active nodes."""
+        """Pair, total force and number of active nodes."""
         force = ", ".join(f"{component:.6g}" for component in self.total_force)
         return f"<{self.pair!r}: force ({force}), {self.active.sum()} nodes active>"
 
@@ -55,7 +55,7 @@ class PairView:
 
     @property
     def lengths(self) -> Array:
-        """Length of undeformed slave surface that belongs to each node, (slave nodes,) [length]."""
+        """Tributary length of each node, undeformed, shape (slave nodes,) [length]."""
         return self._interface.nodal_lengths
 
     @property
@@ -65,22 +65,22 @@ class PairView:
 
     @property
     def pressure(self) -> Array:
-        """Normal part of the tractions, positive in compression, shape (slave nodes,) [stress]."""
+        """Contact pressure z_n, positive in compression, shape (slave nodes,) [stress]."""
         return self._interface.pressure
 
     @property
     def shear(self) -> Array:
-        """Part of the tractions along the tangent, shape (slave nodes,) [stress]."""
+        """Shear z_tau along the tangent, shape (slave nodes,) [stress]."""
         return self._interface.z_tau
 
     @property
     def gap(self) -> Array:
-        """Mean gap of each node, nan where it has no partner, shape (slave nodes,) [length]."""
+        """Mean gap g_j / w_j, nan at nodes without partner, shape (slave nodes,) [length]."""
         return self._interface.gap
 
     @property
     def slip(self) -> Array:
-        """Slip along the tangent in the last step, shape (slave nodes,) [length]."""
+        """Slip along the tangent since the accepted state, shape (slave nodes,) [length]."""
         return self._interface.slip
 
     @property
@@ -90,12 +90,12 @@ class PairView:
 
     @property
     def sticking(self) -> Flags:
-        """Active nodes that stick by friction, or are tied, shape (slave nodes,), bool."""
+        """Active nodes that stick or are tied, shape (slave nodes,), bool."""
         return self._interface.sticking
 
     @property
     def status(self) -> npt.NDArray[np.str_]:
-        """Each node is "open", or by friction "stick" or "slip"; without it "slip"."""
+        """Status "open", "stick" or "slip" (also without friction), shape (slave nodes,)."""
         closed = np.where(self.sticking, "stick", "slip")
         return np.where(self.active, closed, "open")
 
@@ -109,19 +109,19 @@ class PairView:
 
     @property
     def total_force(self) -> Array:
-        """Total force that acts on the slave body, shape (2,) [stress length]."""
+        """Total contact force on the slave body, shape (2,) [stress length]."""
         return self._interface.total_force
 
     @property
     def offset(self) -> Array:
-        """Length taken off the pointwise gap, shape (slave nodes,) [length].
+        """Length subtracted from the pointwise gap, shape (slave nodes,) [length].
 
-        May be set, to ramp an interference of the mesh: go with ``t`` from 0 to 1 by
-        ``contact.offset = (1 - t) * overlap``, where ``overlap`` is
-        ``np.nan_to_num(contact.gap).clip(max=0)`` at the start.
+        May be set. An interference of the mesh is ramped by ``contact.offset = (1 - t) * overlap``
+        with ``t`` from 0 to 1, where ``overlap = np.nan_to_num(contact.gap).clip(max=0)`` at the
+        start.
 
         Raises:
-            ValueError: If an offset of another shape, nan or inf is set.
+            ValueError: If the new offset has a wrong shape or is not finite.
         """
         return self._interface.offset
 
@@ -131,7 +131,7 @@ class PairView:
 
     @property
     def c_n(self) -> float:
-        """Weight of the gap in the complementarity function; may be set."""
+        """Weight of the gap in the complementarity function [1]; may be set."""
         return self._interface.c_n
 
     @c_n.setter
@@ -140,5 +140,5 @@ class PairView:
 
     @property
     def state(self) -> InterfaceState:
-        """Multipliers, sets and all else that the next solve begins from, as a value."""
+        """Multipliers, active set and further state of the interface, as a value."""
         return self._interface.state

@@ -17,7 +17,7 @@ Rule = tuple[Array, Array]
 # Gauss points on a segment, and its ends
 GAUSS: Rule = gauss_rule(4)
 ENDS: Rule = (np.array([-1.0, 1.0]), np.ones(2))
-# Steps of Newton's method to the place on a curved facet of a point that lies on it
+# Newton steps for the coordinate of a point on a curved facet
 STEPS = 4
 
 
@@ -49,9 +49,9 @@ class Points:
         return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
 
     def dual_moments(self, x: Array, values: Array) -> tuple[Array, Array]:
-        """Integrals of ``values`` (n, q) with the dual functions of each facet, and of these alone.
+        """Integrals of ``values`` (n, q) times dual functions, and of dual functions, each (n, K).
 
-        With the slave nodes at ``x``, where each segment is a whole facet: both (n, K).
+        Slave nodes at ``x``; each segment must be a whole facet.
         """
         N, w = self.shape, self.measure(x)
         mass = np.einsum("nq,nqj,nqk->njk", w, N, N)
@@ -59,7 +59,7 @@ class Points:
         return sizes * np.linalg.solve(mass, moments[..., None])[..., 0], sizes
 
     def measure(self, x: Array) -> Array:
-        """Lengths that the points stand for with the slave nodes at ``x``, shape (n, q)."""
+        """Tributary lengths of the points with the slave nodes at ``x``, shape (n, q) [length]."""
         _, slope = lagrange(self.s, self.shape.shape[2] - 1)
         along = np.einsum("nqk,nkc->nqc", slope, x[self.slave])
         return self.weights * np.linalg.norm(along, axis=2)
@@ -67,12 +67,12 @@ class Points:
 
 @dataclass(frozen=True)
 class Facing(Points):
-    """Such points and their partners on the master (all methods are local).
+    """Gauss points of the slave and their partners on the master (all methods are local).
 
     Attributes:
         master: Master nodes of each segment, shape (n, K).
         on_master: Their shape functions at the partners, shape (n, q, K).
-        start: How far along tau a point is from its partner at first, shape (n, q) [length].
+        start: Initial distance of point and partner along tau, shape (n, q) [length].
     """
 
     master: Indices
@@ -89,7 +89,7 @@ class Facing(Points):
 
 
 def points_between(facet: Indices, nodes: Indices, ends: Array, rule: Rule = GAUSS) -> Points:
-    """Points of the parts between ``ends`` (n, 2) of facets (n,) with ``nodes`` (n, K) (local)."""
+    """Gauss points between ``ends`` (n, 2) on facets (n,) with ``nodes`` (n, K) (local)."""
     middle, half = ends.mean(axis=1)[:, None], np.diff(ends) / 2
     s = middle + half * rule[0]
     return Points(facet, nodes, s, half * rule[1], lagrange(s, nodes.shape[1] - 1)[0])
@@ -112,7 +112,7 @@ def points_behind(o: MortarOperators, segments: Segments) -> Points:
 
 
 def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
-    """Which points of the master those of the segments face at the state of ``o`` (local)."""
+    """Partners on the master of the points of segments at the state of ``o`` (local)."""
     here, gap = points_of(segments, rule), o.sample_gaps(o.x, segments, rule[0])
     y = here.of(o.x) + gap[..., None] * here.direction(o.n)
     master = segments.master
@@ -122,7 +122,7 @@ def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
 
 
 def nearest_facets(x: Array, m: Array, surface: Surface) -> tuple[Indices, Array]:
-    """Nearest facets of points, and where these lie along their chords (local).
+    """Nearest facets of points, and coordinates along their chords (local).
 
     Args:
         x: Points, shape (k, 2).
@@ -130,16 +130,16 @@ def nearest_facets(x: Array, m: Array, surface: Surface) -> tuple[Indices, Array
         surface: The surface.
 
     Returns:
-        The two ends of each facet, shape (k, 2), and the places from 0 to 1, or beyond if a point
-        is beyond the ends of the surface, shape (k,).
+        The two ends of each facet, shape (k, 2), and coordinates from 0 to 1, or beyond for points
+        beyond the ends of the surface, shape (k,).
     """
     ends = surface.facets[:, [0, -1]]
     chord = m[ends[:, 1]] - m[ends[:, 0]]
     away = x[:, None] - m[ends[:, 0]]
-    part = (away * chord).sum(axis=2) / (chord**2).sum(axis=1)
-    rest = away - np.clip(part, 0.0, 1.0)[:, :, None] * chord
+    fraction = (away * chord).sum(axis=2) / (chord**2).sum(axis=1)
+    rest = away - np.clip(fraction, 0.0, 1.0)[:, :, None] * chord
     facet = np.argmin((rest**2).sum(axis=2), axis=1)
-    return ends[facet], part[np.arange(len(x)), facet]
+    return ends[facet], fraction[np.arange(len(x)), facet]
 
 
 def _places_on(m: Array, y: Array) -> Array:

@@ -27,7 +27,7 @@ def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[
 
 
 def share_of(items: Indices, comm: MPI.Comm) -> Indices:
-    """This rank's contiguous, equal share of ``items``, whoever owns what they stand for."""
+    """This rank's contiguous, equal share of ``items``, independent of ownership (local)."""
     bounds = [items.size * rank // comm.size for rank in (comm.rank, comm.rank + 1)]
     return items[bounds[0] : bounds[1]]
 
@@ -54,10 +54,10 @@ def evaluate_mortar(
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
             neighbours take over the weight of those that do not.
         prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2);
-            nan where the averaged normal is right.
+            nan elsewhere.
         options: How to integrate.
         linearization: Which derivatives to fill; the others are zero.
-        view: What lies behind the slave's facets at these positions.
+        view: Limits of the search behind the slave's facets at these positions.
 
     Returns:
         The operators.
@@ -156,9 +156,10 @@ def _integrate(
 
 
 def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
-    """Which part of node k's function node j of a facet gets, shape (f, K, K).
+    """Fraction of the function of node k added to that of node j of a facet, shape (f, K, K) [1].
 
-    A node that carries keeps its own; the nearest ones that carry share that of another equally.
+    Multiplier nodes keep their own function; other functions are split equally among the nearest
+    multiplier nodes of the facet.
     """
     place = np.arange(multiplier_nodes.shape[1])
     distance = np.where(

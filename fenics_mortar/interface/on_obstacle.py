@@ -9,12 +9,12 @@ phi, V and arm see ``obstacles.obstacle``.
 symbol      meaning
 ==========  ==========================================================================
 Phi         C N with C = H diag(d) mass^-1 (dual) or H (standard), where d_j = int N_j,
-            mass_jk = int N_j N_k and H hands over the functions of nodes without one
+            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours
 D[j, k]     int Phi_j N_k: H[j, k] d_k of dual functions
 g[j]        int Phi_j phi: the weighted gap
 n           -grad phi / |grad phi| at the slave node
-f_q         -sum_k F_k . V(x_k): what the nodal forces F = D^T z, added to the internal
-            ones, ask of the obstacle; forces and moments balance exactly
+f_q         -sum_k F_k . V(x_k): generalized force on the obstacle by the nodal forces
+            F = D^T z; forces and moments balance exactly
 ==========  ==========================================================================
 """
 
@@ -143,8 +143,8 @@ def evaluate_obstacle(
         arm: What an angle is multiplied by to be a turn [length].
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        prescribed_normals: Normals to use instead, shape (slave nodes, 2); nan where the obstacle's
-            is right.
+        prescribed_normals: Normals to use instead of the obstacle's, shape (slave nodes, 2); nan
+            elsewhere.
         options: How to integrate.
         linearization: Which derivatives to fill.
 

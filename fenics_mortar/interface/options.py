@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How a pair is integrated: basis, normals, weights of the gap, quadrature, reach."""
+"""Discretization of a pair: basis, normals, weights of the gap, quadrature, search."""
 
 from __future__ import annotations
 
@@ -30,17 +30,16 @@ WEIGHTINGS = {"opposite": normals.OPPOSITE, "unit": normals.UNIT, "own": normals
 
 @dataclass(frozen=True)
 class MortarOptions:
-    """How one pair is integrated.
+    """Discretization of one pair.
 
     Attributes:
         basis: "dual" (D is diagonal), "standard" or, at vertices only, "vertices" and "linear".
         weighting: Weights of the facet normals at a node: "opposite", "unit" or "own".
-        gap_weights: What weighs the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
+        gap_weights: Weights of the gap: "basis", "cover" or "standard"; see ``kernels.basis``.
         integration: "segments", "elements" or "nodes"; see ``segments``.
         points: Gauss points per segment, with "elements" per slave facet.
-        radius: Farthest distance along the normal at which partners are looked for, behind the
-            slave surface less where the bodies are thin, see ``sight`` [length].
-        min_cosine: Least cosine between the slave's normal and the reversed master's.
+        radius: Search radius along the normal [length]; see ``sight`` for limits behind the slave.
+        min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
     """
 
     basis: Basis

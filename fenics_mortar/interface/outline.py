@@ -22,8 +22,8 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 # Steps of a coordinate in the order of segments: more than a curve has in one direction.
 STEPS = 1 << 16
-# Coordinates are one in the order of nodes within this part of the extent: each rank's rounding is
-# its own. The second is an odd part of it, so that regular meshes have no node between two steps.
+# Tolerance of coordinates in the order of nodes over the extent [1], above the rounding of ranks;
+# an odd factor of it, so that no node of a regular mesh lies between two steps.
 ROUNDING, ODD = 1e-9, 0.97312
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which slave facet meets which master facet, and the quadrature points that stand for it.
+"""Segments, the intersections of slave and master facets, and their quadrature points.
 
 ============  =========================================================================
 integration   segments of a slave facet
@@ -8,12 +8,11 @@ integration   segments of a slave facet
 "elements"    the facet has one Gauss rule; each run of points with the same partner is
               a segment. Its ends are fixed: the cuts that give each point of the rule a
               length equal to its weight
-"nodes"       the same with the points of Lobatto's rule, which are the nodes
+"nodes"       as "elements", with the points of Lobatto's rule, which are the nodes
 ============  =========================================================================
 
-The last two take the mean of what changes where a master facet ends inside a slave facet: forces
-balance as well, but a uniform pressure does not pass (Farah, Popp & Wall 2015). With points at the
-nodes the constraints are those of node-to-segment contact.
+The last two smear the kinks at ends of master facets inside a slave facet: forces balance, but the
+patch test is not satisfied (Farah, Popp & Wall 2015). "nodes" is node-to-segment contact.
 """
 
 from __future__ import annotations
@@ -32,9 +31,8 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 
 Integration = Literal["segments", "elements", "nodes"]
-# Lengths in xi below this are rounding: facets covered by less are left out, those of which less is
-# missing count as covered, segments may overlap by it, and a fixed point lies upon a master node
-# within this fraction of its facet.
+# Lengths in xi [1] that are rounding: for covered and missing lengths of facets, overlaps of
+# segments, and distances of fixed points from master nodes.
 NEGLIGIBLE = 1e-10
 
 
@@ -109,10 +107,10 @@ def find_segments(
         m: Current positions of the master nodes, shape (master nodes, 2) [length].
         facets: Slave facets to look at, shape (f,).
         radius: Farthest distance along the normal, on either side [length].
-        min_cosine: Least cosine between the slave's normal and the reversed master's.
-        integration: What a segment is; see above.
+        min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
+        integration: Kind of segments; see above.
         points: Gauss points per segment, with "elements" per slave facet.
-        view: What lies behind the slave's facets; without it nothing hides a partner there.
+        view: Limits of the search behind the slave's facets; none by default.
 
     Returns:
         The segments; where several master facets lie over one another, the nearest. With "elements"
@@ -152,7 +150,7 @@ def find_segments(
 
 
 class _Pieces(NamedTuple):
-    """What segments are on their slave facets; see ``Segments``."""
+    """Ends and quadrature of segments on their slave facets; see ``Segments``."""
 
     ends: Array
     end_is_fixed: npt.NDArray[np.bool_]

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""What lies behind a slave surface: the outlines of the bodies of a pair, in their present place.
+"""Limits of the search behind a slave surface: present outlines of the bodies of a pair.
 
-The back of a plate faces whatever lies below it, through the plate and through that body. Such a
-partner is farther behind the slave surface than both bodies are thick; see ``kernels.sight`` for
-the rule. The lengths are those in the present state: bodies bend and are compressed, and where an
-end of a beam looks along its axis the length of the undeformed mesh says nothing.
+Without a limit the back of a plate would find partners through the plate. Such a partner is farther
+behind the slave surface than both bodies are thick; see ``kernels.sight`` for the rule. Thicknesses
+are those of the present state, since bodies bend and are compressed.
 
-To a safe depth nobody asks. So this costs an iteration the positions of the outlines, from which
-those of the two surfaces are taken, and else only where a partner is farther behind than that.
+Up to a safe depth no limit is evaluated, so that the cost per iteration is that of gathering the
+outlines, which include the positions of both surfaces.
 """
 
 from __future__ import annotations
@@ -21,19 +20,18 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.sight import tabulate_lengths
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Partners count without question to this part of the length of the undeformed body behind a facet,
-# and to the length of the facet at the most: no body is compressed to less, nor does one bend away
-# in less.
+# Safe depth over the undeformed thickness behind a facet [1], and at most the facet's length: no
+# body is compressed to less, or bends within less.
 SAFE = 0.25
-# Ends of a body within this part of a facet from where a line begins are those of that facet.
+# Distance over facet length [1] within which the end of a line is on the facet itself: rounding.
 ROUNDING = 1e-10
 
 
 class View(NamedTuple):
-    """What lies behind the facets of a slave surface, as the kernels take it.
+    """Bodies behind the facets of a slave surface, as arguments of the kernels.
 
     Attributes:
-        safe: Depth behind each slave facet to which any partner counts, shape (f,) [length].
+        safe: Depth behind each slave facet up to which any partner counts, shape (f,) [length].
         slave_bodies: Bodies of the slave facets, shape (f,).
         master_bodies: Bodies of the master facets, shape (m,).
         outline: Present positions of nodes (b, 2) [length], pieces (p, 2) with the body on their
@@ -51,7 +49,7 @@ class View(NamedTuple):
 
 
 def open_view(num_facets: int) -> View:
-    """A view through everything."""
+    """A view without limits."""
     none: Indices = np.empty(0, np.int64)
     outline = np.empty((0, 2)), np.empty((0, 2), np.int64), none
     return View(np.full(num_facets, np.inf), none, none, outline)

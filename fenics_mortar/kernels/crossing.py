@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Boundaries that cross: segments of a state, and ways of nodes through segments in a step.
+"""Crossing boundaries: segments in a state, and paths of nodes through segments in a step.
 
 ==========  ======================================================================  ==============
 symbol      meaning                                                                 shape
@@ -8,21 +8,20 @@ x           positions of the nodes of all outlines                              
 segments    nodes a, b of each segment, its body on the left                        (m, 2)
 after       segment that begins where each one ends, -1 for none                    (m,)
 before      segment that ends where each one begins, -1 for none                    (m,)
-lengths     length of the facet that a segment is a part of                         (m,)
+lengths     length of the facet of each segment                                     (m,)
 bodies      body of each segment                                                    (m,)
 ==========  ======================================================================  ==============
 
-**A state.** Where two segments cross, at P, the outline of each enters the other's body. From P the
-two are followed inwards. A node on the one way is as deep as it is away from the other way, as long
-as it is on its inner side: a lens between two faceted curves is shallow, however long, a tip that
-went through a plate is deep, however thin the plate.
+**State.** Where two segments cross, at P, each outline enters the other body. Both are followed
+inwards from P. The depth of a node on one is its distance from the other, as long as it is on the
+inner side: a lens between faceted curves is shallow, a tip through a plate is deep.
 
-**A step.** With nodes on straight lines, a point p is on the line of a segment a b where
+**Step.** With nodes on straight lines, a point p is on the line of a segment a b at the roots of
 
-    c(t) = (b - a) x (p - a) = c0 + c1 t + c2 t^2
+    c(t) = (b - a) x (p - a) = c0 + c1 t + c2 t^2,
 
-has a root, and on the segment if its place s on it is in [0, 1]. The body is where c > 0: p enters
-where c grows, and leaves where it falls.
+and on the segment if its coordinate s is in [0, 1]. The body is on the side c > 0: p enters where c
+increases, and leaves where it decreases.
 """
 
 import numpy as np
@@ -30,17 +29,16 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.tree import build_tree, query_tree
 
-# What a place on a segment may be beyond its ends by rounding: neighbours leave no hole.
+# Tolerance of s in [0, 1] for rounding: no hole between neighbouring segments.
 BEYOND = 1e-12
-# Where two ways inwards are this close, in facets, they have met; and segments whose ends are so
-# near to each other's line are in one: rounding.
+# Distance [facets] up to which two outlines meet, or segments are collinear: rounding.
 MET = 1e-9
-# Segments that one is followed by at the most: a lens is told from a crossing by far fewer.
-LONGEST_WAY = 512
-# A way that leaves a body has gone through it where the outward normals of the places of entry and
-# exit have a cosine below this (more than 100 degrees): round a corner of a block is not through.
+# Largest number of segments followed from a crossing; a lens has far fewer.
+MAX_SEGMENTS = 512
+# Cosine between outward normals at entry and exit [1] below which a path passes through a body: 100
+# degrees, so that a path round the corner of a block does not.
 OPPOSITE = -0.17
-# Whose segments a node may go through
+# Segments to check for a node: of other bodies, of its own, of all
 OTHERS, OWN, ALL = 0, 1, 2
 
 
@@ -64,13 +62,13 @@ def distance_of(a, b):
 
 @kernel
 def share_node(e, f):
-    """Whether two segments have a node in common."""
+    """Whether two segments share a node."""
     return e[0] == f[0] or e[0] == f[1] or e[1] == f[0] or e[1] == f[1]
 
 
 @kernel
 def cross_properly(x, e, f):
-    """Whether two segments cross at inner points of both; not if they are in a line."""
+    """Whether two segments cross at inner points of both and are not collinear."""
     a, b, c, d = x[e[0]], x[e[1]], x[f[0]], x[f[1]]
     of_c, of_d = side(a, b, c), side(a, b, d)
     if not of_c * of_d < 0.0:
@@ -85,7 +83,7 @@ def cross_properly(x, e, f):
 
 @kernel
 def crossing_point(x, e, f):
-    """Where two segments that cross do so, shape (2,)."""
+    """Crossing point of two segments, shape (2,)."""
     a, b, c, d = x[e[0]], x[e[1]], x[f[0]], x[f[1]]
     to_a, to_b = side(c, d, a), side(c, d, b)
     return a + to_a / (to_a - to_b) * (b - a)
@@ -93,22 +91,22 @@ def crossing_point(x, e, f):
 
 @kernel
 def is_at_end(x, e, P, rounding):
-    """Whether P is an end of a segment up to a length."""
+    """Whether P is an end of a segment up to the length ``rounding``."""
     return min(distance_of(x[e[0]], P), distance_of(x[e[1]], P)) <= rounding
 
 
 @kernel
 def begin_way(x, segments, way, used, e, forward, P):
-    """Let a way begin at P, on segment e, with its first piece."""
+    """Start a path at P with the rest of segment e."""
     way[0], way[1], used[0] = P, x[segments[e, 1 if forward else 0]], e
 
 
 @kernel
 def has_piece(x, segments, links, way, used, count, forward, i):
-    """Whether a way of ``count`` pieces has piece i, by now: it is followed by one on demand.
+    """Whether a path along an outline has piece i; appended if ``count`` == i.
 
-    Piece i goes from ``way[i]`` to ``way[i + 1]`` and is part of segment ``used[i]``. A way ends
-    where it is full, at the end of a curve, or back where it began.
+    Piece i from ``way[i]`` to ``way[i + 1]`` is on segment ``used[i]``. A path ends if its arrays
+    are full, at the end of a curve, or at its start.
     """
     if i < count:
         return True
@@ -123,7 +121,7 @@ def has_piece(x, segments, links, way, used, count, forward, i):
 
 @kernel
 def nearest_on_piece(p, a, b):
-    """Squared distance of p from the segment from a to b, and the place on it, 0 to 1."""
+    """Squared distance of p from the segment from a to b, and the nearest coordinate, 0 to 1."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     square = dx * dx + dy * dy
     px, py = p[0] - a[0], p[1] - a[1]
@@ -134,9 +132,9 @@ def nearest_on_piece(p, a, b):
 
 @kernel
 def is_left(p, way, count, branch, at, forward):
-    """Whether p is on the left of a way at its nearest place; ``forward``: the way runs with it.
+    """Whether p is inside the outline at its nearest point; ``forward``: direction of the path.
 
-    Upon a node the sum of the two unit normals decides.
+    At a node the sum of both unit normals is used.
     """
     nx, ny, bx, by = 0.0, 0.0, 0.0, 0.0
     first = branch - 1 if at <= 0.0 else branch
@@ -154,9 +152,9 @@ def is_left(p, way, count, branch, at, forward):
 
 @kernel
 def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, ahead):
-    """Nearest piece of a way to p, from piece ``begin`` on and no more than ``ahead`` along it.
+    """Nearest piece of a path to p, from piece ``begin`` over the arc length ``ahead``.
 
-    ``counts[k]``: its pieces so far. Returns the squared distance, the piece and the place on it.
+    ``counts[k]``: number of its pieces. Returns squared distance, piece and coordinate on it.
     """
     best, branch, at, j = np.inf, begin, 0.0, begin
     while ahead >= 0.0 and has_piece(x, segments, links, way, used, counts[k], forward, j):
@@ -172,11 +170,10 @@ def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, 
 
 @kernel
 def is_out_at_once(outlines, links, f, forward, P, p):
-    """Whether the way from P to p leaves the other body within a facet of P along its outline.
+    """Whether the path from P to p leaves the other body within a facet of P along its outline.
 
-    The other way goes inwards from P on segment f, ``forward`` or not; looked at is its outline in
-    the other direction. Nearly in a line, as the tops of two blocks side by side that overlap by
-    rounding, a way is out again round a corner before its first node.
+    The outline of the other body is followed outwards from P, against ``forward``. Example: the
+    nearly collinear tops of two adjacent blocks that overlap by rounding.
     """
     x, segments, lengths, _ = outlines
     here, arc, e = P, 0.0, f
@@ -195,18 +192,18 @@ def is_out_at_once(outlines, links, f, forward, P, p):
 
 @kernel
 def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, walked):
-    """Greatest depth of the nodes of one way below the other: (depth / facet, depth).
+    """Largest depth of the nodes of one path below the other: (depth / facet, depth).
 
-    ``outlines`` = (x, segments, lengths, bodies); ``order``: numbers of the two ways. What a node
-    is ``allowed`` to overlap by is taken off. The way is followed until it comes out again, or goes
-    no deeper though it is as deep as a facet; of the other one there counts what is about as far
-    along. ``walked`` (m, 2) remembers where a segment was gone past in a direction, and in which
-    body: from there on it is not looked at again.
+    ``outlines`` = (x, segments, lengths, bodies); ``order``: numbers of the two paths; ``allowed``
+    overlaps are subtracted. The path is followed until it leaves the body, or its depth decreases
+    and is above one facet; the distance is that from pieces of the other path at a similar arc
+    length. ``walked`` (m, 2) marks segments by direction with the body they were followed in, so
+    that none is followed twice.
     """
     x, segments, lengths, bodies = outlines
     one, two = order
     way, used, other = ways[one], useds[one], ways[two]
-    most, depth, distance, near = 0.0, 0.0, 0.0, 0
+    max_facets, depth, distance, near = 0.0, 0.0, 0.0, 0
     body, direction = bodies[useds[two][0]], int(forwards[one])
     for i in range(used.size):
         if not has_piece(x, segments, links, way, used, counts[one], forwards[one], i):
@@ -241,16 +238,16 @@ def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, 
             max(allowed[segments[e, 0]], allowed[segments[e, 1]]),
             max(allowed[segments[f, 0]], allowed[segments[f, 1]]),
         )
-        if distance - slack > most * length:
-            most, depth = (distance - slack) / length, distance
-        elif most > 1.0:
+        if distance - slack > max_facets * length:
+            max_facets, depth = (distance - slack) / length, distance
+        elif max_facets > 1.0:
             break
-    return most, depth
+    return max_facets, depth
 
 
 @kernel
 def crossing_depth(outlines, links, allowed, pair, P, work, walked):
-    """How deep two outlines are in one another from a crossing P on: (depth / facet, depth)."""
+    """Depth of two outlines in each other from a crossing P: (depth / facet, depth)."""
     x, segments, _, _ = outlines
     first, second, used_1, used_2, counts = work
     e, f = pair
@@ -278,16 +275,16 @@ def grown(rows, count):
 
 @kernel
 def find_crossings(x, segments, after, before, lengths, bodies, allowed):
-    """Find where segments cross: rows (e, f, depth over facet, depth, x, y).
+    """Find crossings of segments: rows (e, f, depth over facet, depth, x, y).
 
-    ``allowed`` (n,) is what nodes may overlap by [length].
+    ``allowed`` (n,): admitted overlap of nodes [length].
     """
     boxes = build_tree(x, segments)
     leaves = boxes.shape[0] // 2
     stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     rows, count = np.empty((64, 6)), 0
     walked = np.full((segments.shape[0], 2), -1)
-    size = min(segments.shape[0], LONGEST_WAY)
+    size = min(segments.shape[0], MAX_SEGMENTS)
     work = (
         np.empty((size + 1, 2)),
         np.empty((size + 1, 2)),
@@ -305,17 +302,17 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
             P = crossing_point(x, segments[e], segments[f])
             rounding = MET * max(lengths[e], lengths[f])
             if is_at_end(x, segments[e], P, rounding) and is_at_end(x, segments[f], P, rounding):
-                continue  # corners that are at one place
-            most, depth = crossing_depth(
+                continue  # coinciding corners
+            facets, depth = crossing_depth(
                 (x, segments, lengths, bodies), (after, before), allowed, (e, f), P, work, walked
             )
             rows = grown(rows, count)
-            rows[count] = float(e), float(f), most, depth, P[0], P[1]
+            rows[count] = float(e), float(f), facets, depth, P[0], P[1]
             count += 1
     return rows[:count].copy()
 
 
-# Ways
+# Paths
 
 
 @kernel
@@ -334,11 +331,10 @@ def roots_in_step(c0, c1, c2):
 
 @kernel
 def find_events(x0, x1, segments, bodies, node_bodies, which):
-    """Find where nodes on their ways from x0 to x1 go through segments on theirs.
+    """Find intersections of nodes and segments that move from x0 to x1.
 
-    Segments of other bodies than the node's count if ``which`` is OTHERS, of its own with OWN, both
-    with ALL; the two that end at the node never do.
-    Returns rows (node, segment, t, 1 if it enters or -1 if it leaves, outward normal, place).
+    ``which``: segments of OTHERS, of the node's OWN body, or ALL, without those that end at it.
+    Returns rows (node, segment, t, 1 for entry or -1 for exit, outward normal, coordinate).
     """
     size = x0.shape[0]
     both = np.concatenate((x0, x1))
@@ -377,7 +373,7 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
 
 @kernel
 def nearest_segment(x, segments, bodies, body, p, node):
-    """Nearest segment of a body to p, but for those at ``node``, and the squared distance."""
+    """Squared distance and nearest segment of a body to p, without those at ``node``."""
     best, nearest = np.inf, -1
     for e in range(segments.shape[0]):
         if bodies[e] != body or segments[e, 0] == node or segments[e, 1] == node:
@@ -397,11 +393,11 @@ def normal_of(x, segment):
 
 
 @kernel
-def is_beside(x, segments, links, places, most):
-    """Whether the outline between two places on it, one way or the other, is beside their chord.
+def is_beside(x, segments, links, places, max_distance):
+    """Whether the outline between two points, in either direction, is close to their chord.
 
-    ``places``: two segments, and where on them, 0 to 1. No node between may be farther from the
-    chord than ``most``: a way along it slid along the surface, or round a tip.
+    ``places``: two segments and coordinates on them, 0 to 1. All nodes in between must be within
+    ``max_distance`` of the chord: a path along it slid along the surface, or round a tip.
     """
     e, f, s_e, s_f = places
     if e == f:
@@ -415,7 +411,7 @@ def is_beside(x, segments, links, places, most):
         while True:
             square, _ = nearest_on_piece(x[segments[g, end]], chord[0], chord[1])
             g = next_[g]
-            if not square <= most * most or g < 0 or g == e:
+            if not square <= max_distance * max_distance or g < 0 or g == e:
                 break
             if g == f:
                 return True
@@ -424,7 +420,7 @@ def is_beside(x, segments, links, places, most):
 
 @kernel
 def place_on(x, segment, p):
-    """Place of p along a segment, 0 to 1."""
+    """Coordinate of the projection of p on a segment, 0 to 1."""
     ax, ay = x[segment[0]]
     dx, dy = x[segment[1], 0] - ax, x[segment[1], 1] - ay
     s = ((p[0] - ax) * dx + (p[1] - ay) * dy) / (dx * dx + dy * dy)
@@ -433,12 +429,12 @@ def place_on(x, segment, p):
 
 @kernel
 def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
-    """Find the ways that went through a body, or end inside of one.
+    """Find paths that pass through a body or end inside one.
 
-    ``events``: rows of ``find_events``, sorted by node, body of the segment and time; x0, x1: where
-    nodes were at the start and are at the end. Returns rows (node, segment of the entry, segment of
-    the exit, distance of the node from the first); of a way that ends inside the exit is -1, and
-    the segment the nearest one.
+    ``events``: rows of ``find_events``, sorted by node, body of the segment and time; x0, x1:
+    positions at start and end. Returns rows (node, segment of entry, segment of exit, distance of
+    the node from the first). For a path that ends inside, the exit is -1 and the first segment is
+    the nearest one.
     """
     rows, count = np.empty((16, 4)), 0
     i = 0
@@ -451,7 +447,7 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                 if entry < 0:
                     entry, nx, ny, s = e, events[i, 4], events[i, 5], events[i, 6]
             else:
-                if entry < 0 and fresh:  # it began inside: in contact, or overlapping
+                if entry < 0 and fresh:  # starts inside: in contact, or overlapping
                     _, entry = nearest_segment(x0, segments, bodies, body, x0[p], p)
                     if entry >= 0:
                         nx, ny = normal_of(x0, segments[entry])
@@ -461,9 +457,9 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                     kx, ky = normal_of(x1, segments[e])
                     opposed = nx * events[i, 4] + ny * events[i, 5] < OPPOSITE
                     opposed = opposed and mx * kx + my * ky < OPPOSITE
-                    most = max(lengths[entry], lengths[e])
+                    facet = max(lengths[entry], lengths[e])
                     places = (entry, e, s, events[i, 6])
-                    if opposed and not is_beside(x1, segments, (after, before), places, most):
+                    if opposed and not is_beside(x1, segments, (after, before), places, facet):
                         a, b = x1[segments[entry, 0]], x1[segments[entry, 1]]
                         square, _ = nearest_on_piece(x1[p], a, b)
                         rows = grown(rows, count)

@@ -3,7 +3,7 @@
 
 from fenics_mortar.kernels import kernel
 
-# Part of a triangle's longest side squared by which twice the area beside a point may be negative.
+# Tolerance of twice the area beside a point over the square of a triangle's longest side [1].
 ROUNDING = 1e-10
 
 

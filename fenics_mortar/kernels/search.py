@@ -60,10 +60,10 @@ def query_strip(boxes, controls, nodes, radius, stack, hits):
 def find_points(geometry, slave_facets, master_facets, radius, view, limits, points, min_points):
     """Find the partners of the same ``points`` (p,), in order, on each of ``slave_facets`` (f, K).
 
-    As ``find_segments``; here ``limits`` = (least cosine, part of a slave facet within which a ray
-    goes through a master node). Returns offsets (f + 1,), master facets (n,) and points (n, 2),
-    first and one after the last, of the runs of points with the same partner; no run for facets of
-    which fewer than ``min_points`` points have one.
+    As ``find_segments``; here ``limits`` = (smallest cosine, fraction of a slave facet within which
+    a ray goes through a master node). Returns offsets (f + 1,), master facets (n,) and points
+    (n, 2), first and one after the last, of the runs of points with the same partner; no run for
+    facets on which fewer than ``min_points`` points have one.
     """
     x, n, m = geometry
     boxes = build_tree(control_points(m, master_facets), master_facets)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which linear system a problem has, and whether it is solved directly or iteratively."""
+"""Choice of the linear system and of a direct or iterative solver."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def system_of(
     solver: Solver,
     linear_bulk: bool | None,
 ) -> Callable[[], LinearSystem]:
-    """A function that makes the linear system of a problem; see ``ContactProblem`` for the choices.
+    """A function that creates the linear system of a problem; see ``ContactProblem``.
 
     Args:
         bulk: The bodies.
         contacts: All pairs.
         prefix: Prefix of PETSc's options.
         options: Options of the linear solver that the user gave.
-        algorithm: Condensed or saddle-point system; ``None``: condensed where that is possible.
+        algorithm: Condensed or saddle-point system; ``None``: condensed if possible.
         solver: Direct or iterative; "auto" chooses by the size of the problem.
         linear_bulk: Whether the bulk is factored once.
     """
@@ -59,7 +59,7 @@ def system_of(
 def _is_for_multigrid(
     bulk: Bulk, prefix: str, options: dict[str, Any] | None, linear_bulk: bool | None
 ) -> bool:
-    """Whether "auto" iterates: large problems, where neither options nor factors are given."""
+    """Whether "auto" is iterative: large problems without user options and constant factors."""
     given = PETSc.Options(prefix).getAll() or options
     factored_once = bulk.is_linear and linear_bulk is not False
     simple = not (bulk.space.is_mixed or given or factored_once)

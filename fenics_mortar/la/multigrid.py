@@ -10,28 +10,26 @@ let the normal motion of these nodes follow that of their partners,
 then B = L A T = T^T K~ T is the tangent of bodies that may slide and keep touching, symmetric but
 for contact; L takes back what Q gathered in tangential direction, and leaves out the constraints.
 
-Multigrid coarsens x- and y-components each by itself, as if they were not coupled. But tau_j tau_j
-couples them wherever it is oblique to the axes. So y counts along axes R that turn from node to
-node, in contact with its tangents tau and smoothly in between: B = R^T L A T R.
+Multigrid coarsens x- and y-components separately. But tau_j tau_j couples them where it is oblique
+to the axes. So y has components along nodal axes R, the tangents tau in contact and smooth in
+between: B = R^T L A T R.
 
-Where the slave's normals are a small angle e off the axes of its partners, B couples the tangential
-motions of the two bodies, by e times the slave's stiffness. Where the bodies slide, that means
-nothing. But if the slave is stiff, it is more than a soft master's own stiffness, so that
-multigrid would interpolate tangential motions of the master from those of the slave, and would not
-see that the one slides along the other. Hence the cycle is made without these entries, but for
-those of master nodes that slave nodes stick to.
+If the slave's normals deviate by a small angle e from the axes of its partners, B couples the
+tangential motions of both bodies by e times the slave's stiffness. Where the bodies slide, this
+coupling is spurious. It exceeds the stiffness of a soft master, and tangential motions of the
+master would be interpolated from those of the slave. These entries are therefore dropped in the
+cycle, except at master nodes that slave nodes stick to.
 
 One application to a right-hand side b has two steps:
 
-1. x_0 solves A x_0 = b within a strip along the contact surfaces, by factors: constraints are met,
-   and all that only a surface sees. Above all there are motions of the master that fall between the
-   slave's nodes: soft, though all around them is as stiff as the slave. Multigrid does not see
-   them, but they do not reach far into the bodies.
+1. x_0 solves A x_0 = b in a strip along the contact surfaces, by factorization. It satisfies the
+   constraints and resolves local motions of the surfaces, above all those of the master between the
+   slave's nodes: they are soft in a stiff neighbourhood, which multigrid cannot represent.
 2. x = x_0 + T y, where y is one cycle of multigrid for B y = L (b - A x_0).
 
-A strip has few unknowns, O(1/h), so that its factors are made anew in each Newton iteration. The
-cycle is kept until iterations in excess of those right after it was made have cost as much, or will
-do so: each node that the active set has gained or lost since costs about an iteration, all told.
+A strip has few unknowns, O(1/h), and is factored in each Newton iteration. The cycle is kept until
+the excess iterations, relative to those of a new cycle, have cost as much as a new one; each change
+of the active set costs about one iteration.
 
 A saddle point A has its multipliers in the strip, all of them. Nothing is gathered in its rows, so
 that L = T^T, and step 2 changes displacements only. A standard basis has no diagonal D: D_jj is the
@@ -79,21 +77,21 @@ CYCLE = {
 }
 # Relative tolerance [1] and largest number of iterations of conjugate gradients: GMRES around them,
 # with a tolerance of its own, then needs one iteration.
-CG_TOLERANCE, CG_MOST = 1e-9, 500
+CG_TOLERANCE, CG_MAX = 1e-9, 500
 # Options of both, below the prefix of the solver.
 OPTIONS = {
     f"{part}_{name}": value
     for part, options in (("cycle", CYCLE), ("strip", STRIP))
     for name, value in options.items()
 }
-# Iterations in excess, so far and expected, after which the cycle is made anew: a new one costs as
-# much as ten to fifteen iterations, but serves several solves.
+# Excess iterations, so far and expected, after which the cycle is rebuilt: a new one costs as much
+# as ten to fifteen iterations, but is used in several solves.
 COST = 5
-# Stiffness of the motion that T leaves out over that of the node [1]: it has no effect but on the
-# cycle's coarse grids, which would be stiff if it were large.
+# Stiffness of motions outside the range of T over that of the node [1]: affects the coarse grids of
+# the cycle only, which would be stiff if it were large.
 IDLE = 1e-2
-# Quadratic standard functions of facets partly covered may have integrals near zero or below, which
-# nothing can follow: those below this part of a node's length are left to the strip.
+# Integral of a multiplier function over nodal length [1] below which a node is left to the strip:
+# for quadratic standard functions on partly covered facets it may be zero or negative.
 LIGHT = 1e-2
 
 
@@ -169,7 +167,7 @@ class TouchingBodies:
             self._cycle.destroy()
         self._cycle = PETSc.KSP().create(self._bulk.comm)
         self._cycle.setOptionsPrefix(self._prefix)
-        self._cycle.setTolerances(rtol=CG_TOLERANCE, max_it=CG_MOST)
+        self._cycle.setTolerances(rtol=CG_TOLERANCE, max_it=CG_MAX)
         self._cycle.setFromOptions()
         reduced = self._condensed and self._all_tied(nodes) and is_symmetric(B)
         self._cycle.setType("cg" if reduced else "preonly")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Options of PETSc: defaults of the linear solvers, and how they meet those of the user."""
+"""Options of PETSc: defaults of the linear solvers, combined with those of the user."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ ITERATIVE = {
     "pc_type": "python",
     **OPTIONS,
 }
-# Number of unknowns from which solver "auto" iterates; see ``ContactProblem``.
+# Number of unknowns from which solver="auto" is iterative; see ``ContactProblem``.
 MANY = 100_000
 # Options with this prefix belong to another solver, see ``la.factored``.
 COMPLIANCE = "compliance_"
-# Prefixes and names of options that ``options_added`` has in PETSc's database at present.
+# Prefixes and names of options set in PETSc's database by ``options_added`` at present.
 _added: set[tuple[str, str]] = set()
 
 
@@ -42,12 +42,12 @@ _added: set[tuple[str, str]] = set()
 def options_added(
     prefix: str, options: dict[str, Any], used: set[str] | None = None
 ) -> Iterator[None]:
-    """Have options in PETSc's database, except those that the user has set there.
+    """Set options in PETSc's database temporarily, except those set by the user.
 
     Args:
         prefix: Prefix of the options.
         options: Values by name.
-        used: Set to which the names that PETSc has read in the meantime are added.
+        used: Set that receives the names of options read by PETSc.
     """
     database = PETSc.Options(prefix)
     ours = {k: v for k, v in options.items() if not database.hasName(k)}
@@ -66,7 +66,7 @@ def options_added(
 
 
 def drop_added_options() -> None:
-    """Remove what an interrupted ``options_added`` has left in PETSc's database (local)."""
+    """Remove options left in PETSc's database by an interrupted ``options_added`` (local)."""
     for prefix, name in list(_added):
         PETSc.Options(prefix).delValue(name)
     _added.clear()

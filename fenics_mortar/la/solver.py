@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Linear solves by PETSc whose answers are checked: a singular matrix must not pass in silence."""
+"""Linear solves by PETSc with a check of the residual, which detects singular matrices."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ from fenics_mortar.la.options import COMPLIANCE, DIRECT, options_added
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError, raise_together
 
-# Largest relative residual of an accepted solution: a direct solver that leaves more has met a
-# singular matrix.
+# Largest relative residual of an accepted solution [1]: above it a direct solver has met a singular
+# matrix.
 LINEAR_TOLERANCE = 1e-5
 # Relative residual of a direct solution above which it is refined once: a few units of rounding.
 REFINED = 1e-14
-# PETSc's reasons for the end of a linear solve by number, and those that say that a factorization
-# has met a pivot of zero or nan.
+# PETSc's reasons for the end of a linear solve by number, and those of a zero or nan pivot.
 REASONS = {
     number: name
     for name, number in vars(PETSc.KSP.ConvergedReason).items()
@@ -44,11 +43,11 @@ class LinearSolver:
         ksp: PETSc's solver.
         forcing: Relative residual that the next solve may leave if it is iterative [1].
         may_factor: Whether a direct solver takes over for good if an iterative one fails.
-        remark: Says that it has done so, or that PETSc does not know an option; else "".
+        remark: Message on such a change of the solver or on unused options; else "".
         given: Names of the options of PETSc that the user gave, without the prefix.
 
     Raises:
-        MortarError: On all ranks, if PETSc refuses an option.
+        MortarError: On all ranks, if PETSc rejects an option.
     """
 
     def __init__(
@@ -75,7 +74,7 @@ class LinearSolver:
                 self.ksp.setFromOptions()
         except PETSc.Error as of_petsc:
             what = str(of_petsc).splitlines()[-1].removeprefix(f"[{PETSc.COMM_WORLD.rank}] ")
-            error = MortarError(f"PETSc refuses an option '{self._prefix}...': {what}")
+            error = MortarError(f"PETSc rejected an option '{self._prefix}...': {what}")
         raise_together(self._comm, error)
         self.multigrid: TouchingBodies | None = None
         if self.ksp.getPC().getType() == "python":
@@ -84,7 +83,7 @@ class LinearSolver:
         self._finest, *_ = self.ksp.getTolerances()
 
     def forget_pattern(self) -> None:
-        """Drop factors of a matrix with another pattern: PETSc does not see it; multigrid does."""
+        """Drop the factors after a change of the sparsity pattern; multigrid detects it itself."""
         if self.multigrid is None:
             self.ksp.reset()
 
@@ -105,7 +104,7 @@ class LinearSolver:
         self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
         self.forcing = 0.0
         solution, failure = self._attempt(matrix, rhs, transpose)
-        if failure:  # an elimination order that suited other values may not suit these
+        if failure:  # the elimination order may be unsuitable for the new values
             self.ksp.reset()
             solution, failure = self._attempt(matrix, rhs, transpose)
         if not failure:
@@ -123,7 +122,7 @@ class LinearSolver:
         return self.solve(matrix, rhs, transpose=transpose)
 
     def _attempt(self, matrix: PETSc.Mat, rhs: PETSc.Vec, transpose: bool) -> tuple[PETSc.Vec, str]:
-        """A solution and the reason why it is none, as the end of a sentence; "" if it is one."""
+        """A solution and the failure as the end of a sentence; "" if it is accepted."""
         solution = rhs.duplicate()
         self.ksp.setOperators(matrix)
         try:
@@ -143,16 +142,16 @@ class LinearSolver:
         if reason >= 0 and relative <= LINEAR_TOLERANCE:
             return solution, ""
         return solution, (
-            f", {self._describe(reason)}, remaining part of the right-hand side {relative:.1e} "
+            f", {self._describe(reason)}, relative residual {relative:.1e} "
             f"(allowed {LINEAR_TOLERANCE:g})"
         )
 
     def _call(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:
-        """Let PETSc solve."""
+        """Call PETSc's solver."""
         (self.ksp.solveTranspose if transpose else self.ksp.solve)(rhs, solution)
 
     def _run(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:
-        """Let PETSc solve; its error on any rank is raised on all as a ``MortarError``."""
+        """Call PETSc's solver; an error on any rank is raised on all as a ``MortarError``."""
         error, copy = None, rhs.copy()  # an error leaves the right-hand side locked
         try:
             with options_added(self._prefix, self._options, self._used if self._first else None):
@@ -169,19 +168,19 @@ class LinearSolver:
             self.remark = "; ".join(filter(None, (self.remark, self.describe_unused())))
 
     def _describe(self, reason: int) -> str:
-        """What PETSc's reason says of a solve that has failed, in words."""
+        """PETSc's reason of a failed solve, in words."""
         named = f"PETSc's reason {reason} ({REASONS.get(reason, 'unknown')})"
         if self.ksp.getType() == "preonly" or reason in NO_FACTORS:
             return f"it may be singular: {named}"
         if reason >= 0:
             return (
-                f"the iterative solver stopped too early: {named}, a smaller tolerance is right, "
-                f"as '{self._prefix}ksp_rtol'"
+                f"the iterative solver stopped too early: {named}, reduce the tolerance "
+                f"'{self._prefix}ksp_rtol'"
             )
         return f"the iterative solver did not converge: {named}"
 
     def describe_unused(self, *, reduced: bool = False) -> str:
-        """Options of the user that PETSc did not read in a solve, in words, each once.
+        """Message on options of the user that PETSc did not read in a solve, each once.
 
         Args:
             reduced: Whether the bulk was factored instead of the whole system.
@@ -196,11 +195,11 @@ class LinearSolver:
         if not unused:
             return ""
         names = ", ".join(f"'{self._prefix}{name}'" for name in unused)
-        told = f"PETSc did not ask for the option {names}: misspelt, or of another solver"
+        message = f"PETSc did not use the option {names}: misspelt, or of another solver"
         if reduced:
             begin = f"'{self._prefix}{COMPLIANCE}'"
-            told += f"; options of the linear bulk's factors begin with {begin}"
-        return told
+            message += f"; options of the linear bulk's factors begin with {begin}"
+        return message
 
 
 def _defect(

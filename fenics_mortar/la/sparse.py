@@ -48,7 +48,7 @@ class BlockMatrix:
         comm: Communicator (all methods are collective).
         rows: Number of rows this rank owns.
         columns: Number of columns this rank owns.
-        block_size: Block size told to PETSc.
+        block_size: Block size of PETSc's matrix.
 
     Attributes:
         mat: The matrix, once assembled.

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Newton steps that go less far: while the residual grows, or where the surfaces would move far.
+"""Damped Newton steps: line search on the residual, or a limit of the surface motion.
 
-Both are off unless ``NewtonOptions`` ask for them. A whole step often raises the residual for one
-iteration, as nodes enter the contact, and the next one is the solution: a search along the line
-stops on the way and lets the sets change a node at a time. And the displacement that is prescribed
-moves the surfaces by as many facets as the load step asks for, which a limit of the motion turns
-into as many iterations. The atlas of methods has a column for each beside the default, which only
-keeps cells from inverting.
+Both are off by default, see ``NewtonOptions``. A full step often raises the residual for one
+iteration, as nodes enter the contact, and the next iterate is the solution; a line search then
+changes the active set one node at a time. A limit of the motion splits prescribed displacements of
+many facets into as many iterations. The default limits steps only to keep cells from inverting.
 """
 
 from __future__ import annotations
@@ -16,29 +14,29 @@ from typing import Any, Protocol
 
 from fenics_mortar.newton.loop import Equations, NewtonOptions, Status, Step
 
-# The search along the line ends here: a sixteenth of a step may raise the residual.
+# Smallest fraction of a step at which the line search halves it again [1].
 SHORTEST = 0.1
 
 
 class Stateful(Equations, Protocol):
-    """Equations whose state can be kept and taken up again; all collective."""
+    """Equations whose state can be stored and restored; all methods are collective."""
 
     def state(self) -> Any:
-        """Copy the present state; it has ``towards``."""
+        """The present state; it has a method ``towards``."""
 
     def restore(self, state: Any) -> None:
-        """Go back to a state."""
+        """Restore a state."""
 
     def interface_motion(self, before: Any) -> float:
-        """How far surfaces have moved since a state, in facets."""
+        """Largest motion of a surface since a state, in facets [1]."""
 
 
 class Damped:
-    """Equations of which a step goes only so far (collective).
+    """Equations with damped steps; all methods are collective.
 
     Args:
-        equations: The equations that are solved.
-        options: Their ``line_search`` and ``max_motion``.
+        equations: The equations to solve.
+        options: With ``line_search`` and ``max_motion``.
     """
 
     def __init__(self, equations: Stateful, options: NewtonOptions) -> None:
@@ -48,7 +46,7 @@ class Damped:
         self._residual = 0.0
 
     def advance(self) -> Step:
-        """Solve one linear system and move, the surfaces no farther than ``max_motion`` facets."""
+        """Solve one linear system; limit the motion of surfaces to ``max_motion`` facets."""
         self._before = self._equations.state()
         step = self._equations.advance()
         self._after = self._equations.state()
@@ -61,7 +59,7 @@ class Damped:
         return step._replace(fraction=fraction * step.fraction)
 
     def evaluate(self, *, start: bool) -> Status:
-        """Evaluate; halve the last step while the residual is larger than before it."""
+        """Evaluate; halve the last step while it raises the residual."""
         status, fraction = self._equations.evaluate(start=start), 1.0
         if self._options.line_search and not start:
             while not status.residual <= self._residual and fraction > SHORTEST:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Semismooth Newton on something that has a residual, a tangent and a set; it knows no contact."""
+"""Semismooth Newton method for equations with a residual, a tangent and an active set."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from fenics_mortar.utils.errors import (
     RaisedElsewhereError,
 )
 
-# Sets that change in so many iterations in a row will not settle by themselves, unless the residual
-# fell tenfold meanwhile: on fine meshes a contact shrinks by a node at a time.
+# Successive iterations with changing sets after which a cycle is assumed, unless the residual fell
+# tenfold: on fine meshes a contact shrinks by a node at a time.
 UNSETTLED = 12
-# Part of the right-hand side that a linear solve leaves at the most. Measured: from 1e-4 on there
-# are more Newton iterations, which cost more than the linear ones saved.
+# Largest relative residual of a linear solve [1]; from 1e-4 the additional Newton iterations cost
+# more than the linear ones saved (measured).
 LOOSEST = 5e-6
-# How a note may begin and, if it stands for several, end.
+# Start of a note, and its end if it stands for several.
 ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
 
 
 @dataclass(frozen=True)
 class Status:
-    """Where an iterate stands, equal on all ranks.
+    """Convergence measures of an iterate, equal on all ranks.
 
     Attributes:
         residual: Norm of all equations [force].
-        force: Force that the residual is compared with, at this state [force].
+        force: Reference force of the residual at this state [force].
         gap: Largest mean gap of an active node over the node's length [1].
         num_active: Size of the active set.
-        num_changed: Nodes that entered or left it.
-        noise: Residual that rounding leaves at this state [force].
-        sets: Equal for equal sets, to recognise a cycle.
-        fraction: Part of the last step that was kept in the end.
+        num_changed: Nodes that entered or left the active set or changed their branch.
+        noise: Rounding of the residual at this state [force].
+        sets: Hash of the sets, to detect cycles.
+        fraction: Fraction of the last step that was applied [1].
     """
 
     residual: float
@@ -54,7 +54,7 @@ class Status:
 
 
 class Step(NamedTuple):
-    """One Newton step: increment over the displacement, the part of it that was taken, a remark."""
+    """One Newton step: increment over displacement [1], applied fraction [1], note."""
 
     increment: float
     fraction: float
@@ -62,42 +62,43 @@ class Step(NamedTuple):
 
 
 class Equations(Protocol):
-    """What is solved: ``evaluate`` looks at the present state, ``advance`` moves it."""
+    """Nonlinear equations: ``evaluate`` measures the present state, ``advance`` updates it."""
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual and sets at the present state (collective)."""
 
     def advance(self) -> Step:
-        """Solve one linear system and move."""
+        """Solve one linear system and update the state (collective)."""
 
     def drifts(self) -> str:
-        """Say which bodies only slight forces along free motions move on; "" if there are none."""
+        """Message on bodies that drift along free motions under small forces; "" if none do."""
 
     def merge_sets(self, period: int) -> str:
-        """Leave a cycle of sets, or such as never settle, for one iteration, and say how."""
+        """Break a cycle of the sets for one iteration; return a note."""
 
     def seconds(self) -> dict[str, float]:
-        """Seconds spent since the last call, by phase."""
+        """Seconds since the last call, by phase."""
 
     def diagnose(self) -> str:
-        """Say what is wrong with the state; "" if nothing can be seen (collective)."""
+        """Message on defects of the state; "" if none are found (collective)."""
 
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """When to stop. All are relative, so they hold in any units.
+    """Tolerances and limits of Newton's method; all are relative and independent of units.
 
     Attributes:
-        max_iterations: Linear systems solved at the most.
-        residual_tolerance: Residual over force, the largest force seen so far.
-        increment_tolerance: Largest displacement increment over the largest displacement.
-        line_search: Whether steps are halved while they raise the residual; see ``damping``.
-        max_motion: Largest motion of a surface in one iteration over its shortest facet.
-        tentative: Whether to give up where other remedies would follow, for who has another start.
-        max_remaining: Part of the residual that the first iteration may leave, to go on.
+        max_iterations: Largest number of linear systems.
+        residual_tolerance: Residual over the largest force so far [1].
+        increment_tolerance: Largest displacement increment over the largest displacement [1].
+        line_search: Halve steps that raise the residual; see ``damping``.
+        max_motion: Largest motion of a surface in one iteration over its shortest facet [1].
+        tentative: Fail at once instead of trying fallbacks; the caller has another initial guess.
+        max_remaining: Largest residual after the first iteration over the initial one [1]; fail
+            above it.
 
     Raises:
-        ValueError: If a number is not positive.
+        ValueError: If an option has a value that is not allowed.
     """
 
     max_iterations: int = 30
@@ -110,27 +111,27 @@ class NewtonOptions:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        right = "a whole number, at least 1"
-        check_number("max_iterations", self.max_iterations, right, lambda n: n >= 1, whole=True)
+        expected = "a whole number, at least 1"
+        check_number("max_iterations", self.max_iterations, expected, lambda n: n >= 1, whole=True)
         for what in ("residual_tolerance", "increment_tolerance"):
             value = getattr(self, what)
             check_number(what, value, "a positive number", lambda number: 0.0 < number < np.inf)
-        right = "a positive number"
-        check_number("max_remaining", self.max_remaining, right, lambda number: number > 0.0)
-        right = "a positive number of facets"
-        check_number("max_motion", self.max_motion, right, lambda number: number > 0.0)
+        expected = "a positive number"
+        check_number("max_remaining", self.max_remaining, expected, lambda number: number > 0.0)
+        expected = "a positive number of facets"
+        check_number("max_motion", self.max_motion, expected, lambda number: number > 0.0)
         for what in ("line_search", "tentative"):
             check_flag(what, getattr(self, what))
 
     @property
     def damped(self) -> bool:
-        """Whether steps may end early by ``line_search`` or ``max_motion``."""
+        """Whether steps are damped by ``line_search`` or ``max_motion``."""
         return self.line_search or bool(np.isfinite(self.max_motion))
 
 
 @dataclass(frozen=True)
 class Iteration:
-    """Numbers of one Newton iteration, equal on all ranks (seconds: of the slowest)."""
+    """Measures of one Newton iteration, equal on all ranks (seconds: those of the slowest)."""
 
     residual: float
     gap: float
@@ -147,12 +148,12 @@ class NewtonReport:
 
     Attributes:
         iterations: One row per iteration; row 0 is the state before the first linear system.
-        notes: Everything done beside plain Newton steps, in words.
+        notes: Messages on all deviations from plain Newton steps.
         certificate: Measured defects of a converged state, a ``Certificate``.
         adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
-        force: Force that residuals are relative to [stress length].
+        force: Reference force of the residuals [stress length].
         converged: Whether the solve converged.
-        reason: The outcome, in words.
+        reason: Outcome in words.
     """
 
     iterations: list[Iteration] = field(default_factory=list)
@@ -210,7 +211,7 @@ class NewtonReport:
 
 
 def once(notes: Sequence[str]) -> list[str]:
-    """Notes without those that say the same of another iteration; how often stands at the end."""
+    """Merge notes that differ in the iteration only; their number is appended."""
     first, counts = dict[str, str](), dict[str, int]()
     for note in notes:
         text, times = ITERATION.sub("", note), 1
@@ -226,19 +227,19 @@ def once(notes: Sequence[str]) -> list[str]:
 
 
 def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
-    """Iterate until residual and increment are small and the sets stay (collective).
+    """Iterate until residual and increment are small and the sets are unchanged (collective).
 
     Args:
-        equations: What to solve; its state is moved.
-        options: When to stop.
+        equations: The equations; their state is updated.
+        options: Tolerances and limits.
 
     Returns:
         The record.
 
     Raises:
         NotConvergedError: On all ranks, with the record so far.
-        MortarError: On all ranks, if what a user handed in is not finite at the very start, or
-            raised on one of them.
+        MortarError: On all ranks, if input is not finite at the initial state, or a user's function
+            raised on one rank.
     """
     report = NewtonReport()
     step, sets, noted = Step(np.inf, 1.0), list[bytes](), set[str]()
@@ -256,7 +257,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         try:
             status = equations.evaluate(start=number == 0)
         except NotFiniteError as error:
-            if not number:  # no way of ours led here
+            if not number:  # the initial state is the user's
                 raise
             raise _failure(equations, report, f"iteration {number}: {error}") from error
         step = step._replace(fraction=step.fraction * status.fraction)
@@ -279,8 +280,8 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             report.reason = f"converged in {number} iterations"
             return report
         if number == 1 and not _is_near(report.residuals, options.max_remaining):
-            raise _failure(equations, report, "the first iteration left most of the residual")
-        if number and not status.num_changed and _makes_no_headway(report.residuals):
+            raise _failure(equations, report, "the first iteration hardly reduced the residual")
+        if number and not status.num_changed and _stagnates(report.residuals):
             drifting = equations.drifts()
             if drifting:
                 raise _failure(equations, report, drifting)
@@ -290,13 +291,13 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             note = f"iteration {number}: {equations.merge_sets(period)}"
             report.notes[:] = once([*report.notes, note])
             sets = []
-    missing = "; ".join(_what_is_missing(status, step, report.force, options))
-    reason = f"not converged in {options.max_iterations} iterations: {missing}"
+    failed = "; ".join(_failed_tests(status, step, report.force, options))
+    reason = f"not converged in {options.max_iterations} iterations: {failed}"
     raise _failure(equations, report, reason)
 
 
 def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
-    """A record with that of one more solve, which an error holds as well."""
+    """The record followed by that of one more solve; an error has the joint record as well."""
     try:
         return report.followed_by(solve())
     except NotConvergedError as error:
@@ -304,22 +305,22 @@ def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonRepo
 
 
 def _is_near(residuals: Sequence[float], max_remaining: float) -> bool:
-    """Whether the first iteration has lowered the residual as it does near a solution."""
+    """Whether the first iteration reduced the residual enough."""
     return np.isinf(max_remaining) or residuals[1] <= max_remaining * residuals[0]
 
 
-def _makes_no_headway(residuals: Sequence[float]) -> bool:
-    """Whether the last two iterations have not even halved the residual together."""
+def _stagnates(residuals: Sequence[float]) -> bool:
+    """Whether the last two iterations together did not halve the residual."""
     return len(residuals) > 2 and residuals[-1] > 0.5 * residuals[-3]
 
 
 def _is_stuck(sets: list[bytes], residuals: list[float]) -> bool:
-    """Whether many sets in a row came to nothing."""
+    """Whether the sets changed in many iterations without a decrease of the residual."""
     return len(sets) > UNSETTLED and residuals[-1] > 0.1 * residuals[-1 - UNSETTLED]
 
 
 def period_of(sets: list[bytes]) -> int:
-    """Length of the cycle that the last sets have gone through twice, 0 if there is none."""
+    """Length of a cycle that the last sets repeated twice, 0 if there is none."""
     for period in range(2, len(sets) // 2 + 1):
         if sets[-period:] == sets[-2 * period : -period]:
             return period if len(set(sets[-period:])) > 1 else 0
@@ -327,14 +328,14 @@ def period_of(sets: list[bytes]) -> int:
 
 
 def forcing(residuals: Sequence[float], goal: float) -> float:
-    """Part of its right-hand side that the next linear solve may leave (Eisenstat & Walker 1996).
+    """Relative tolerance of the next linear solve [1] (Eisenstat & Walker 1996).
 
-    A solve to the last digit is wasted where the next residual is one of Newton's method anyway, of
-    the order of the square; and where it would be far below what is asked for.
+    The linear residual may be as large as the expected nonlinear one, of second order, or as the
+    tolerance of the iteration.
 
     Args:
-        residuals: Those of the iterations so far.
-        goal: Residual at which the iteration ends.
+        residuals: Residuals of the iterations so far [force].
+        goal: Residual at which the iteration ends [force].
     """
     last, before = residuals[-1], residuals[-2] if len(residuals) > 1 else 0.0
     expected = 0.1 * (last / before) ** 2 if before > 0.0 else LOOSEST
@@ -343,30 +344,30 @@ def forcing(residuals: Sequence[float], goal: float) -> float:
 
 
 def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConvergedError:
-    """Complete the record; return the error to raise (collective)."""
+    """Complete the record and return the error to raise (collective)."""
     report.reason = "; ".join(filter(None, (reason, equations.diagnose())))
     return NotConvergedError(report.reason, report)
 
 
 def _shortened(fraction: float) -> str:
-    """Mark of a step that was cut."""
+    """Mark of a damped step in the table."""
     return "" if fraction == 1.0 else f" × {fraction:.2g}"
 
 
 def _is_solved(status: Status, step: Step, force: float, options: NewtonOptions) -> bool:
-    return not any(_what_is_missing(status, step, force, options))
+    return not any(_failed_tests(status, step, force, options))
 
 
-def _what_is_missing(
+def _failed_tests(
     status: Status, step: Step, force: float, options: NewtonOptions
 ) -> Iterator[str]:
-    """The tests of convergence that fail, in words."""
+    """Failed tests of convergence, in words."""
     allowed = options.residual_tolerance * force + status.noise
     if status.residual > allowed:
         yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"
     if step.increment > options.increment_tolerance:
         yield f"increment {step.increment:.1e} (allowed {options.increment_tolerance:.1e})"
     if step.fraction < 1.0:
-        yield f"only {step.fraction:.1e} of the last step taken, the whole was too far"
+        yield f"last step shortened to the fraction {step.fraction:.1e}"
     if status.num_changed:
-        yield f"{status.num_changed} nodes changed between active and inactive"
+        yield f"{status.num_changed} nodes changed their status"

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Rigid obstacles: signed distances, their place, and the forces that drive them.
 
-An obstacle is its signed distance phi, positive outside the solid, with gradient and Hessian; they
-are evaluated in the obstacle's own frame and turned to its present place. With q = (x, y, turn) of
-its rigid motion, turn = angle times a length ``arm``, and V = (e_x, e_y, e_z x r / arm), r counted
-from the pivot, a point x of space sees
+An obstacle is given by its signed distance phi, positive outside the solid, with gradient and
+Hessian H in the obstacle's own frame. Its rigid motion is q = (x, y, turn), turn = angle times a
+length ``arm``. With V = (e_x, e_y, e_z x r / arm), r from the pivot, the derivatives at a point x
+in space are
 
     d phi = grad phi . (dx - V dq),    d grad phi = H (dx - V dq) + e_z x grad phi dq_3 / arm.
 """
@@ -23,25 +23,28 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotFiniteError, place
 
 Fields = tuple[Array, Array, Array]
-# The motions of an obstacle, as users name them.
+# Names of the motions in the interface.
 MOTIONS = ("x", "y", "angle")
 
 
 class Obstacle(ABC):
-    """A rigid solid; the user says where it is, or what drives it.
+    """Base class of rigid solids with prescribed or driven motion (all methods are local).
+
+    ``move`` prescribes motions, ``push`` prescribes forces. Set both equally on all ranks.
 
     Attributes:
         name: Name used in messages and tables.
-        pivot: Point that rotations turn about, moves with the obstacle, shape (2,) [length].
-        place: Present translation from where it was made, and rotation about the pivot,
-            counter-clockwise: (x, y, angle) [length, length, radian].
-        load: Force (x, y) and moment about the pivot that drive it, nan where its motion is
-            prescribed, shape (3,) [stress length, stress length^2].
-        reaction: Force and moment of the contact on it after the last solve, shape (3,).
+        pivot: Initial centre of rotations, moves with the obstacle, shape (2,) [length].
+        place: Present translation from the initial position and counter-clockwise rotation about
+            the pivot: (x, y, angle) [length, length, radian].
+        load: Driving force (x, y) and moment about the pivot, nan for prescribed motions, shape
+            (3,) [stress length, stress length, stress length^2].
+        reaction: Contact force and moment on the obstacle after the last solve, shape (3,), units
+            as ``load``.
     """
 
     def __init__(self, name: str, pivot: npt.ArrayLike = (0.0, 0.0)) -> None:
-        """Put the obstacle where it was made."""
+        """Start at the initial position."""
         check_kind("name", name, str, "a text")
         self.name = name
         self.pivot = check_vector("pivot", pivot)
@@ -56,12 +59,16 @@ class Obstacle(ABC):
     def move(
         self, *, x: float | None = None, y: float | None = None, angle: float | None = None
     ) -> None:
-        """Prescribe the place, counted from where it was made: the same call has the same effect.
+        """Prescribe motions; values are absolute, not increments.
 
         Args:
-            x: Translation; what is not given stays as it is [length].
-            y: Translation [length].
-            angle: Rotation about the pivot, counter-clockwise [radian].
+            x: Translation from the initial position; ``None`` leaves it unchanged [length].
+            y: Likewise.
+            angle: Counter-clockwise rotation about the pivot; ``None`` leaves it unchanged
+                [radian].
+
+        Raises:
+            ValueError: If a value is not a finite number.
         """
         for i, (name, value) in enumerate(zip(MOTIONS, (x, y, angle), strict=True)):
             if value is not None:
@@ -70,13 +77,16 @@ class Obstacle(ABC):
     def push(
         self, *, x: float | None = None, y: float | None = None, moment: float | None = None
     ) -> None:
-        """Let forces drive motions: they are unknown then, and a solve finds the place.
+        """Prescribe forces; the motions in these directions are unknowns of the next solve.
 
         Args:
-            x: Force, 0 to let it move freely; what is not given stays as it is, prescribed or
-                driven [stress length].
-            y: Force [stress length].
-            moment: Moment about the pivot; frees the rotation [stress length^2].
+            x: Force, 0 for a free motion; ``None`` leaves the direction unchanged [stress length].
+            y: Likewise.
+            moment: Moment about the pivot; ``None`` leaves the rotation unchanged
+                [stress length^2].
+
+        Raises:
+            ValueError: If a value is not a finite number.
         """
         for i, (name, value) in enumerate(zip(("x", "y", "moment"), (x, y, moment), strict=True)):
             if value is not None:
@@ -90,36 +100,39 @@ class Obstacle(ABC):
         return phi, gradient @ turn.T, turn @ hessian @ turn.T
 
     def _checked(self, fields: Fields, x: Array) -> Fields:
-        """What ``local`` returned at ``x`` (n, 2), if that is a distance and its derivatives."""
+        """The result of ``local`` at ``x`` (n, 2), checked."""
         if not isinstance(fields, (tuple, list)) or len(fields) != 3:
             raise ValueError(
-                f"the distance of '{self.name}' returned {type(fields).__name__}; right are three "
+                f"the distance of '{self.name}' returned {type(fields).__name__}; expected three "
                 "arrays: phi, gradient and Hessian"
             )
-        shapes, right = [np.shape(field) for field in fields], [x.shape[:1], x.shape, (*x.shape, 2)]
-        if shapes != right:
-            raise ValueError(f"'{self.name}' returned shapes {shapes}; right are {right}")
+        shapes = [np.shape(field) for field in fields]
+        expected = [x.shape[:1], x.shape, (*x.shape, 2)]
+        if shapes != expected:
+            raise ValueError(
+                f"the distance of '{self.name}' returned shapes {shapes}; expected {expected}"
+            )
         phi, gradient, hessian = map(np.array, fields)  # copies: a function may use them again
         kinds = {field.dtype.kind for field in (phi, gradient, hessian)}
         if not kinds <= set("iufc" if np.iscomplexobj(x) else "iuf"):
-            raise ValueError(f"the distance of '{self.name}' returned no real numbers")
+            raise ValueError(f"the distance of '{self.name}' is not real; expected real numbers")
         total = phi + gradient.sum(axis=1) + hessian.sum(axis=(1, 2))  # nan and inf stay
         bad = ~np.isfinite(total) & np.isfinite(x).all(axis=1)
         if bad.any():
             raise NotFiniteError(
-                f"the distance of '{self.name}', or a derivative of it, is not finite at "
+                f"the distance of '{self.name}' or one of its derivatives is not finite at "
                 f"{bad.sum()} points, one at {self._where(x, bad)}"
             )
         flat = ~gradient.any(axis=1)
         if flat.any():
             raise NotFiniteError(
-                f"the distance of '{self.name}' has no gradient at {flat.sum()} points, one at "
-                f"{self._where(x, flat)}; expected one of length 1, about"
+                f"the distance of '{self.name}' has zero gradient at {flat.sum()} points, one at "
+                f"{self._where(x, flat)}; expected a length of about 1"
             )
         return phi, gradient, hessian
 
     def _where(self, x: Array, marked: npt.NDArray[np.bool_]) -> str:
-        """The first of the marked points of the obstacle's own frame, in words."""
+        """Position in space of the first marked point, in words."""
         first = int(np.argmax(marked))
         return place(np.real(self.to_space(x[first : first + 1])[0]))
 
@@ -130,11 +143,11 @@ class Obstacle(ABC):
         return np.array([[c, -s], [s, c]])
 
     def to_own_frame(self, x: Array) -> Array:
-        """Where the points ``x`` (n, 2) of space are in the obstacle's own frame."""
+        """Points ``x`` (n, 2) in space, transformed to the obstacle's own frame."""
         return (x - self.pivot - self.place[:2]) @ self.turn + self.pivot
 
     def to_space(self, x: Array) -> Array:
-        """Where the points ``x`` (n, 2) of the obstacle's own frame are in space."""
+        """Points ``x`` (n, 2) of the obstacle's own frame, transformed to space."""
         return (x - self.pivot) @ self.turn.T + self.pivot + self.place[:2]
 
     def motions(self, x: Array, arm: float) -> Array:
@@ -146,15 +159,15 @@ class Obstacle(ABC):
 
     @abstractmethod
     def local(self, x: Array) -> Fields:
-        """Phi, gradient and Hessian in the obstacle's own frame."""
+        """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at points (n, 2) of the own frame."""
 
 
 class SignedDistance(Obstacle):
-    """Any solid phi < 0.
+    """Solid phi < 0 given by a user's function.
 
     Args:
-        function: Maps points (n, 2) to phi (n,), its gradient (n, 2) and Hessian (n, 2, 2). Where
-            there is contact phi has to be a distance, about: |grad phi| = 1.
+        function: Maps points (n, 2) to phi (n,), its gradient (n, 2) and Hessian (n, 2, 2). Near
+            the surface phi must be approximately a distance, |grad phi| = 1.
         pivot: Point that rotations turn about [length].
         name: Name used in messages.
     """
@@ -173,7 +186,7 @@ class SignedDistance(Obstacle):
         self._function = function
 
     def local(self, x: Array) -> Fields:
-        """What the user's function says, if it has the right shape."""
+        """Result of the user's function."""
         if not len(x):
             return np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 2))
         return self._function(x)

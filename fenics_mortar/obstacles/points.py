@@ -23,12 +23,18 @@ def check_chain(points: npt.ArrayLike) -> Array:
     """Three or more points of the plane."""
     chain = check_floats("points", points)
     if chain.ndim != 2 or chain.shape[1] != 2 or len(chain) < 3 or not np.isfinite(chain).all():
-        raise ValueError(f"points of shape {chain.shape}: at least three finite points (k, 2)")
+        raise ValueError(
+            f"points of shape {chain.shape}: expected at least three finite points (k, 2)"
+        )
     return chain
 
 
 def check_simple(what: str, chain: Array, *, closed: bool) -> None:
-    """Refuse a chain of points (k, 2) of which two edges that are no neighbours meet."""
+    """Raise if the chain of points (k, 2) intersects itself.
+
+    Raises:
+        ValueError: If two edges that are not neighbours meet.
+    """
     start, end = (chain, np.roll(chain, -1, axis=0)) if closed else (chain[:-1], chain[1:])
     pairs = near_pairs(start, end)
     after = (pairs[:, 1] - pairs[:, 0]) % (len(start) if closed else len(start) + 1)
@@ -37,8 +43,8 @@ def check_simple(what: str, chain: Array, *, closed: bool) -> None:
     if meets.any():
         i, j = pairs[np.argmax(meets)]
         raise ValueError(
-            f"the {what} meets itself: its edges from {place(start[i])} to {place(end[i])} and "
-            f"from {place(start[j])} to {place(end[j])}; give the points in their order along it"
+            f"the {what} intersects itself: edges from {place(start[i])} to {place(end[i])} and "
+            f"from {place(start[j])} to {place(end[j])}; list the points in order along the curve"
         )
 
 
@@ -46,7 +52,7 @@ def check_floats(name: str, values: Any) -> Array:
     """Real numbers, as a copy."""
     array = np.asarray(values)
     if array.dtype.kind not in "iuf":
-        raise ValueError(f"{name}={values!r}: real numbers")
+        raise ValueError(f"{name}={values!r}: expected real numbers")
     return np.array(array, float)
 
 
@@ -60,5 +66,5 @@ def check_vector(name: str, value: npt.ArrayLike) -> Array:
     """A finite vector of the plane, as a copy."""
     vector = check_floats(name, value)
     if vector.shape != (2,) or not np.isfinite(vector).all():
-        raise ValueError(f"{name}={value!r}: two finite numbers")
+        raise ValueError(f"{name}={value!r}: expected two finite numbers")
     return vector

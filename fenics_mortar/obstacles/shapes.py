@@ -13,23 +13,26 @@ from fenics_mortar.utils.arguments import check_flag, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import place
 
-# Samples of a spline per piece, from the nearest of which Newton's method starts.
+# Samples of a spline per interval; Newton's method starts from the nearest one.
 SAMPLES = 16
-# Of these every so manieth is looked at for where the curve meets itself.
+# Stride over these samples in the check for self-intersection.
 DRAWN = 4
 NEWTON_STEPS = 30
-# What is left after a step below this part of the curve is its square, rounding.
+# Last step over the length of the curve [1]: by quadratic convergence the error is rounding.
 LAST_STEP = 1e-9
 EPSILON = float(np.finfo(float).eps)
 
 
 class Plane(Obstacle):
-    """Half plane, solid on the side that ``normal`` points away from.
+    """Half plane; ``normal`` points out of the solid.
 
     Args:
-        point: A point of its surface, also the pivot [length].
-        normal: Outward normal of the solid, of any length.
+        point: Point of the surface and pivot, shape (2,) [length].
+        normal: Outward normal of the solid, of any length, shape (2,).
         name: Name used in messages.
+
+    Raises:
+        ValueError: If an argument is not finite, or the normal is zero.
     """
 
     def __init__(self, point: npt.ArrayLike, normal: npt.ArrayLike, *, name: str = "plane") -> None:
@@ -37,7 +40,7 @@ class Plane(Obstacle):
         super().__init__(name, check_vector("point", point))
         normal = check_vector("normal", normal)
         if not np.linalg.norm(normal) > 0.0:
-            raise ValueError("normal=(0, 0): the outward normal of the solid has a length")
+            raise ValueError("normal=(0, 0): expected the outward normal of the solid, not zero")
         self._normal = normal / np.linalg.norm(normal)
 
     def local(self, x: Array) -> Fields:
@@ -50,10 +53,13 @@ class Circle(Obstacle):
     """Disk, or with ``inside`` a solid with a round hole.
 
     Args:
-        centre: Centre, also the pivot [length].
+        centre: Centre and pivot, shape (2,) [length].
         radius: Radius [length].
-        inside: Whether contact is on the inside: the solid is what lies outside the circle.
+        inside: Contact on the inside: the solid lies outside the circle.
         name: Name used in messages.
+
+    Raises:
+        ValueError: If an argument has a value that is not allowed.
     """
 
     def __init__(
@@ -71,7 +77,7 @@ class Circle(Obstacle):
         self._radius, self._sign = float(radius), -1.0 if inside else 1.0
 
     def local(self, x: Array) -> Fields:
-        """Distance to a circle; its centre has no direction, and gets one."""
+        """Distance to a circle; at its centre the gradient is set to the y direction."""
         d = x - self.pivot
         d = np.where(np.abs(d).max(axis=1, keepdims=True) > 0.0, d, [0.0, EPSILON * self._radius])
         r = np.sqrt((d * d).sum(axis=1))
@@ -82,15 +88,18 @@ class Circle(Obstacle):
 
 
 class Spline(Obstacle):
-    """Smooth curve through a chain of points, solid on its left: a cubic spline.
+    """Cubic spline through a chain of points, with the solid on its left.
 
-    An open curve goes on straight beyond its ends, where it has no curvature.
+    An open curve has zero curvature at its ends and is continued by straight lines.
 
     Args:
-        points: Shape (k, 2), at least three [length].
+        points: Points in order along the curve, shape (k, 2), at least three [length].
         closed: Whether the last point is joined to the first; do not repeat it.
-        pivot: Point that rotations turn about; the mean of the points by default.
+        pivot: Centre of rotations; the mean of the points by default [length].
         name: Name used in messages.
+
+    Raises:
+        ValueError: If two successive points coincide, or the curve intersects itself.
     """
 
     def __init__(
@@ -107,12 +116,12 @@ class Spline(Obstacle):
         chain = np.vstack([chain, chain[:1]]) if closed else chain
         chords = np.linalg.norm(np.diff(chain, axis=0), axis=1)
         if not chords.min() > 0.0:
-            raise ValueError("two successive points of the spline are at the same place")
+            raise ValueError("two successive points of the spline coincide")
         knots = np.concatenate([[0.0], np.cumsum(chords)])
         self._curve = CubicSpline(knots, chain, bc_type="periodic" if closed else "natural")
         self._closed, self._end = closed, float(knots[-1])
-        parts = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
-        starts = (knots[:-1, None] + chords[:, None] * parts).ravel()
+        fractions = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
+        starts = (knots[:-1, None] + chords[:, None] * fractions).ravel()
         self._samples = np.append(starts, self._end)
         drawn = self._curve(self._samples)
         some = drawn[::DRAWN]
@@ -121,7 +130,7 @@ class Spline(Obstacle):
         self._squares = (self._points**2).sum(axis=1)
 
     def local(self, x: Array) -> Fields:
-        """Distance to the nearest point of the curve, by Newton's method from the best sample."""
+        """Distance to the nearest point of the curve: Newton's method from the nearest sample."""
         t = self._samples[
             np.argmin(self._squares - 2.0 * (x - self.pivot) @ self._points.T, axis=1)
         ]
@@ -145,7 +154,7 @@ class Spline(Obstacle):
         return phi, normal, bend[:, None, None] * np.einsum("ia,ib->iab", tangent, tangent)
 
     def _jet(self, t: Array) -> Fields:
-        """Point and two derivatives; straight on beyond the ends of an open curve."""
+        """Point and two derivatives; an open curve is straight beyond its ends."""
         if self._closed:
             t = t % self._end
         on = np.clip(t, 0.0, self._end)
@@ -155,15 +164,19 @@ class Spline(Obstacle):
 
 
 class Polygon(Obstacle):
-    """Solid inside a polygon, whose outward corners are rounded by arcs.
+    """Solid polygon whose convex corners are rounded by arcs.
 
-    It is the distance to a polygon further inside, less the radius; inward corners stay sharp.
+    phi is the distance to an inner polygon less the radius; concave corners stay sharp.
 
     Args:
-        points: Its corners one after the other, shape (k, 2), at least three [length].
-        rounding: Radius of the arcs [length]; a normal needs one, so it is positive.
-        pivot: Point that rotations turn about; the mean of the corners by default.
+        points: Corners in order, shape (k, 2), at least three [length].
+        rounding: Radius of the arcs, positive [length].
+        pivot: Centre of rotations; the mean of the corners by default [length].
         name: Name used in messages.
+
+    Raises:
+        ValueError: If two successive corners coincide, the polygon intersects itself, or the radius
+            is too large for its edges.
     """
 
     def __init__(
@@ -185,16 +198,16 @@ class Polygon(Obstacle):
         edges = edges_of(corners)
         lengths = np.linalg.norm(edges, axis=1)[:, None]
         if not lengths.min() > 0.0:
-            raise ValueError("two successive corners of the polygon are at the same place")
+            raise ValueError("two successive corners of the polygon coincide")
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths
         before = np.roll(normals, 1, axis=0)
         half = 1.0 + (normals * before).sum(axis=1)
         back = int(np.argmin(half))
         if half[back] <= EPSILON:
-            raise ValueError(f"the polygon goes back on itself at {place(corners[back])}")
+            raise ValueError(f"two edges of the polygon overlap at {place(corners[back])}")
         inner = corners - rounding * (normals + before) / half[:, None]
         if not ((edges_of(inner) * edges).sum(axis=1) > 0.0).all():
-            raise ValueError(f"rounding={rounding}: less than the edges of the polygon bear")
+            raise ValueError(f"rounding={rounding}: too large for the edges of the polygon")
         check_simple(f"polygon less its rounding={rounding:g}", inner, closed=True)
         self._corners, self._normals, self._radius = inner, normals, float(rounding)
 

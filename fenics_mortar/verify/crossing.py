@@ -1,25 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""Surfaces that crossed: outlines in a state, and ways of nodes in a step.
+"""Crossed surfaces: overlapping outlines in a state, and passages of nodes in a step.
 
-Contact sees what it finds a partner for. Here all exterior facets of the bodies in pairs are looked
-at, those of one body among each other as well, after a solve and not during it.
+All exterior facets of the bodies in pairs are checked once after each solve, with other bodies and
+with their own, independently of the search for partners.
 
-**Of a state**: where two outlines cross, how deep they are in one another, in facets. Faceted
-curves in contact overlap by their sagitta, and dual multipliers leave as much between the nodes; so
-the certificate judges this as it does the penetration of a pair.
+**State**: depth of two outlines in each other where they cross, in facets. Faceted curves in
+contact overlap by their sagitta, and between nodes dual multipliers admit overlaps of this size;
+the limits are those of the penetration of a pair.
 
-**Of a step**: nodes are taken to have gone straight from the last accepted state to the present
-one, rigid moves before the solve included. Straight ways of a body that turns shrink it in between:
-so where bodies turn, each is looked at in the frame that turns with it, and the others, as seen
-from there, in parts of their rotation. A way that leaves a body where the outward normal is opposed
-to that where it entered went through it. One that leaves where it entered slid along, as chords of
-a curve do; and so did one beside which the outline leads from entry to exit within a facet, as that
-of a narrow block or round a tip. A way that ends inside of another body, deeper than a facet may,
-is told as well.
+**Step**: paths of nodes are straight from the last accepted state to the present one, including
+rigid moves before the solve. Since straight paths would shrink a rotating body, paths relative to
+it are computed in the frame that rotates with it, in several sections. A path passes through a body
+if the outward normals at entry and exit are opposed. It slides along the body if it leaves where it
+entered, as chords of a curve do, or if the outline between entry and exit stays within a facet of
+the path, as at a tip. Paths that end deep inside another body are reported as well.
 
-Once a solve; measured on two blocks (``demos/bench_crossing.py``): 0.9 ms with 10,500 unknowns, 1.6
-to 1.9 % of one Newton iteration, 2.6 ms with 161,000, 0.4 %. Many bodies that turn cost more, since
-all are looked at from each: 30 bricks with 1,200 segments 2 ms, turned by more than 1 degree 10 ms.
+Cost on two blocks (``demos/bench_crossing.py``): 0.9 ms with 10,500 unknowns (1.9 % of a Newton
+iteration), 2.6 ms with 161,000 (0.4 %). Rotating bodies cost more: 30 bricks with 1,200 segments 2
+ms, rotated by more than 1 degree 10 ms.
 """
 
 from __future__ import annotations
@@ -51,8 +49,8 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import call_together, place
 from fenics_mortar.verify.ways import Motions, own_frame, went_through
 
-# Unpaired bodies that are deeper in one another than this as meshed are meant to be [facets]; and a
-# way ends inside of a body if it ends deeper than this.
+# Depth [facets] above which an overlap of unpaired bodies in the mesh is intended, and a path ends
+# inside a body.
 DEEP = 0.5
 
 
@@ -61,10 +59,10 @@ class Crossing:
     """The deepest crossing of the outlines of two bodies, or of one.
 
     Attributes:
-        sides: Surfaces that cross, or bodies where these are no surfaces of a pair.
-        where: Place, in words.
-        depth: How deep one is in the other [length].
-        facets: The same over the facet's length.
+        sides: Names of the surfaces, or of the bodies outside surfaces of pairs.
+        where: Position, in words.
+        depth: Depth of one in the other [length].
+        facets: Depth over the facet's length [1].
     """
 
     sides: tuple[str, str]
@@ -81,7 +79,7 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Standing:
-    """Where outlines and obstacles were at the last accepted state.
+    """Positions of outlines and obstacles at the last accepted state.
 
     Attributes:
         x: Positions of the outlines' nodes, shape (n, 2) [length].
@@ -93,15 +91,15 @@ class Standing:
 
 
 class Crossings:
-    """Looks for what crossed; all methods are collective.
+    """Finds crossings and passages; all methods are collective.
 
     Args:
-        bulk: The bodies.
-        contacts: The pairs, bound to the same space.
-        floating: What knows the bodies.
+        bulk: The bulk equations.
+        contacts: All pairs.
+        floating: Bodies and their names.
 
     Attributes:
-        accepted: Where the step begins.
+        accepted: Positions at the start of the step.
     """
 
     def __init__(
@@ -134,7 +132,7 @@ class Crossings:
     # A state
 
     def find(self) -> list[Crossing]:
-        """The deepest crossing of each two outlines at the present displacement."""
+        """Deepest crossing of each two outlines at the present displacement."""
         rows, found = self._crossings(self._positions()), []
         for pair, row in self._deepest(rows).items():
             facets = float(row[2]) - self._excused.get(pair, 0.0)
@@ -151,16 +149,16 @@ class Crossings:
         )
 
     def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
-        """The deepest of such rows of each two bodies, by these, the deepest first."""
+        """Deepest row of each two bodies, in order of decreasing depth."""
         rows = rows[np.argsort(-rows[:, 2], kind="stable")]
         pairs = np.sort(self._segment_bodies[rows[:, :2].astype(np.int64)], axis=1)
         _, first = np.unique(pairs @ np.array([self._bound, 1]), return_index=True)
         return {(int(pairs[i, 0]), int(pairs[i, 1])): rows[i] for i in np.sort(first)}
 
     def _as_meshed(self) -> dict[tuple[int, int], float]:
-        """Facets by which bodies that are no pair overlap in the mesh, without limit if deep.
+        """Overlap of unpaired bodies in the mesh [facets], inf if it is deep.
 
-        One that overlaps itself, as one that is closed upon itself, may go on to do so by as much.
+        The overlap of a body with itself, as of a closed ring, is its value in the mesh.
         """
         found = {}
         for pair, row in self._deepest(self._crossings(self.outline.X)).items():
@@ -170,7 +168,7 @@ class Crossings:
         return found
 
     def _allowed(self) -> Array:
-        """What the contacts' offsets let nodes overlap by, shape (n,) [length]."""
+        """Overlap of nodes admitted by the offsets of contacts, shape (n,) [length]."""
         allowed = np.zeros(len(self.outline.X))
         for contact, there in zip(self._contacts, self._slaves, strict=True):
             if contact.offset.any():
@@ -178,7 +176,7 @@ class Crossings:
         return allowed
 
     def _bodies_of(self, surface: Surface) -> set[int]:
-        """Bodies of a surface; tied ones are not one here."""
+        """Bodies of a surface; tied bodies count separately."""
         bodies = surface.gather(self._bulk.space.spread(self._labels))[:, 0]
         return set(bodies.astype(np.int64).tolist())
 
@@ -188,7 +186,7 @@ class Crossings:
     # Names
 
     def _name_segments(self) -> tuple[list[str], Indices]:
-        """Names of the surfaces in pairs, and which one each segment is of, -1 for none."""
+        """Names of the surfaces in pairs, and the surface of each segment, -1 for none."""
         names, found = list[str](), np.full(len(self.outline.segments), -1)
         for contact in self._contacts:
             for surface in (contact.slave, contact.master):
@@ -216,29 +214,27 @@ class Crossings:
     # A step
 
     def accept(self, places: Array) -> None:
-        """Let the next step begin at the present state.
+        """Start the next step at the present state.
 
         Args:
-            places: Those of the obstacles, shape (obstacles, 3).
+            places: Positions of the obstacles, shape (obstacles, 3).
         """
         self.accepted = Standing(self._positions(), places.copy())
         self._left, self._restored = self.accepted.x, None
 
     def restore(self, accepted: Standing, u: Array) -> None:
-        """Take up where a step began; its displacement now is ``u``, which stays as it is."""
+        """Restore the start of a step at the displacement ``u``, a local array."""
         self.accepted, self._restored = accepted, u
 
     def leave(self) -> None:
-        """Note where a failed solve has left the displacement."""
+        """Store the displacement after a failed solve."""
         self._left, self._restored = self._positions(), None
 
     def begin(self, places: Array) -> None:
-        """Begin a step: at the accepted state, or at the present one if ``u`` was set by hand.
-
-        Who sets prescribed values only does what the solve would do.
+        """Start a step at the accepted state, or at the present one if free dofs of ``u`` were set.
 
         Args:
-            places: Those of the obstacles, shape (obstacles, 3).
+            places: Positions of the obstacles, shape (obstacles, 3).
         """
         if self._restored is not None:
             self._left, self._restored = self.outline.positions(self._restored), None
@@ -246,10 +242,10 @@ class Crossings:
             self.accept(places)
 
     def passages(self, places: Array) -> list[str]:
-        """What went through bodies and obstacles since the accepted state, in words.
+        """Messages on passages through bodies and obstacles since the accepted state.
 
         Args:
-            places: Present ones of the obstacles, shape (obstacles, 3).
+            places: Present positions of the obstacles, shape (obstacles, 3).
         """
         x0, x1 = self.accepted.x, self._positions()
         motions = Motions(x0, x1, self.outline.bodies)
@@ -268,9 +264,9 @@ class Crossings:
     def _through_bodies(
         self, along: Array, which: int, segments: npt.NDArray[np.bool_] | None = None
     ) -> list[str]:
-        """Ways ``along`` (m + 1, n, 2) through marked segments (m,) of ``which`` bodies, in words.
+        """Messages on paths ``along`` (m + 1, n, 2) through marked segments (m,), bool.
 
-        See ``find_events``.
+        ``which``: see ``find_events``.
         """
         o, bodies, events = self.outline, self._segment_bodies, []
         marked = np.arange(len(bodies)) if segments is None else np.flatnonzero(segments)
@@ -284,12 +280,12 @@ class Crossings:
         every = every[np.lexsort((every[:, 2], bodies[every[:, 1].astype(np.int64)], every[:, 0]))]
         lengths, ends = o.lengths(along[-1]), (along[0], along[-1])
         rows = find_passages(*ends, o.segments, *self._links, lengths, bodies, every)
-        return self._tell(rows, lengths, along[-1]) if len(rows) else []
+        return self._messages(rows, lengths, along[-1]) if len(rows) else []
 
-    def _tell(self, rows: Array, lengths: Array, x1: Array) -> list[str]:
-        """Rows of ``find_passages`` in words, one line for each two bodies."""
+    def _messages(self, rows: Array, lengths: Array, x1: Array) -> list[str]:
+        """Messages on rows of ``find_passages``, one for each two bodies."""
         node, entry, leaves = (rows[:, k].astype(np.int64) for k in range(3))
-        told, through, depth = list[str](), leaves >= 0, rows[:, 3]
+        messages, through, depth = list[str](), leaves >= 0, rows[:, 3]
         pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)
         inside = ~through & (pairs[:, 0] != pairs[:, 1])
         inside &= depth - self._allowed()[node] > DEEP * lengths[entry]
@@ -299,10 +295,10 @@ class Crossings:
                     continue
                 mine = np.flatnonzero(marked & (pairs == pair).all(axis=1))
                 first = mine[np.argmax(depth[mine])]
-                told.append(self._say(rows[first], mine.size, x1, ends_inside=ends_inside))
-        return told
+                messages.append(self._message(rows[first], mine.size, x1, ends_inside=ends_inside))
+        return messages
 
-    def _say(self, row: Array, count: int, x1: Array, *, ends_inside: bool) -> str:
+    def _message(self, row: Array, count: int, x1: Array, *, ends_inside: bool) -> str:
         node, entry, leaves = row[:3].astype(np.int64).tolist()
         what = f"nodes of {self._name_node(node)} went"
         body = self._name_body(int(self._segment_bodies[entry]))
@@ -316,8 +312,9 @@ class Crossings:
         return f"{count} {what} {way}, straight from the last accepted state: take smaller steps"
 
     def _through_obstacles(self, x1: Array, places: Array) -> list[str]:
-        """Ways of slave nodes through the obstacles of their pairs, in words."""
-        told, obstacles = [], list(dict.fromkeys(c.obstacle for c in self._contacts if c.obstacle))
+        """Messages on paths of slave nodes through the obstacles of their pairs."""
+        messages = []
+        obstacles = list(dict.fromkeys(c.obstacle for c in self._contacts if c.obstacle))
         for contact, there in zip(self._contacts, self._slaves, strict=True):
             obstacle = contact.obstacle
             if obstacle is None:
@@ -335,10 +332,10 @@ class Crossings:
             through = np.flatnonzero(depth > 0.0)
             if through.size:
                 first = through[np.argmax(depth[through])]
-                told.append(
+                messages.append(
                     f"{through.size} nodes of '{contact.slave.name}' went through obstacle "
                     f"'{obstacle.name}', and one at {place(x1[there[first]])} ended "
                     f"{depth[first]:.3g} beyond its surface, straight from the last accepted "
                     "state: take smaller steps"
                 )
-        return told
+        return messages

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Where the normal force of a run of slave nodes acts, and whether the sides meet there.
+"""Position of the normal resultant of a run of slave nodes, relative to the covered surface.
 
-Pressures act where the sides meet, and so does their resultant. A node at the far end of a slave
-facet that the master covers in part carries a share of what acts on the covered part; in sum that
-is right for forces and moments. But if such a facet alone presses, as under a body about to tip
-over the edge of another, all its force may move to that node, out beyond the edge. The body then
-bears more than its like with infinitely fine facets.
+The resultant of the pressure lies on the covered part of the surface. A node at the uncovered end
+of a partly covered facet carries a fraction of the pressure on the covered part, in balance of
+forces and moments. If such a facet is the only active one, as under a body about to tip over an
+edge, the whole force may move to that node, beyond the edge. The limit load is then larger than in
+the limit of fine meshes.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from fenics_mortar.utils.errors import place
 
 
 def beyond_cover(contact: Contact, runs: Indices) -> dict[str, Any]:
-    """Farthest a run's resultant lies beyond what is covered, over its longest facet (collective).
+    """Largest distance of a resultant beyond the cover, over the longest facet (collective).
 
-    Runs in which a node pulls are left out: the resultant of pull and pressure may be anywhere. So
-    are obstacles, which have no ends.
+    Runs with tensile nodes are excluded, since their resultant may be anywhere, and obstacles,
+    which have no ends.
 
     Args:
         contact: The pair.
         runs: Number of the run of active nodes that each slave node is in, shape (slave nodes,).
 
     Returns:
-        "outside" and "outside_at" of ``PairCertificate``; nothing if no resultant lies beyond.
+        "outside" [1] and "outside_at" of ``PairCertificate``; empty if no resultant lies beyond.
     """
     if contact.obstacle is not None:
         return {}
@@ -47,7 +47,7 @@ def beyond_cover(contact: Contact, runs: Indices) -> dict[str, Any]:
 
 
 def _beyond(contact: Contact, nodes: Indices, forces: Array) -> tuple[float, str]:
-    """How far the resultant of one run lies beyond its covered part, and where (collective)."""
+    """Distance of the resultant beyond the cover in facets, and its position (collective)."""
     o, s = contact.operators, contact.intersections()
     touched = np.isin(s.slave, nodes).any(axis=1)
     first, last = o.x[s.slave[touched, 0]], o.x[s.slave[touched, -1]]
@@ -57,11 +57,11 @@ def _beyond(contact: Contact, nodes: Indices, forces: Array) -> tuple[float, str
     if pulls or size == 0.0:
         return 0.0, ""
     along = along / size
-    parts = 0.5 * (1.0 + s.ends[touched])
-    covered = (first @ along)[:, None] + ((last - first) @ along)[:, None] * parts
+    fractions = 0.5 * (1.0 + s.ends[touched])
+    covered = (first @ along)[:, None] + ((last - first) @ along)[:, None] * fractions
     longest = float(np.linalg.norm(last - first, axis=1).max(initial=0.0))
-    most = np.array([covered.max(initial=-np.inf), -covered.min(initial=np.inf), longest])
-    contact.slave.comm.Allreduce(MPI.IN_PLACE, most, MPI.MAX)
+    bounds = np.array([covered.max(initial=-np.inf), -covered.min(initial=np.inf), longest])
+    contact.slave.comm.Allreduce(MPI.IN_PLACE, bounds, MPI.MAX)
     centre = forces[nodes] @ o.x[nodes] / forces[nodes].sum()
-    place_along = float(centre @ along)
-    return max(place_along - most[0], -place_along - most[1], 0.0) / float(most[2]), place(centre)
+    at = float(centre @ along)
+    return max(at - bounds[0], -at - bounds[1], 0.0) / float(bounds[2]), place(centre)

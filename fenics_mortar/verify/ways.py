@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Ways of nodes in a step: with their bodies as these turn, and through rigid obstacles.
+"""Paths of nodes in a step: rotating frames of bodies, and passages through rigid obstacles.
 
-An obstacle is passed where its signed distance says so: points are taken along the way as far apart
-as the distance allows, since nothing is nearer (sphere tracing, Hart 1996), and at the surface by a
-small part of a facet. The way is followed in the obstacle's own frame. It went through where the
-gradient at its exit is opposed to that at its entry, and the obstacle goes on a facet to either
-side; else it went round an edge.
+The signed distance of an obstacle is sampled along a path in the obstacle's own frame, with steps
+equal to the distance (sphere tracing, Hart 1996), and of a small fraction of a facet near the
+surface. A path passes through the obstacle if the gradients at entry and exit are opposed and the
+obstacle extends by a facet to both sides; otherwise it went round an edge.
 """
 
 from __future__ import annotations
@@ -16,20 +15,18 @@ import numpy.typing as npt
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Bodies turn by this at the most in a part of a step, whose ways are straight [radian]: that
-# shrinks them by 8 %. What slides by L along one that turns by the second goes astray by less than
-# L / 200.
+# Largest rotation of a body in one straight section of its path [radian], which shrinks the body by
+# 8 %; rotation up to which one section is enough: the error is L / 200 for a sliding distance L.
 LARGEST_TURN, SMALL_TURN = np.pi / 4, 0.02
-# Normals at entry and exit with a cosine below this are opposed (more than 100 degrees apart): a
-# way round a corner of a block is not through. Above the second, at start and end, nothing was
-# passed.
+# Cosine between normals at entry and exit [1] below which they are opposed (100 degrees: not round
+# a corner of a block), and between those at start and end above which nothing was passed.
 OPPOSITE, ALIKE = -0.17, 0.7
-# Points at the surface are so many facets apart, and there are so many of them at the most.
-FINE, MOST_POINTS = 0.05, 400
+# Distance of points at the surface [facets], and their largest number.
+FINE, MAX_POINTS = 0.05, 400
 
 
 class Motions:
-    """Rigid motions of bodies in a step, those closest to the motions of their nodes (local).
+    """Rigid motions of bodies in a step, least-squares fits to the motions of nodes (local).
 
     Args:
         x0: Positions of the nodes at the start, shape (n, 2) [length].
@@ -38,7 +35,7 @@ class Motions:
 
     Attributes:
         labels: The bodies, shape (b,).
-        angles: Their turns, shape (b,) [radian].
+        angles: Their rotations, shape (b,) [radian].
     """
 
     def __init__(self, x0: Array, x1: Array, bodies: Indices) -> None:
@@ -57,56 +54,56 @@ class Motions:
 
     @property
     def are_small(self) -> bool:
-        """Whether no body turns so far that ways have to be seen from each."""
+        """Whether all rotations are small, so that no rotating frames are needed."""
         return float(np.abs(self.angles).max(initial=0.0)) <= SMALL_TURN
 
     def carried(self) -> Array:
-        """Nodes at the start, each carried along with its own body, shape (n, 2) [length]."""
+        """Initial positions moved rigidly with the node's own body, shape (n, 2) [length]."""
         i = self._of_node
         return self._end[i] + _turned(self._x0 - self._start[i], self.angles[i])
 
     def seen_from(self, body: int) -> Array:
-        """Nodes at the start, all carried along with one of the bodies, shape (n, 2) [length]."""
+        """Initial positions moved rigidly with one of the bodies, shape (n, 2) [length]."""
         return self._end[body] + _turned(self._x0 - self._start[body], self.angles[body])
 
     def ways(self) -> Array:
-        """Positions at the start, at times between and at the end, shape (m + 1, n, 2) [length].
+        """Positions at start, intermediate times and end, shape (m + 1, n, 2) [length].
 
-        The bodies' centres go straight, and bodies turn about them. Two that move as one only do so
-        here as seen from one of them.
+        Centres of bodies move on straight lines, and bodies rotate about them. A common motion of
+        two bodies is reproduced only in the frame of one of them.
         """
         i, largest = self._of_node, float(np.abs(self.angles).max(initial=0.0))
-        parts = max(int(np.ceil(largest / LARGEST_TURN)), 1)
+        sections = max(int(np.ceil(largest / LARGEST_TURN)), 1)
         y0 = self._x0 - self._start[i]
         y1 = _turned(self._x1 - self._end[i], -self.angles[i])
         along = [self._x0]
-        for t in np.arange(1, parts) / parts:
+        for t in np.arange(1, sections) / sections:
             centre = self._start + t * (self._end - self._start)
             along.append(centre[i] + _turned(y0 + t * (y1 - y0), t * self.angles[i]))
         return np.array([*along, self._x1])
 
 
 def _turned(y: Array, angle: Array | float) -> Array:
-    """Vectors (n, 2), each turned by its angle (n,), or all by one."""
+    """Vectors (n, 2), each rotated by its angle (n,), or all by one."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * y[:, 0] - s * y[:, 1], s * y[:, 0] + c * y[:, 1]], axis=1)
 
 
 def went_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array) -> Array:
-    """How far beyond the surface of an obstacle nodes are that went through it, else 0 (local).
+    """Distance from the surface of nodes that passed through an obstacle, else 0 (local).
 
     Args:
-        obstacle: The obstacle; where it is does not matter.
-        knots: Positions of s nodes in its own frame at the start, at times between and at the end,
-            shape (m + 1, s, 2).
-        offset: Length that is taken off the distance of each node, shape (s,).
-        lengths: Length of surface that belongs to each node, shape (s,).
+        obstacle: The obstacle; its present position has no effect.
+        knots: Positions of s nodes in its own frame at start, intermediate times and end, shape
+            (m + 1, s, 2) [length].
+        offset: Length subtracted from the distance of each node, shape (s,) [length].
+        lengths: Tributary length of each node, shape (s,) [length].
 
     Returns:
         Shape (s,) [length].
     """
-    branches = np.linalg.norm(np.diff(knots, axis=0), axis=2)
-    far = np.concatenate([np.zeros((1, len(offset))), np.cumsum(branches, axis=0)])
+    sections = np.linalg.norm(np.diff(knots, axis=0), axis=2)
+    far = np.concatenate([np.zeros((1, len(offset))), np.cumsum(sections, axis=0)])
     (start, start_slope), (end, end_slope) = (
         _distance(obstacle, knots[k], offset) for k in (0, -1)
     )
@@ -121,13 +118,13 @@ def went_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array
 
 
 def own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:
-    """Where points ``x`` of space are in the frame of an obstacle at a place."""
+    """Points ``x`` (n, 2) in space, transformed to the frame of an obstacle at ``place`` (3,)."""
     c, s = np.cos(place[2]), np.sin(place[2])
     return (x - obstacle.pivot - place[:2]) @ np.array([[c, -s], [s, c]]) + obstacle.pivot
 
 
 def _distance(obstacle: Obstacle, x: Array, offset: Array) -> tuple[Array, Array]:
-    """Distances (s,) less the offset, no more than the nearest surface, and unit gradients."""
+    """Distances (s,) less the offset, lower bounds if |grad phi| > 1, and unit gradients."""
     phi, gradient, _ = obstacle.local(x)
     size = np.maximum(np.hypot(*gradient.T), np.finfo(float).tiny)
     return (phi - offset) / np.maximum(size, 1.0), gradient / size[:, None]
@@ -136,24 +133,24 @@ def _distance(obstacle: Obstacle, x: Array, offset: Array) -> tuple[Array, Array
 def _trace(
     obstacle: Obstacle, knots: Array, far: Array, offset: Array, lengths: Array
 ) -> npt.NDArray[np.bool_]:
-    """Whether ways with ``knots`` (m + 1, s, 2), ``far`` (m + 1, s) along them, went through."""
+    """Whether paths passed through; ``knots`` (m + 1, s, 2) at arc lengths ``far`` (m + 1, s)."""
     total = far[-1]
-    least = np.maximum(FINE * lengths, total / MOST_POINTS)
+    min_step = np.maximum(FINE * lengths, total / MAX_POINTS)
     at, passed = np.zeros(len(total)), np.zeros(len(total), bool)
     before = _at(knots, far, at)
     distance, slope = _distance(obstacle, before, offset)
     entry, entry_slope, inside = before.copy(), slope.copy(), distance < 0.0
-    for _ in range(2 * MOST_POINTS):
+    for _ in range(2 * MAX_POINTS):
         if (at >= total).all():
             break
-        at = np.minimum(at + np.maximum(np.abs(distance), least), total)
+        at = np.minimum(at + np.maximum(np.abs(distance), min_step), total)
         here = _at(knots, far, at)
         distance, now = _distance(obstacle, here, offset)
         enters, leaves = ~inside & (distance < 0.0), inside & (distance >= 0.0)
         entry = np.where(enters[:, None], before, entry)
         entry_slope = np.where(enters[:, None], slope, entry_slope)
         step = here - before
-        skips = ~inside & (distance >= 0.0)  # a sheet thinner than the distance of two points
+        skips = ~inside & (distance >= 0.0)  # thinner than the distance of two points
         skips &= ((step * slope).sum(axis=1) < 0.0) & ((step * now).sum(axis=1) > 0.0)
         first = np.where(leaves[:, None], entry_slope, slope)
         middle = np.where(leaves[:, None], 0.5 * (entry + here), 0.5 * (before + here))
@@ -161,7 +158,7 @@ def _trace(
         if opposed.any():
             opposed[opposed] = _goes_on(
                 obstacle, middle[opposed], first[opposed], lengths[opposed],
-                offset[opposed] + 2.0 * least[opposed],
+                offset[opposed] + 2.0 * min_step[opposed],
             )  # fmt: skip
         passed |= opposed
         before, slope, inside = here, now, distance < 0.0
@@ -171,17 +168,17 @@ def _trace(
 def _goes_on(
     obstacle: Obstacle, x: Array, normal: Array, lengths: Array, offset: Array
 ) -> npt.NDArray[np.bool_]:
-    """Whether an obstacle is there a facet to either side of points on their way through."""
+    """Whether the obstacle extends by a facet to both sides of points on their paths."""
     along = lengths[:, None] * np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     sides = [_distance(obstacle, x + sign * along, offset)[0] <= 0.0 for sign in (1.0, -1.0)]
     return np.asarray(sides[0] & sides[1])
 
 
 def _at(knots: Array, far: Array, at: Array) -> Array:
-    """Points ``at`` (s,) along ways with ``knots`` (m + 1, s, 2) at ``far`` (m + 1, s)."""
-    branch = np.clip((far <= at).sum(axis=0) - 1, 0, len(far) - 2)
+    """Points at arc lengths ``at`` (s,) of paths with ``knots`` (m + 1, s, 2) at ``far``."""
+    k = np.clip((far <= at).sum(axis=0) - 1, 0, len(far) - 2)
     every = np.arange(len(at))
-    start, end = far[branch, every], far[branch + 1, every]
+    start, end = far[k, every], far[k + 1, every]
     with np.errstate(divide="ignore", invalid="ignore"):
-        part = np.nan_to_num((at - start) / (end - start), posinf=0.0, neginf=0.0)
-    return knots[branch, every] + part[:, None] * (knots[branch + 1, every] - knots[branch, every])
+        fraction = np.nan_to_num((at - start) / (end - start), posinf=0.0, neginf=0.0)
+    return knots[k, every] + fraction[:, None] * (knots[k + 1, every] - knots[k, every])
