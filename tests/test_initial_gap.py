@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
-import rings
 from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, pressed_blocks, read
 
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import rings
 
 E, NU = 100.0, 0.3
 

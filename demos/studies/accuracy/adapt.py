@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Meshes that refine themselves where the estimate of the error is large, against uniform ones.
 
-    python3 demos/accuracy/adapt.py            degree 1 and 2
-    python3 demos/accuracy/adapt.py --quick    fewer levels
+    python3 -m demos.studies.accuracy.adapt            degree 1 and 2
+    python3 -m demos.studies.accuracy.adapt --quick    fewer levels
 
 The exact problem of Hertz: solve, estimate, mark, make a new mesh with smaller sizes in the
 marked cells, until the pressure is as exact as on the finest uniform mesh. Writes ``adapt.md`` and
@@ -12,7 +12,6 @@ marked cells, until the pressure is as exact as on the finest uniform mesh. Writ
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,16 +20,14 @@ from mpi4py import MPI
 
 import gmsh
 import numpy as np
-from exact_hertz import HalfPlanes
 from matplotlib.figure import Figure
-from norms import errors
-from scenes_exact import HALF_SIDE, Choice, hertz_on
-
-sys.path.append(str(Path(__file__).resolve().parents[2] / "meshes"))
-from _shared import add_lines, add_points, add_surface, generate
 
 import fenics_mortar as fm
+from demos.studies.accuracy.exact_hertz import HalfPlanes
+from demos.studies.accuracy.norms import errors
+from demos.studies.accuracy.scenes_exact import HALF_SIDE, Choice, hertz_on
 from fenics_mortar.utils import compat
+from meshes._shared import add_lines, add_points, add_surface, generate
 
 Row = dict[str, Any]
 Size = Callable[[float, float], float]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The tractive rolling of Carter: shear, stick and creepage of a rigid wheel on a half plane.
 
-    python3 demos/accuracy/carter.py
+    python3 -m demos.studies.accuracy.carter
 
 A rigid wheel, pressed by P on an incompressible body, is driven and rolls to the right under a
 force Q < mu P. In the steady state it sticks from the leading edge on, over a length 2 c of the
@@ -41,14 +41,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from norms import contact_errors
-from report import FOLDER, markdown
-from scenes_exact import Grid, Posed, read
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies.accuracy.norms import contact_errors
+from demos.studies.accuracy.report import FOLDER, markdown
+from demos.studies.accuracy.scenes_exact import Grid, Posed, read
 
 # Lengths by the half-width of the contact, stresses by E*
 R, FRICTION, PART = 1000.0, 0.3, 0.5  # Q by mu P

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The shear of Cattaneo and Mindlin: error and rates of elements and meshes, and two cylinders.
 
-    python3 demos/accuracy/cattaneo.py
+    python3 -m demos.studies.accuracy.cattaneo
 
 Bodies of one material are pressed together and then sheared, Q < mu P. The middle |x| < c sticks,
 the rest of the contact slides:
@@ -32,17 +32,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import cylinders
 import numpy as np
-from cylinders import MODULUS, NU, RADIUS, E
 from matplotlib.figure import Figure
-from norms import errors
-from scenes_exact import Choice, cattaneo, linear_elastic
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies.accuracy import cylinders
+from demos.studies.accuracy.cylinders import MODULUS, NU, RADIUS, E
+from demos.studies.accuracy.norms import errors
+from demos.studies.accuracy.scenes_exact import Choice, cattaneo
+from demos.studies.common import linear_elastic
 from fenics_mortar.contact.slip import Measure
 
 FRICTION, PART = 0.2, 0.468080  # Q by mu P

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Speed against accuracy on the exact problem of Hertz: tables of rates and pictures.
 
-    python3 demos/accuracy/chart.py            all choices of element, basis, integration, tangent
-    python3 demos/accuracy/chart.py --quick    the four elements with the default choices
-    python3 demos/accuracy/chart.py --redraw   what was measured before, and the peers
+    python3 -m demos.studies.accuracy.chart            all choices of element, basis, rule, tangent
+    python3 -m demos.studies.accuracy.chart --quick    the four elements with the default choices
+    python3 -m demos.studies.accuracy.chart --redraw   what was measured, and the peers
 
 Writes to ``results/accuracy``: ``summary.md`` and ``chart.png``, for a glance, ``rates.md`` and
 ``choices.png``, which have all choices. Other codes on the same meshes are drawn if ``peer_*.py``
@@ -24,11 +24,11 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from norms import errors
-from report import DEFAULT, OURS, PHASES, SIZES, Row, read, report, write
-from scenes_exact import ELEMENTS, Choice, hertz
 
 import fenics_mortar as fm
+from demos.studies.accuracy.norms import errors
+from demos.studies.accuracy.report import DEFAULT, OURS, PHASES, SIZES, Row, read, report, write
+from demos.studies.accuracy.scenes_exact import ELEMENTS, Choice, hertz
 
 # What the clocks of the report of Newton's method count to each phase but the set-up
 CLOCKS = (("residual", "tangent"), ("search", "integrals", "assembly"), ("solve",), ("other",))

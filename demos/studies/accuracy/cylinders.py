@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Cylinder on cylinder against the theory of Hertz, without friction.
 
-    python3 demos/accuracy/cylinders.py
+    python3 -m demos.studies.accuracy.cylinders
 
 Two half cylinders of radius 8 and of one material (E = 200, nu = 0.3), plane strain; a pressure of
 0.625 on the flat side of the upper one makes P = 10 per length. With 1 / R = 2 / 8 and
@@ -16,9 +16,7 @@ the pressure is largest: forces are compared per undeformed length, the measure 
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -26,14 +24,12 @@ from mpi4py import MPI
 import gmsh
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "meshes")]
-from _shared import add_lines, add_points, add_surface, generate
-
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies.common import lame, linear_elastic
+from meshes._shared import add_lines, add_points, add_surface, generate
 
 RADIUS, E, NU, PRESSURE = 8.0, 200.0, 0.3, 0.625
 FORCE = 2 * RADIUS * PRESSURE
@@ -86,9 +82,7 @@ def pose(h: float, degree: int) -> fm.ContactProblem:
     data = mesh(h, degree)
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
-    mu, lmbda = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
-    strain = ufl.sym(ufl.grad(u))
-    stress = 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
+    stress = linear_elastic(u, *lame(E, NU))
     rule = {"quadrature_degree": 4}
     ds = ufl.Measure("ds", data.mesh, subdomain_data=data.facet_tags, metadata=rule)
     residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata=rule)

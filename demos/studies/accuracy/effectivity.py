@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Rates of all exact problems and all elements, and the error that is estimated by the true one.
 
-    python3 demos/accuracy/effectivity.py            three meshes each
-    python3 demos/accuracy/effectivity.py --quick    the two coarser ones
-    python3 demos/accuracy/effectivity.py flat Hertz    those whose names have one of these words
+    python3 -m demos.studies.accuracy.effectivity            three meshes each
+    python3 -m demos.studies.accuracy.effectivity --quick    the two coarser ones
+    python3 -m demos.studies.accuracy.effectivity flat Hertz    names with one of these words
 
 Rates are those to the finest mesh, over the last halving; where contact ends, over both, after
 which the ends are at the same place of a facet again. In brackets is what theory says: a smooth
@@ -21,9 +21,19 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from norms import errors
-from report import FOLDER, PREDICTED, markdown
-from scenes_exact import ELEMENTS, Choice, Posed, cattaneo, curved, flat, hertz, press_fit
+
+from demos.studies.accuracy.norms import errors
+from demos.studies.accuracy.report import FOLDER, PREDICTED, markdown
+from demos.studies.accuracy.scenes_exact import (
+    ELEMENTS,
+    Choice,
+    Posed,
+    cattaneo,
+    curved,
+    flat,
+    hertz,
+    press_fit,
+)
 
 # Errors, and what the estimate is called beside them
 NAMES = ("energy", "displacement", "pressure", "shear")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Shallow ironing on three meshes: the force against that of the finest one, and in print.
 
-    python3 demos/accuracy/ironing.py            P1, Q1 and P2, with and without friction
-    python3 demos/accuracy/ironing.py --quick    one mesh each, no orders
+    python3 -m demos.studies.accuracy.ironing            P1, Q1 and P2, with and without friction
+    python3 -m demos.studies.accuracy.ironing --quick    one mesh each, no orders
 
 A round indenter goes 1 mm down, 0.8 mm of it into a block ten times softer, and 5 mm along it
 (geometry and material after Yastrebov 2011). No exact solution is known. Without friction the
@@ -21,26 +21,23 @@ force without friction does so, too. Writes
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
 import gmsh
 import numpy as np
-from report import FOLDER, markdown
-from scenes_exact import ELEMENTS, neo_hookean
-
-sys.path.append(str(Path(__file__).resolve().parents[2] / "meshes"))
-import indenter_on_block
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies.accuracy.report import FOLDER, markdown
+from demos.studies.accuracy.scenes_exact import ELEMENTS
+from demos.studies.common import lame, neo_hookean
+from meshes import indenter_on_block
 
 E, NU, STIFFER = 689.6, 0.32, 10.0
 FRICTION = 0.3
@@ -81,7 +78,7 @@ def pose(element: str, n: int, law: fm.Law | None = None) -> tuple[fm.ContactPro
     u, v = fem.Function(V), ufl.TestFunction(V)
     rule = {"quadrature_degree": 2 * degree}
     dx = ufl.Measure("dx", data.mesh, subdomain_data=data.cell_tags, metadata=rule)
-    mu, lmbda = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
+    mu, lmbda = lame(E, NU)
     work = ufl.inner(neo_hookean(u, mu, lmbda), ufl.grad(v))
     residual = work * dx(data.body_tag("block")) + STIFFER * work * dx(data.body_tag("indenter"))
     tool = fem.Constant(data.mesh, (0.0, 0.0))

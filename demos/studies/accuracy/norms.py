@@ -7,10 +7,10 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from scenes_exact import Posed
 
 import ufl
 
+from demos.studies.accuracy.scenes_exact import Posed
 from fenics_mortar.utils import compat
 
 # Values (n,) at reference places (2, n)

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from norms import bulk_errors, contact_errors
-from report import SIZES, Row, peer_table, write
-from scenes_exact import Choice, Posed, hertz
 
+from demos.studies.accuracy.norms import bulk_errors, contact_errors
+from demos.studies.accuracy.report import SIZES, Row, peer_table, write
+from demos.studies.accuracy.scenes_exact import Choice, Posed, hertz
 from fenics_mortar.utils import compat
 
 # Nodes of a cell as most codes count them: corners counterclockwise, then the middles of the sides

@@ -2,7 +2,7 @@
 """The problem of Hertz, solved by GetFEM's integral contact between meshes that do not match.
 
     apt install python3-getfem
-    python3 demos/accuracy/peer_getfem.py
+    python3 -m demos.studies.accuracy.peer_getfem
 
 The multiplier is of degree 1, continuous, on the slave surface; the formulation is the symmetric
 augmented Lagrangian one, its parameter Young's modulus, the range that GetFEM's manual names.
@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import getfem as gf
 import numpy as np
-from peer import Answer, Given, run
 from scipy.spatial import cKDTree
+
+from demos.studies.accuracy.peer import Answer, Given, run
 
 SIDES, CONTACT, HELD = 1, 2, 3
 SYMMETRIC = 2

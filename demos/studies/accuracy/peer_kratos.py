@@ -3,7 +3,7 @@
 
     python3 -m venv --system-site-packages kratos
     kratos/bin/pip install KratosContactStructuralMechanicsApplication
-    kratos/bin/python demos/accuracy/peer_kratos.py
+    kratos/bin/python -m demos.studies.accuracy.peer_kratos
 
 Kratos' contact in the plane has facets of two nodes: triangles and quadrilaterals of degree 1.
 Settings are its defaults, but for tolerances that suit this small load. The linear solver is its
@@ -23,7 +23,8 @@ from KratosMultiphysics.ContactStructuralMechanicsApplication import alm_contact
 from KratosMultiphysics.ContactStructuralMechanicsApplication import (
     contact_structural_mechanics_static_solver as static_solver,
 )
-from peer import Answer, Given, run
+
+from demos.studies.accuracy.peer import Answer, Given, run
 
 SOLVER = """{
     "solver_type": "static",

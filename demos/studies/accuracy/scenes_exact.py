@@ -3,31 +3,26 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
 from dolfinx import fem
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "meshes")]
-import mapped_grids
-from exact_curved import CurvedInterface
-from exact_flat import FlatInterface
-from exact_hertz import HalfPlanes
-from exact_rings import PressFit, linear
-from mapped_grids import Grid
-
 import fenics_mortar as fm
+from demos.studies.accuracy.exact_curved import CurvedInterface
+from demos.studies.accuracy.exact_flat import FlatInterface
+from demos.studies.accuracy.exact_hertz import HalfPlanes
+from demos.studies.accuracy.exact_rings import PressFit, linear
+from demos.studies.common import linear_elastic, neo_hookean, read_mesh
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid
 
 Field = Callable[[np.ndarray, np.ndarray], np.ndarray]
 # Element by name: shape of the cells, degree
@@ -87,29 +82,11 @@ class Posed:
 
 def read(grids: list[Grid], cell: str, order: int) -> Any:
     """Make a mesh of grids."""
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    model = mapped_grids.build(grids, cell=cell, order=order)
-    data = fm.read_gmsh(model, MPI.COMM_SELF)
-    gmsh.finalize()
-    return data
-
-
-def linear_elastic(u: Any, mu: float, lmbda: float) -> Any:
-    """Cauchy stress of linear elasticity."""
-    strain = ufl.sym(ufl.grad(u))
-    return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
-
-
-def neo_hookean(u: Any, mu: float, lmbda: float) -> Any:
-    """First Piola-Kirchhoff stress of the compressible neo-Hookean law."""
-    F = ufl.Identity(2) + ufl.grad(u)
-    inverse = ufl.inv(F).T
-    return mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
+    return read_mesh(lambda: mapped_grids.build(grids, cell=cell, order=order), MPI.COMM_SELF)
 
 
 def piola(H: np.ndarray, mu: float, lmbda: float) -> np.ndarray:
-    """The same by numbers, of a gradient of the displacement (2, 2, n)."""
+    """First Piola-Kirchhoff stress of ``neo_hookean``, of gradients of displacement (2, 2, n)."""
     F = np.moveaxis(np.eye(2)[:, :, None] + H, -1, 0)
     inverse = np.linalg.inv(F).swapaxes(1, 2)
     P = mu * (F - inverse) + lmbda * np.log(np.linalg.det(F))[:, None, None] * inverse

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The ladder of models: true error, estimate and cost of every rung and of the automatic climb.
 
-    python3 demos/ladder/chart.py
+    python3 -m demos.studies.ladder.chart
 
 writes ``results/ladder/ladder.md`` and ``ladder.png``; a few minutes, in serial. What it measures
 is kept beside them: ``--scene NAME`` measures one scene anew and draws all, ``--redraw`` none.
@@ -25,7 +25,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from scenes_ladder import (
+from scipy.spatial import cKDTree
+
+import fenics_mortar as fm
+from demos.studies.ladder.scenes import (
     FULL,
     RUNGS,
     SCENES,
@@ -37,9 +40,6 @@ from scenes_ladder import (
     pose,
     read,
 )
-from scipy.spatial import cKDTree
-
-import fenics_mortar as fm
 from fenics_mortar.models.indicators import contacts_of
 from fenics_mortar.models.model_error import (
     ENERGY,

@@ -8,29 +8,24 @@ as short as the slave's: longer ones are further from the circle than elasticity
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
 from dolfinx import fem
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "meshes")]
-import mapped_grids
-from mapped_grids import Grid, mapped, sector
-
 import fenics_mortar as fm
+from demos.studies.common import lame, linear_elastic, neo_hookean, read_mesh
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, mapped, sector
 
 NU = 0.3
-MU, LMBDA = 1 / (2 * (1 + NU)), NU / ((1 + NU) * (1 - 2 * NU))
+MU, LMBDA = lame(1.0, NU)
 
 
 @dataclass(frozen=True)
@@ -193,22 +188,15 @@ SCENES = (
 def first_piola(u: Any, strain: str) -> Any:
     """Stress of a body of Young's modulus 1, linear elastic or neo-Hookean."""
     if strain == "linear":
-        e = ufl.sym(ufl.grad(u))
-        return 2 * MU * e + LMBDA * ufl.tr(e) * ufl.Identity(2)
-    F = ufl.Identity(2) + ufl.grad(u)
-    inverse = ufl.inv(F).T
-    return MU * (F - inverse) + LMBDA * ufl.ln(ufl.det(F)) * inverse
+        return linear_elastic(u, MU, LMBDA)
+    return neo_hookean(u, MU, LMBDA)
 
 
 def read(scene: Scene, load: float, bodies: str = "soft tool", finer: int = 1) -> Any:
     """Mesh of some bodies of the scene, with ``finer`` cells in the place of one along a side."""
     soft, tool = Grid("soft", scene.soft(load, finer)), scene.tool(load, finer)
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
     grids = [grid for grid in (soft, tool) if grid.name in bodies.split()]
-    data = fm.read_gmsh(mapped_grids.build(grids), MPI.COMM_SELF)
-    gmsh.finalize()
-    return data
+    return read_mesh(lambda: mapped_grids.build(grids), MPI.COMM_SELF)
 
 
 @dataclass

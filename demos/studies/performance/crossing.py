@@ -1,11 +1,11 @@
 # # What it costs to look for surfaces that crossed
 #
 # Two neo-Hookean blocks, the upper pressed on the lower and slid along it by half a facet per load
-# step, as in `bench_newton.py`. After each solve the outlines of both are looked at, in the state
+# step, as in `newton.py`. After each solve the outlines of both are looked at, in the state
 # and along the step. Once a solve, against one Newton iteration:
 #
-#     python3 demos/bench_crossing.py                   10k, 40k, 160k
-#     mpirun -n 2 python3 demos/bench_crossing.py 640_000
+#     python3 -m demos.studies.performance.crossing                   10k, 40k, 160k
+#     mpirun -n 2 python3 -m demos.studies.performance.crossing 640_000
 #
 # CPU time of the busiest rank, medians over the load steps.
 
@@ -16,7 +16,8 @@ import time
 from mpi4py import MPI
 
 import numpy as np
-from bench_scene import comm, size_of, two_pressed_blocks
+
+from demos.studies.performance.scene import comm, size_of, two_pressed_blocks
 
 STEPS = 5
 REPEATS = 10

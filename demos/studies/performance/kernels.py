@@ -5,15 +5,11 @@
 # it by itself, without `mpirun`.
 
 # +
-import sys
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root)]
 from fenics_mortar.interface.segments import find_segments
 from fenics_mortar.kernels import basis, normals
 from fenics_mortar.kernels.facets import tabulate_facets

@@ -3,9 +3,9 @@
 # A half cylinder is pressed on a block, both neo-Hookean, in three load steps from the first touch
 # on. Each refinement halves all cells:
 #
-#     mpirun -n 2 python3 demos/bench_large.py            16k unknowns
-#     mpirun -n 2 python3 demos/bench_large.py 4          1M
-#     mpirun -n 2 python3 demos/bench_large.py 3 direct   260k, by factors
+#     mpirun -n 2 python3 -m demos.studies.performance.large            16k unknowns
+#     mpirun -n 2 python3 -m demos.studies.performance.large 4          1M
+#     mpirun -n 2 python3 -m demos.studies.performance.large 3 direct   260k, by factors
 #
 # CPU seconds are those of the busiest rank: unlike the time on the clock they say little about what
 # else runs on the machine. Memory is the peak of all ranks together, meshing included.
@@ -17,7 +17,7 @@ import time
 
 from mpi4py import MPI
 
-from bench_scene import comm, half_cylinder, size_of
+from demos.studies.performance.scene import comm, half_cylinder, size_of
 
 SOLVER = "direct" if "direct" in sys.argv else "iterative"
 REFINEMENTS = int(next((arg for arg in sys.argv[1:] if arg.isdecimal()), 1))

@@ -6,27 +6,23 @@
 # about what else runs on the machine. The argument is the number of unknowns, 160 000 by default;
 # with "direct" the general path has factors where it would take multigrid:
 #
-#     python3 demos/bench_linear_bulk.py 40_000
+#     python3 -m demos.studies.performance.linear_bulk 40_000
 
 # +
 import resource
 import sys
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
 from dolfinx import fem
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root), str(root / "meshes")]
-import indenter_on_block
-
 import fenics_mortar as fm
+from demos.studies.common import linear_elastic, read_mesh
+from meshes import indenter_on_block
 
 comm = MPI.COMM_WORLD
 sizes = [int(arg) for arg in sys.argv[1:] if arg[0].isdecimal()]
@@ -41,8 +37,7 @@ def set_up(data, linear_bulk):
     """The problem, and what moves the indenter."""
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
-    strain = ufl.sym(ufl.grad(u))
-    stress = 200.0 * strain + 150.0 * ufl.tr(strain) * ufl.Identity(2)
+    stress = linear_elastic(u, 100.0, 150.0)
     residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 2})
     tool = fem.Constant(data.mesh, (0.0, 0.0))
     bcs = [fm.dirichlet(V, data, "block/bottom", np.zeros(2))]
@@ -77,16 +72,10 @@ def peak():
 
 # +
 k = max(round(np.sqrt(dofs / 2616)), 1)
-model = None
-if comm.rank == 0:
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    model = indenter_on_block.build(
-        n_block=60 * k, layers_block=20 * k, n_indenter=12 * k, layers_indenter=9 * k
-    )
-data = fm.read_gmsh(model, comm)
-if comm.rank == 0:
-    gmsh.finalize()
+numbers = {"n_block": 60, "layers_block": 20, "n_indenter": 12, "layers_indenter": 9}
+data = read_mesh(
+    lambda: indenter_on_block.build(**{name: k * number for name, number in numbers.items()})
+)
 pressing = [(0.0, -0.2 - depth) for depth in (0.01, 0.03, 0.05)]
 sliding = [(0.16 / k * step, -0.25) for step in range(1, SLIDES + 1)]
 problems = [set_up(data, linear_bulk) for linear_bulk in (False, True)]

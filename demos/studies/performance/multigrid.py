@@ -6,15 +6,16 @@
 # halved. The first argument is how many times as stiff as the block the cylinder is, the second
 # how often the mesh is refined; with "saddle" multipliers are unknowns of the system:
 #
-#     python3 demos/bench_multigrid.py                       equal bodies, 2k to 121k unknowns
-#     python3 demos/bench_multigrid.py 1000 3 saddle         a stiff cylinder
-#     mpirun -n 2 python3 demos/bench_multigrid.py 1e-3 4    a stiff block, to 483k
+#     python3 -m demos.studies.performance.multigrid                     equal bodies, 2k to 121k
+#     python3 -m demos.studies.performance.multigrid 1000 3 saddle         a stiff cylinder
+#     mpirun -n 2 python3 -m demos.studies.performance.multigrid 1e-3 4    a stiff block, to 483k
 
 # +
 import sys
 
 import numpy as np
-from bench_scene import comm, half_cylinder, size_of
+
+from demos.studies.performance.scene import comm, half_cylinder, size_of
 
 ALGORITHM = "saddle" if "saddle" in sys.argv else "condensed"
 NUMBERS = [arg for arg in sys.argv[1:] if arg != "saddle"]

@@ -4,11 +4,11 @@
 # step, so that most steps have a contact pattern of their own. All work of a load step counts: the
 # evaluations, the certificate, everything in Python. Sizes are numbers of unknowns:
 #
-#     python3 demos/bench_newton.py                     10k, 40k, 160k
-#     python3 demos/bench_newton.py iterative           the same by multigrid
-#     python3 demos/bench_newton.py direct iterative    both, and results/growth.png
-#     python3 demos/bench_newton.py iterative saddle    with multipliers as unknowns of the system
-#     mpirun -n 2 python3 demos/bench_newton.py 640_000 1_000_000
+#     python3 -m demos.studies.performance.newton                     10k, 40k, 160k
+#     python3 -m demos.studies.performance.newton iterative           the same by multigrid
+#     python3 -m demos.studies.performance.newton direct iterative    both, and results/growth.png
+#     python3 -m demos.studies.performance.newton iterative saddle    multipliers are unknowns
+#     mpirun -n 2 python3 -m demos.studies.performance.newton 640_000 1_000_000
 #
 # Numbers are medians over the load steps, of the slowest rank in each phase. CPU time is all that
 # the busiest rank has computed, and says less about what else runs on the machine. Memory is the
@@ -23,8 +23,9 @@ from pathlib import Path
 from mpi4py import MPI
 
 import numpy as np
-from bench_scene import comm, size_of, two_pressed_blocks
 from matplotlib.figure import Figure
+
+from demos.studies.performance.scene import comm, size_of, two_pressed_blocks
 
 STEPS = 5
 CONTACT = ("search", "integrals", "assembly")

@@ -1,9 +1,9 @@
 # # What ranks gain, what they exchange, and what a thousand of them would
 #
-# The blocks of `bench_newton.py`, first with as many unknowns however many ranks there are (strong
+# The blocks of `newton.py`, first with as many unknowns however many ranks there are (strong
 # scaling), then with as many on each rank (weak). Run it on each number of ranks:
 #
-#     for n in 1 2 4 8; do mpirun -n $n python3 demos/bench_ranks.py 40_000; done
+#     for n in 1 2 4 8; do mpirun -n $n python3 -m demos.studies.performance.ranks 40_000; done
 #
 # With more ranks than cores times say nothing; force and iterations have to be those of one rank.
 # Calls and bytes are those of one Newton iteration, counted in the communicator of the surfaces; a
@@ -22,7 +22,8 @@ import time
 from mpi4py import MPI
 
 import numpy as np
-from bench_scene import comm, size_of, two_pressed_blocks
+
+from demos.studies.performance.scene import comm, size_of, two_pressed_blocks
 
 STEPS = 3
 DOFS = int(next(iter(sys.argv[1:]), 40_000))

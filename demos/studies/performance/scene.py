@@ -1,40 +1,30 @@
 # SPDX-License-Identifier: MIT
 """The scenes of the benchmarks: neo-Hookean bodies, the upper pressed on the lower."""
 
-import sys
-from pathlib import Path
-
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
 from dolfinx import fem
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root), str(root / "meshes")]
-import half_cylinder_on_block
-import two_blocks
-
 import fenics_mortar as fm
+from demos.studies.common import neo_hookean, read_mesh
+from meshes import half_cylinder_on_block, two_blocks
 
 comm = MPI.COMM_WORLD
 
 
 def read(build, *, refinements=0, **options):
     """A mesh of ``meshes/``, refined so many times."""
-    model = None
-    if comm.rank == 0:
-        gmsh.initialize()
-        gmsh.option.setNumber("General.Terminal", 0)
+
+    def refined():
         model = build(**options)
         for _ in range(refinements):
             model.mesh.refine()
-    data = fm.read_gmsh(model, comm)
-    if comm.rank == 0:
-        gmsh.finalize()
-    return data
+        return model
+
+    return read_mesh(refined)
 
 
 def pressed(data, lower, upper, *, degree, stiff=(1.0, 1.0), **options):
@@ -50,8 +40,7 @@ def pressed(data, lower, upper, *, degree, stiff=(1.0, 1.0), **options):
     """
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
-    F = ufl.Identity(2) + ufl.grad(u)
-    P = 40.0 * (F - ufl.inv(F).T) + 60.0 * ufl.ln(ufl.det(F)) * ufl.inv(F).T
+    P = neo_hookean(u, 40.0, 60.0)
     dx = ufl.Measure("dx", subdomain_data=data.cell_tags, metadata={"quadrature_degree": degree})
     residual = sum(
         factor * ufl.inner(P, ufl.grad(v)) * dx(data.bodies[body])

@@ -5,54 +5,37 @@
 # elastic with `sliding="small"`. The argument is about the number of unknowns. Seconds are those of
 # the processor, medians of three runs, so that other work on the machine hardly counts:
 #
-#     python3 demos/bench_small_sliding.py 40_000
+#     python3 -m demos.studies.performance.small_sliding 40_000
 
 # +
 import sys
 import time
-from pathlib import Path
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
 from dolfinx import fem
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root), str(root / "meshes")]
-import half_cylinder_on_block
-
 import fenics_mortar as fm
+from demos.studies.common import linear_elastic, neo_hookean, read_mesh
+from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD
 dofs = int(sys.argv[1]) if len(sys.argv) > 1 else 40_000
 REPEATS = 3
 DEPTHS = np.linspace(0.001, 0.01, 10)
-mu, lmbda = 76.9, 115.4
+LAME = 76.9, 115.4  # mu and lambda [stress]
 # -
 
 
 # +
-def small(u):
-    """Stress of linear elasticity."""
-    strain = ufl.sym(ufl.grad(u))
-    return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
-
-
-def finite(u):
-    """First Piola-Kirchhoff stress of the neo-Hookean law."""
-    F = ufl.Identity(2) + ufl.grad(u)
-    inverse = ufl.inv(F).T
-    return mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
-
-
 def run(data, stress, **options):
     """Solve all steps; return displacement, force, seconds and iterations."""
     V = fm.vector_space(data.mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
-    residual = ufl.inner(stress(u), ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 2})
+    residual = ufl.inner(stress(u, *LAME), ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 2})
     push = fem.Constant(data.mesh, (0.0, 0.0))
     bcs = [fm.dirichlet(V, data, "block/bottom", np.zeros(2))]
     bcs += [fm.dirichlet(V, data, "cylinder/top", push)]
@@ -74,22 +57,15 @@ def run(data, stress, **options):
 # +
 def read(dofs):
     """A mesh of about so many unknowns."""
-    model = None
-    if comm.rank == 0:
-        gmsh.initialize()
-        gmsh.option.setNumber("General.Terminal", 0)
-        size = np.sqrt(10_000 / dofs)
-        model = half_cylinder_on_block.build(h=0.0125 * size, fine=0.2, growth=0.08 * size)
-    data = fm.read_gmsh(model, comm)
-    if comm.rank == 0:
-        gmsh.finalize()
-    return data
+    size = np.sqrt(10_000 / dofs)
+    options = {"h": 0.0125 * size, "fine": 0.2, "growth": 0.08 * size}
+    return read_mesh(lambda: half_cylinder_on_block.build(**options))
 
 
 MODELS = {
-    "full": (finite, {}),
-    "linear bulk, finite sliding": (small, {}),
-    "linear bulk, small sliding": (small, {"sliding": "small"}),
+    "full": (neo_hookean, {}),
+    "linear bulk, finite sliding": (linear_elastic, {}),
+    "linear bulk, small sliding": (linear_elastic, {"sliding": "small"}),
 }
 coarse, data = read(2_000), read(dofs)
 runs = {name: [] for name in MODELS}

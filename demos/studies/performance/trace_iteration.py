@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Python calls of one Newton iteration, and how often they cross from module to module.
 
-/usr/bin/python3 demos/trace_iteration.py [--functions]
+/usr/bin/python3 -m demos.studies.performance.trace_iteration [--functions]
 
 Two blocks, one frictionless pair, 1,300 unknowns; the median of the iterations of a solve. Only
 functions of fenics_mortar count, each generator step as one call. With --functions: those that are
@@ -12,13 +12,14 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ("meshes", "tests")]
-
 import numpy as np
-from scenes import pressed_blocks
 
 import fenics_mortar as fm
+from demos.studies.performance.scene import pressed, read, size_of
+from meshes import two_blocks
 
+# Close to rounding: the median is of several iterations.
+TIGHT = fm.NewtonOptions(residual_tolerance=1e-13)
 HERE = str(Path(fm.__file__).parent)
 
 
@@ -49,9 +50,10 @@ class Trace:
 
 
 def main():
-    scene = pressed_blocks(n_upper=20, n_lower=28)
-    problem = scene.problem
-    scene.loads["push"].value[1] = -0.01
+    data = read(two_blocks.build, n_upper=20, n_lower=28)
+    sides = ("lower", "lower/bottom", "lower/top"), ("upper", "upper/top", "upper/bottom")
+    problem, top = pressed(data, *sides, degree=3, newton=TIGHT)
+    top.value[1] = -0.01
     problem.solve()
     trace, equations = Trace(), getattr(problem, "equations", problem)
     advance = equations.advance
@@ -61,14 +63,14 @@ def main():
         return advance()
 
     equations.advance = marked
-    scene.loads["push"].value[1] = -0.05
+    top.value[1] = -0.05
     sys.setprofile(trace)
     report = problem.solve()
     sys.setprofile(None)
     trace.mark()
     rows = trace.rows[1:-1]  # of whole iterations, from one linear system to the next
     calls, crossings = (int(np.median([row[i] for row in rows])) for i in (0, 1))
-    print(f"{len(rows) + 1} iterations, {scene.u.x.array.size} unknowns: {report.reason}")
+    print(f"{len(rows) + 1} iterations, {size_of(problem)} unknowns: {report.reason}")
     print(f"an iteration: {calls} Python calls, {crossings} crossings between modules")
     if "--functions" in sys.argv:
         for name, count in rows[-1][2].most_common(40):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """The stability atlas: every scene by every method; a heat map, a table, a chart.
 
-    python3 demos/stability/atlas.py                    all, a quarter of an hour on two cores
-    python3 demos/stability/atlas.py --scenes 'c*,roll' --methods default,frozen
-    python3 demos/stability/atlas.py --draw             from what is there
+    python3 -m demos.studies.stability.atlas                    all: 15 minutes on two cores
+    python3 -m demos.studies.stability.atlas --scenes 'c*,roll' --methods default,frozen
+    python3 -m demos.studies.stability.atlas --draw             from what is there
 
 Cells are kept in ``results/stability/cells.jsonl`` as they come; cells that are there are not run
 again unless ``--again`` is given. Batches of ``--scenes`` may be run one after the other, or into
@@ -30,7 +30,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-HERE = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[3]
 SECONDS = 120.0
 # Forces and displacements on several ranks against those on one.
 SAME = 1e-8
@@ -47,9 +47,10 @@ class Worker:
     """
 
     def __init__(self, ranks: int = 1, command: Sequence[str] | None = None) -> None:
-        command = list(command or (sys.executable, str(HERE / "cell.py")))
+        command = list(command or (sys.executable, "-m", "demos.studies.stability.cell"))
         if ranks > 1:
             command = ["mpirun", "-n", str(ranks), *command]
+        paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
         # the ranks of whatever runs this must not be taken for those of the worker
         hidden = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX", "PMI_")
         self._words = tempfile.TemporaryFile()
@@ -58,7 +59,8 @@ class Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._words,
-            env={k: v for k, v in os.environ.items() if not k.startswith(hidden)},
+            env={k: v for k, v in os.environ.items() if not k.startswith(hidden)}
+            | {"PYTHONPATH": os.pathsep.join(paths)},
             start_new_session=True,
         )
         self._buffer = b""
@@ -169,8 +171,8 @@ def run_all(
 
 def all_tasks(scenes: str = "*", methods: str = "*") -> list[Task]:
     """The cells whose names match one of some patterns, separated by commas."""
-    from families import FAMILIES
-    from methods import METHODS, REMEDIES
+    from demos.studies.stability.families import FAMILIES
+    from demos.studies.stability.methods import METHODS, REMEDIES
 
     def chosen(name: str, patterns: str) -> bool:
         return any(fnmatch(name, pattern) for pattern in patterns.split(","))
@@ -252,7 +254,7 @@ def main() -> None:
     kept = read_cells(path)
     cells = {key_of(task): kept[key_of(task)] for task in all_tasks() if key_of(task) in kept}
     compare_ranks(cells)
-    from picture import draw_all
+    from demos.studies.stability.picture import draw_all
 
     draw_all(cells, chosen.results)
 

@@ -19,10 +19,10 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from families import scene_of
-from methods import ALL_METHODS, Method
-from model import Posed, Scene, fm, pose_problem
 
+from demos.studies.stability.families import scene_of
+from demos.studies.stability.methods import ALL_METHODS, Method
+from demos.studies.stability.model import Posed, Scene, fm, pose_problem
 from fenics_mortar.newton.loop import NewtonReport
 
 # Linear systems after which a contrast method is given up: so many, and more for each of the

@@ -8,7 +8,21 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from model import Body, Grid, Pose, Posed, Scene, Support, Tool, block, fm, legs, mapped, sector
+
+from demos.studies.stability.model import (
+    Body,
+    Grid,
+    Pose,
+    Posed,
+    Scene,
+    Support,
+    Tool,
+    block,
+    fm,
+    legs,
+    mapped,
+    sector,
+)
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from functools import partial
 from typing import Any
 from unittest.mock import patch
 
-from whole_facet import whole_facet_basis
-
+from demos.studies.stability.whole_facet import whole_facet_basis
 from fenics_mortar import problem
 from fenics_mortar.bulk import residual as bulk
 from fenics_mortar.contact.contact import Contact

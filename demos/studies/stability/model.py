@@ -3,28 +3,22 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
-import gmsh
 import numpy as np
 
 import ufl
 from dolfinx import fem
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "meshes")]
-
-import mapped_grids
-from mapped_grids import Grid, block, mapped, sector
-
 import fenics_mortar as fm
+from demos.studies.common import lame, linear_elastic, neo_hookean, read_mesh
 from fenics_mortar.utils import compat
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block, mapped, sector
 
 __all__ = [
     "Body", "Grid", "Posed", "Scene", "Support", "Tool", "block", "fm", "legs", "mapped", "sector",
@@ -160,15 +154,8 @@ class Posed:
 
 def read(scene: Scene, comm: MPI.Comm) -> fm.MeshData:
     """Build the mesh on rank 0 and read it on all."""
-    model = None
-    if comm.rank == 0:
-        gmsh.initialize()
-        gmsh.option.setNumber("General.Terminal", 0)
-        model = mapped_grids.build([body.grid for body in scene.bodies], cell=scene.cell)
-    data = fm.read_gmsh(model, comm)
-    if comm.rank == 0:
-        gmsh.finalize()
-    return data
+    grids = [body.grid for body in scene.bodies]
+    return read_mesh(lambda: mapped_grids.build(grids, cell=scene.cell), comm)
 
 
 def residual_of(scene: Scene, data: fm.MeshData, u: Any) -> tuple[Any, fem.Constant]:
@@ -178,17 +165,11 @@ def residual_of(scene: Scene, data: fm.MeshData, u: Any) -> tuple[Any, fem.Const
     for body in scene.bodies:
         cells = data.cell_tags.find(data.bodies[body.grid.name])
         dofs = compat.dofmap(V0)[cells, 0]
-        mu.x.array[dofs] = body.E / (2 * (1 + body.nu))
-        lmbda.x.array[dofs] = body.E * body.nu / ((1 + body.nu) * (1 - 2 * body.nu))
+        mu.x.array[dofs], lmbda.x.array[dofs] = lame(body.E, body.nu)
         bx.x.array[dofs], by.x.array[dofs] = body.weight
     factor = fem.Constant(data.mesh, 0.0)
     v = ufl.TestFunction(u.function_space)
-    F = ufl.Identity(2) + ufl.grad(u)
-    inverse = ufl.inv(F).T
-    strain = ufl.sym(ufl.grad(u))
-    P = mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
-    if scene.linear:
-        P = 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
+    P = (linear_elastic if scene.linear else neo_hookean)(u, mu, lmbda)
     dx = ufl.dx(metadata={"quadrature_degree": 3})
     return (ufl.inner(P, ufl.grad(v)) - factor * (bx * v[0] + by * v[1])) * dx, factor
 

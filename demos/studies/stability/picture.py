@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from families import FAMILIES, Family
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
-from methods import METHODS, REMEDIES, Method
+
+from demos.studies.stability.families import FAMILIES, Family
+from demos.studies.stability.methods import METHODS, REMEDIES, Method
 
 Cell = dict[str, Any]
 Cells = dict[tuple[str, str, str], Cell]

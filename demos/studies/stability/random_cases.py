@@ -15,7 +15,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from random_bodies import (
+
+from demos.studies.stability.random_bodies import (
     Array,
     Body,
     Curve,

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from limit_analysis import (
+
+from demos.studies.stability.limit_analysis import (
     GROUND,
     Point,
     Structure,
@@ -22,9 +23,9 @@ from limit_analysis import (
     touching_lines,
     touching_plane,
 )
-from random_bodies import Array, Body, draw_cells, split
-from random_cases import Case, Held
-from user_laws import Rule
+from demos.studies.stability.random_bodies import Array, Body, draw_cells, split
+from demos.studies.stability.random_cases import Case, Held
+from demos.studies.stability.user_laws import Rule
 
 # Elastic bodies move by up to this many times the sum of the loads over Young's modulus.
 YIELDING = 60.0

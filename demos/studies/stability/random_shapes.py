@@ -16,10 +16,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from random_bodies import Array, draw_cells
-from random_cases import Case, Held
-from shapes import Shape, box, mapped, strip
-from user_laws import Rule
+
+from demos.studies.stability.random_bodies import Array, draw_cells
+from demos.studies.stability.random_cases import Case, Held
+from demos.studies.stability.shapes import Shape, box, mapped, strip
+from demos.studies.stability.user_laws import Rule
 
 FAMILIES = ("own", "thin", "laws", "roles")
 

@@ -11,10 +11,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from random_bodies import Array, distances
-from random_cases import Case
-from random_shapes import ShapeCase
-from user_laws import Rule
+
+from demos.studies.stability.random_bodies import Array, distances
+from demos.studies.stability.random_cases import Case
+from demos.studies.stability.random_shapes import ShapeCase
+from demos.studies.stability.user_laws import Rule
 
 # Straight facets stand for circles: the pressure between tubes may be off by this part.
 OF_TUBES = 0.05

@@ -6,7 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from random_bodies import Array, Body, corner_areas, split
+
+from demos.studies.stability.random_bodies import Array, Body, corner_areas, split
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """A randomised trial: many random scenes, each followed along its loads with defaults, and judged.
 
-    python3 demos/stability/trial.py --cases 500 --seed 1    a line of JSON per case, and a summary
-    python3 demos/stability/trial.py --case 17               one case, with its report and picture
-    python3 demos/stability/trial.py --family held           bodies that friction alone holds
+    python3 -m demos.studies.stability.trial --cases 500    a line of JSON per case, a summary
+    python3 -m demos.studies.stability.trial --case 17      one case, its report and picture
+    python3 -m demos.studies.stability.trial --family held  bodies that friction alone holds
 
 The families are blocks that are pushed or pressed, with defaults ("pushed"), bodies that friction
 holds ("held"), or adhesion ("hanging"), and those of ``random_shapes``: surfaces of one body
@@ -28,7 +28,6 @@ import argparse
 import json
 import multiprocessing
 import signal
-import sys
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -40,15 +39,12 @@ from mpi4py import MPI
 
 import numpy as np
 
-root = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(root), str(Path(__file__).resolve().parent)]
-from random_cases import Case, random_case
-from random_held import hanging_case, held_case
-from random_shapes import shape_case
-from trial_judge import Record, check_again, measure, run, wrongs
-from trial_scene import build
-
 import fenics_mortar as fm
+from demos.studies.stability.random_cases import Case, random_case
+from demos.studies.stability.random_held import hanging_case, held_case
+from demos.studies.stability.random_shapes import shape_case
+from demos.studies.stability.trial_judge import Record, check_again, measure, run, wrongs
+from demos.studies.stability.trial_scene import build
 
 # Seeds of the families: the first from zero on, the next ones from one million on, and so on.
 FAMILIES = ("pushed", "held", "hanging", "own", "thin", "laws", "roles")

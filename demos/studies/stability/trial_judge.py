@@ -13,14 +13,14 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from random_bodies import corner_areas, depths, distances, lengths
-from random_cases import Case
-from random_held import EARLIEST, MARGIN, TOLD_MARGIN, HeldCase
-from random_shapes import ShapeCase
-from shape_judge import own_overlap, shape_wrongs
-from trial_scene import Scene, build
 
 import fenics_mortar as fm
+from demos.studies.stability.random_bodies import corner_areas, depths, distances, lengths
+from demos.studies.stability.random_cases import Case
+from demos.studies.stability.random_held import EARLIEST, MARGIN, TOLD_MARGIN, HeldCase
+from demos.studies.stability.random_shapes import ShapeCase
+from demos.studies.stability.shape_judge import own_overlap, shape_wrongs
+from demos.studies.stability.trial_scene import Scene, build
 from fenics_mortar.utils import compat
 
 Record = dict[str, Any]

@@ -10,17 +10,18 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-from random_bodies import Array, Body
-from random_cases import Case, Held
-from random_held import HeldCase
-from random_shapes import ShapeCase
-from shapes import Shape
 
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 import fenics_mortar as fm
+from demos.studies.common import lame, neo_hookean
+from demos.studies.stability.random_bodies import Array, Body
+from demos.studies.stability.random_cases import Case, Held
+from demos.studies.stability.random_held import HeldCase
+from demos.studies.stability.random_shapes import ShapeCase
+from demos.studies.stability.shapes import Shape
 from fenics_mortar.utils import compat
 
 
@@ -102,9 +103,7 @@ def build(case: Case, comm: MPI.Comm) -> Scene:
     V = fm.vector_space(mesh, 1)
     u, v = fem.Function(V), ufl.TestFunction(V)
     mu, lmbda = (_by_body(case, data, parameters) for parameters in zip(*_lame(case)))
-    F = ufl.Identity(2) + ufl.grad(u)
-    inverse = ufl.inv(F).T
-    P = mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
+    P = neo_hookean(u, mu, lmbda)
     traction = fem.Constant(mesh, np.zeros(2))
     on = data.boundaries.get(case.pressed, 0)
     ds = ufl.Measure("ds", mesh, subdomain_data=data.facet_tags)
@@ -154,9 +153,7 @@ def _pairs(case: Case, data: fm.MeshData) -> list[fm.ContactPair]:
 
 def _lame(case: Case) -> list[tuple[float, float]]:
     """Lame's parameters of the bodies."""
-    return [
-        (b.E / (2 * (1 + b.nu)), b.E * b.nu / ((1 + b.nu) * (1 - 2 * b.nu))) for b in case.bodies
-    ]
+    return [lame(body.E, body.nu) for body in case.bodies]
 
 
 def _by_body(case: Case, data: fm.MeshData, values: tuple[float, ...]) -> fem.Function:

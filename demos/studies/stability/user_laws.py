@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from random_bodies import Array
 
 import fenics_mortar as fm
+from demos.studies.stability.random_bodies import Array
 from fenics_mortar.contact.laws import Branches, Friction, Nodal, Row
 
 

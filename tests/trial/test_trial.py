@@ -2,28 +2,22 @@
 """Cases of the randomised trial, the same on any number of ranks, and its judges."""
 
 import json
-import sys
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 
+from demos.studies.stability.limit_analysis import judge
+from demos.studies.stability.random_cases import objections, random_case
+from demos.studies.stability.random_held import hanging_case, held_case, rigid
+from demos.studies.stability.random_shapes import FAMILIES, shape_case
+from demos.studies.stability.shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings
+from demos.studies.stability.trial import Worker, case_of, summary
+from demos.studies.stability.trial_judge import check_again, confirm, measure, run, wrongs
 from fenics_mortar.utils.compat import input_nodes
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "demos" / "stability"))
-
-from limit_analysis import judge  # noqa: E402
-from random_cases import objections, random_case  # noqa: E402
-from random_held import hanging_case, held_case, rigid  # noqa: E402
-from random_shapes import FAMILIES, shape_case  # noqa: E402
-from shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings  # noqa: E402
-from trial import Worker, case_of, summary  # noqa: E402
-from trial_judge import check_again, confirm, measure, run, wrongs  # noqa: E402
 
 COMM = MPI.COMM_WORLD
 SEEDS = range(1, 21)
