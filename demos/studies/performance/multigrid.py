@@ -7,7 +7,7 @@
 # how often the mesh is refined; with "saddle" multipliers are unknowns of the system:
 #
 #     python3 -m demos.studies.performance.multigrid                     equal bodies, 2k to 121k
-#     python3 -m demos.studies.performance.multigrid 1000 3 saddle         a stiff cylinder
+#     python3 -m demos.studies.performance.multigrid 1000 3 saddle       a stiff cylinder
 #     mpirun -n 2 python3 -m demos.studies.performance.multigrid 1e-3 4    a stiff block, to 483k
 
 # +

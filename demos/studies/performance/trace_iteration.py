@@ -3,7 +3,7 @@
 
 /usr/bin/python3 -m demos.studies.performance.trace_iteration [--functions]
 
-Two blocks, one frictionless pair, 1,300 unknowns; the median of the iterations of a solve. Only
+Two blocks, one frictionless pair, 1,100 unknowns; the median of the iterations of a solve. Only
 functions of fenics_mortar count, each generator step as one call. With --functions: those that are
 called the most.
 """
