@@ -17,7 +17,8 @@ a curve do; and so did one beside which the outline leads from entry to exit wit
 of a narrow block or round a tip. A way that ends inside of another body, deeper than a facet may,
 is told as well.
 
-Once a solve; measured on two blocks (``demos/studies/performance/crossing.py``): 0.9 ms with 10,500 unknowns, 1.6
+Once a solve; measured on two blocks (``demos.studies.performance.crossing``):
+0.9 ms with 10,500 unknowns, 1.6
 to 1.9 % of one Newton iteration, 2.6 ms with 161,000, 0.4 %. Many bodies that turn cost more, since
 all are looked at from each: 30 bricks with 1,200 segments 2 ms, turned by more than 1 degree 10 ms.
 """
