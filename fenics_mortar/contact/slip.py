@@ -28,7 +28,8 @@ one step turn their tangents to each other as they flatten. For the first measur
 an accepted state of a node that is open there is the one midway between both sides: motion along
 the normal midway is no slip. Two cylinders, pressed in one step and then sheared, so have the shear
 of Cattaneo and Mindlin up to 1.5 % (1.1 % if pressed without friction), against 39 % by the second
-(``demos.studies.accuracy.cattaneo``). In ironing in long steps, where but one side turns, shear times
+(``demos.studies.accuracy.cattaneo``).
+In ironing in long steps, where but one side turns, shear times
 slip is 0.05 % less than the work of the shears' forces, by the slave's tangent 0.02 % more. The
 first measure needs no derivatives of D and M, and has a meaning where these do not change: it is
 the default. The second is for comparison with other codes.
