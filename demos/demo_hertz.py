@@ -28,10 +28,9 @@ import ufl
 from dolfinx import fem
 
 root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root), str(root / "meshes")]
-import half_cylinder_on_block
-
+sys.path[:0] = [str(root)]
 import fenics_mortar as fm
+from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD
 R, E, nu = 8.0, 200.0, 0.3

@@ -26,10 +26,9 @@ import ufl
 from dolfinx import fem
 
 root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root), str(root / "meshes")]
-import indenter_on_block
-
+sys.path[:0] = [str(root)]
 import fenics_mortar as fm
+from meshes import indenter_on_block
 
 comm = MPI.COMM_WORLD
 E, nu = 689.6, 0.32

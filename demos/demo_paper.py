@@ -26,10 +26,9 @@ import ufl
 from dolfinx import fem
 
 root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root), str(root / "meshes")]
-import two_blocks
-
+sys.path[:0] = [str(root)]
 import fenics_mortar as fm
+from meshes import two_blocks
 
 comm = MPI.COMM_WORLD
 PAPER = {

@@ -27,10 +27,9 @@ import ufl
 from dolfinx import fem
 
 root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root), str(root / "meshes")]
-import inclusion
-
+sys.path[:0] = [str(root)]
 import fenics_mortar as fm
+from meshes import inclusion
 
 comm = MPI.COMM_WORLD
 nu, G = 0.3, {"inclusion": 1000.0, "plate": 100.0}

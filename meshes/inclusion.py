@@ -10,7 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import gmsh
-from _shared import add_lines, add_points, add_surface, divide, generate, write
+
+from meshes._shared import add_lines, add_points, add_surface, divide, generate, write
 
 
 def build(

@@ -12,7 +12,8 @@ from typing import Any
 
 import gmsh
 import numpy as np
-from _shared import add_block, add_lines, add_points, add_surface, divide, generate, write
+
+from meshes._shared import add_block, add_lines, add_points, add_surface, divide, generate, write
 
 LENGTH, HEIGHT = 12.0, 4.0
 LEFT, WIDTH, SAG, SIDE, CLEARANCE = 0.2, 1.2, 0.3, 0.9, 0.2

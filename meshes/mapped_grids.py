@@ -14,8 +14,9 @@ from typing import Any
 
 import gmsh
 import numpy as np
-from _shared import check_cell, name_group, write
 from numpy.lib.stride_tricks import sliding_window_view
+
+from meshes._shared import check_cell, name_group, write
 
 SIDES = ("bottom", "right", "top", "left")
 # The nodes of a facet, and those of the cells that a square of nodes is made into, by order and as

@@ -13,7 +13,8 @@ from typing import Any
 
 import gmsh
 import numpy as np
-from _shared import add_lines, add_points, add_surface, divide, generate, write
+
+from meshes._shared import add_lines, add_points, add_surface, divide, generate, write
 
 
 def build(

@@ -13,7 +13,8 @@ from typing import Any
 
 import gmsh
 import numpy as np
-from _shared import add_block, generate, turn, write
+
+from meshes._shared import add_block, generate, turn, write
 
 
 def build(

@@ -9,9 +9,8 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-for folder in (ROOT, ROOT / "meshes", ROOT / "tests", ROOT / "tests" / "kernels"):
+for folder in (ROOT, ROOT / "tests", ROOT / "tests" / "kernels"):
     sys.path.insert(0, str(folder))
-sys.path.append(str(ROOT / "demos" / "stability"))
 # numba does not see that a helper in another file has changed: never trust an old cache. The test
 # command gives all ranks one fresh folder; a plain pytest gets its own.
 os.environ.setdefault("NUMBA_CACHE_DIR", tempfile.mkdtemp(prefix="fenics_mortar-numba-"))

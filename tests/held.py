@@ -11,24 +11,16 @@ they are. ``Held.path`` holds the loads of its steps.
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-if __name__ == "__main__":
-    ROOT = Path(__file__).resolve().parents[1]
-    sys.path[:0] = [str(ROOT), str(ROOT / "meshes"), str(ROOT / "tests")]
-    sys.path.append(str(ROOT / "demos" / "stability"))
-
 from held_parts import Array, Body, Flat, Glue, Touch
 from held_problem import Held, floor_of, pose
 from held_walls import arch, t_junction, tower, wall
-from mapped_grids import Grid, block, mapped, sector
 from scenes import rotation
 
 import fenics_mortar as fm
+from meshes.mapped_grids import Grid, block, mapped, sector
 
 __all__ = [
     "arch", "block_and_wall", "hanging", "incline", "jaws", "ladder", "pressed", "t_junction",

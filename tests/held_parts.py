@@ -8,11 +8,18 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from limit_analysis import GROUND, Point, Structure, normal_of, touching_lines, touching_plane
-from mapped_grids import Grid
 
 import fenics_mortar as fm
+from demos.studies.stability.limit_analysis import (
+    GROUND,
+    Point,
+    Structure,
+    normal_of,
+    touching_lines,
+    touching_plane,
+)
 from fenics_mortar.contact.laws import Stick
+from meshes.mapped_grids import Grid
 
 Array = np.ndarray
 Loads = dict[str, float]

@@ -10,18 +10,18 @@ from typing import Any
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import mapped_grids
 import numpy as np
 from held_parts import Array, Body, Flat, Loads, Touch, flat_nodes, measure, structure
-from limit_analysis import Structure, Verdict, friction_needed, judge
-from mapped_grids import Grid, block
 from scenes import internal, neo_hookean, read, rotation
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies.stability.limit_analysis import Structure, Verdict, friction_needed, judge
 from fenics_mortar.utils import compat
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block
 
 NU = 0.3
 

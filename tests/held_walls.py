@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from held_parts import Body, Flat, Touch, structure
 from held_problem import NU, Held, floor_of, pose
-from limit_analysis import judge
-from mapped_grids import Grid, block, sector
 from scenes import linear_elastic, rotation
 
 import fenics_mortar as fm
+from demos.studies.stability.limit_analysis import judge
+from meshes.mapped_grids import Grid, block, sector
 
 
 def arch(

@@ -10,12 +10,12 @@ from mpi4py import MPI
 
 import gmsh
 import numpy as np
-import two_blocks
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import two_blocks
 
 TIGHT = fm.NewtonOptions(residual_tolerance=1e-13)
 # Blocks that cover each other in part, turned.

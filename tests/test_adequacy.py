@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Was the model rich enough? Estimates beside true errors, and what a check leaves behind."""
 
-import mapped_grids
 import numpy as np
 import pytest
-from mapped_grids import Grid, block, sector
 from scenes import (
     TIGHT,
     internal,
@@ -32,6 +30,8 @@ from fenics_mortar.models.model_error import (
     shear_demand,
     strained,
 )
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block, sector
 
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
 

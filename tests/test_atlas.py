@@ -8,7 +8,6 @@ import sys
 import textwrap
 from pathlib import Path
 
-import mapped_grids
 import numpy as np
 import pytest
 from scenes import read
@@ -16,11 +15,11 @@ from scenes import read
 import ufl
 from dolfinx import fem
 
-STABILITY = Path(__file__).resolve().parents[1] / "demos" / "stability"
-sys.path.append(str(STABILITY))
-import atlas  # noqa: E402
-from methods import REMEDIES  # noqa: E402
+from demos.studies.stability import atlas
+from demos.studies.stability.methods import REMEDIES
+from meshes import mapped_grids
 
+ROOT = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.serial
 Worker = atlas.Worker
 
@@ -221,9 +220,9 @@ def test_iterations_do_not_depend_on_units_or_algorithm(record_of):
 
 @pytest.mark.slow
 def test_command_writes_picture_and_tables(tmp_path):
-    command = [sys.executable, STABILITY / "atlas.py", "--scenes", "three_bodies"]
+    command = [sys.executable, "-m", "demos.studies.stability.atlas", "--scenes", "three_bodies"]
     command += ["--methods", "default", "--results", tmp_path, "--workers", "1"]
-    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=120)
     kept = [json.loads(line) for line in (tmp_path / "cells.jsonl").read_text().splitlines()]
     assert len(kept) == 2
     assert "slit between two" in (tmp_path / "atlas.md").read_text()

@@ -3,16 +3,14 @@
 
 import re
 
-import indenter_on_block
-import mapped_grids
 import numpy as np
 import pytest
-import two_blocks
 from scenes import internal, neo_hookean, pressed_blocks, read, rectangles, rotation
 
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import indenter_on_block, mapped_grids, two_blocks
 
 
 def solved(**options):

@@ -47,7 +47,7 @@ def test_without_friction_there_is_no_shear(seed):
     assert np.abs(gap * found.z_n).max() < 1e-9
 
 
-@pytest.mark.parametrize("push, piece", [(0.2, 0), (0.4, 0), (0.6, 1), (-0.6, -1)])
+@pytest.mark.parametrize("push, branch", [(0.2, 0), (0.4, 0), (0.6, 1), (-0.6, -1)])
 def test_one_node_sticks_up_to_its_limit_and_slides_beyond(push, branch):
     """A node pressed with a force of one: it sticks where the push is below mu."""
     p = FrictionProblem(np.diag([1.0, -1.0]), np.array([-1.0, push]), np.array([0.5]))

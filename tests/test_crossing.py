@@ -5,12 +5,8 @@ from __future__ import annotations
 
 from mpi4py import MPI
 
-import half_cylinder_on_block
-import mapped_grids
 import numpy as np
 import pytest
-import rings
-from mapped_grids import Grid
 from scenes import (
     internal,
     neo_hookean,
@@ -27,6 +23,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import half_cylinder_on_block, mapped_grids, rings
+from meshes.mapped_grids import Grid
 
 DX = ufl.dx(metadata={"quadrature_degree": 2})
 

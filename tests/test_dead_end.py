@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Why paths end: surfaces that slip off each other, and friction that leaves no equilibrium."""
 
-import sys
 from dataclasses import fields
-from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "demos" / "stability"))
-import families
-from model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
-
+from demos.studies.stability import families
+from demos.studies.stability.model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
 from fenics_mortar.path.dead_end import why_path_ends
 
 # A little load beyond a state, as a part of the whole.

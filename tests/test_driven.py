@@ -5,7 +5,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from mapped_grids import Grid, build, mapped
 from scenes import TIGHT, internal, neo_hookean, read, rectangles
 from test_obstacles import KINDS, block_under
 
@@ -13,6 +12,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes.mapped_grids import Grid, build, mapped
 
 comm = MPI.COMM_WORLD
 E, NU = 100.0, 0.3

@@ -13,7 +13,6 @@ from petsc4py import PETSc
 import gmsh
 import numpy as np
 import pytest
-import two_blocks
 from scenes import internal, linear_elastic, neo_hookean, pair_options, pressed_blocks, read
 
 import ufl
@@ -24,6 +23,7 @@ import fenics_mortar as fm
 from fenics_mortar.interface.surfaces import extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
+from meshes import two_blocks
 
 COMM = MPI.COMM_WORLD
 SMALL = {"n_upper": 4, "n_lower": 6, "layers_upper": 3, "layers_lower": 3}

@@ -10,7 +10,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import scenes
-import two_blocks
 
 import ufl
 from dolfinx import fem
@@ -23,6 +22,7 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.verify.estimate import ErrorEstimate
 from fenics_mortar.verify.tractions import interface_tractions
+from meshes import two_blocks
 
 # Blocks of unlike material with rollers on the left and below, free on the right
 MESH = {"n_upper": 3, "n_lower": 5, "layers_upper": 2, "layers_lower": 3}

@@ -6,11 +6,8 @@ from typing import get_args
 
 from mpi4py import MPI
 
-import indenter_on_block
-import mapped_grids
 import numpy as np
 import pytest
-from mapped_grids import Grid, mapped
 from scenes import (
     TIGHT,
     homogeneous_blocks,
@@ -32,6 +29,8 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.contact.laws import Nodal, Row
 from fenics_mortar.contact.slip import Measure
+from meshes import indenter_on_block, mapped_grids
+from meshes.mapped_grids import Grid, mapped
 
 MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 4, "layers_lower": 4}
 SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}

@@ -3,7 +3,6 @@
 
 import numpy as np
 import pytest
-import rings
 from scenes import (
     TIGHT,
     internal,
@@ -18,6 +17,7 @@ from scenes import (
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import rings
 
 E, NU = 100.0, 0.3
 

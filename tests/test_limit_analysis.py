@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from limit_analysis import GROUND, Point, Structure, friction_needed, judge
+
+from demos.studies.stability.limit_analysis import GROUND, Point, Structure, friction_needed, judge
 
 UP = np.array([0.0, 1.0])
 

@@ -5,13 +5,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import gmsh
-import half_cylinder_on_block
-import inclusion
-import indenter_on_block
 import numpy as np
 import pytest
-import rings
-import two_blocks
 
 import ufl
 from dolfinx import fem
@@ -22,6 +17,7 @@ from fenics_mortar.mesh.dirichlet import dirichlet
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MeshError
+from meshes import half_cylinder_on_block, inclusion, indenter_on_block, rings, two_blocks
 
 COMM = MPI.COMM_WORLD
 CELLS = ("triangle", "quadrilateral")

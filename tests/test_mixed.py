@@ -15,7 +15,6 @@ from mpi4py import MPI
 import meshio
 import numpy as np
 import pytest
-import two_blocks
 from scenes import TIGHT, Scene, pair_options, pressed_blocks, read
 from scipy.optimize import brentq
 from test_results import steps
@@ -25,6 +24,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.utils import compat
+from meshes import two_blocks
 
 comm = MPI.COMM_WORLD
 E, STRETCH = 100.0, 0.9

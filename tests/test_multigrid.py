@@ -7,10 +7,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import gmsh
-import half_cylinder_on_block
 import numpy as np
 import pytest
-import two_blocks
 from scenes import linear_elastic, neo_hookean, nodal, pair_options, pressed_blocks, read
 from test_obstacles import block_under
 
@@ -20,6 +18,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.la.multigrid import TouchingBodies
 from fenics_mortar.la.options import ITERATIVE
+from meshes import half_cylinder_on_block, two_blocks
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}

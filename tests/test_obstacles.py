@@ -3,7 +3,6 @@
 
 import numpy as np
 import pytest
-import two_blocks
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, pair_options, read
 
 from dolfinx import fem
@@ -13,6 +12,7 @@ from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.on_obstacle import integrate_facets, obstacle_normals
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.segments import facet_rule
+from meshes import two_blocks
 
 E, NU = 100.0, 0.3
 

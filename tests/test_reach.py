@@ -4,7 +4,6 @@
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import half_cylinder_on_block
 import numpy as np
 import pytest
 from scenes import internal, neo_hookean, pressed_blocks, read
@@ -14,6 +13,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.bulk.residual import MAX_GROWTHS
 from fenics_mortar.la.reach import MARGIN, Reach
+from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 8, "n_lower": 40, "layers_upper": 2, "layers_lower": 2, "width_lower": 4.0}

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: MIT
 """One slave surface and several masters: each node has a multiplier for each of them."""
 
-import mapped_grids
 import numpy as np
 import pytest
-from mapped_grids import Grid, block, sector
 from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, nodal, pair_options, read
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block, sector
 
 E, NU = 100.0, 0.3
 MATERIALS = {"linear": linear_elastic, "finite": neo_hookean}

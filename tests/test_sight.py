@@ -3,16 +3,16 @@
 
 import re
 
-import mapped_grids
 import numpy as np
 import pytest
-from mapped_grids import Grid, block, mapped, sector
 from scenes import internal, linear_elastic, neo_hookean, nodal, pair_options, read, rotation
 
 from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.words import describe_overlap
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block, mapped, sector
 
 SIDES = ("bottom", "right", "top", "left")
 E, NU = 100.0, 0.3

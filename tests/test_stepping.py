@@ -3,7 +3,6 @@
 
 from mpi4py import MPI
 
-import indenter_on_block
 import numpy as np
 import pytest
 from scenes import internal, neo_hookean, pressed_blocks, read
@@ -13,6 +12,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.contact.laws import Row
+from meshes import indenter_on_block
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 4, "layers_lower": 4}

@@ -5,9 +5,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-import rings
-import two_blocks
-from mapped_grids import Grid, block, build
 from scenes import read
 
 from dolfinx import fem
@@ -15,6 +12,8 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.interface.surfaces import extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
+from meshes import rings, two_blocks
+from meshes.mapped_grids import Grid, block, build
 
 comm = MPI.COMM_WORLD
 

@@ -11,12 +11,12 @@ from petsc4py import PETSc
 import gmsh
 import numpy as np
 import pytest
-import two_blocks
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, nodal, pressed_blocks, read
 
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import two_blocks
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
@@ -178,7 +178,7 @@ def test_problem_without_pairs_is_that_of_the_bulk():
 
 def three_blocks():
     """Three blocks upon each other, the middle one slave above and below."""
-    from _shared import add_block, generate
+    from meshes._shared import add_block, generate
 
     gmsh.model.add("three_blocks")
     bodies, boundaries = {}, {}

@@ -7,8 +7,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-import two_blocks
-from mapped_grids import Grid, block, build, sector
 from scenes import (
     TIGHT,
     internal,
@@ -26,6 +24,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import two_blocks
+from meshes.mapped_grids import Grid, block, build, sector
 
 comm = MPI.COMM_WORLD
 ROLES = [("upper/bottom", "lower/top"), ("lower/top", "upper/bottom")]

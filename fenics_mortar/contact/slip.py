@@ -25,7 +25,7 @@ They differ more where a gap closes in the step. The motion before closure is no
 measures count its component along the slave's tangent, and the tangents of two arcs rotate as these
 flatten. With "partners", the tangent of open nodes at the accepted state is therefore the mean of
 both sides. Two cylinders pressed together in one step and then sheared
-(``demos/accuracy/cattaneo.py``):
+(``demos.studies.accuracy.cattaneo``):
 
 ==============  ===========================================================
 measure         error of the shear, relative to Cattaneo and Mindlin

@@ -10,7 +10,8 @@ What that costs each rank: with S slave and M master nodes, and B nodes on the o
 bodies, a Newton iteration collects positions, 16 B bytes (of a rigid obstacle's slave 16 S), sums
 of D, gap and cover, 32 S, contact forces, 16 (S + M), and forces on slave nodes to recover the
 multipliers, 16 S; multigrid weighs what these follow, 8 S. Together that is 72 S + 16 M + 16 B,
-however many ranks there are. `demos/bench_ranks.py` counts it: 21,744 bytes in 6 calls, the formula
+however many ranks there are. `demos.studies.performance.ranks` counts it:
+21,744 bytes in 6 calls, the formula
 says 21,736, with 41,000 unknowns. On two ranks each has 49.7 to 50.3 % of the segments.
 An iteration at 161,000 unknowns takes 0.55 s on one rank and 0.35 s on
 two, one at 322,000 on two ranks 0.81 s, on a machine of two cores.

@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: MIT
 """The estimate against the error that is known, and what grading by it is worth."""
 
-import sys
-from pathlib import Path
-
 import pytest
 
-sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
-import adapt
-from effectivity import ESTIMATE, PROBLEMS
+from demos.studies.accuracy import adapt
+from demos.studies.accuracy.effectivity import ESTIMATE, PROBLEMS
 
 pytestmark = pytest.mark.serial
 

@@ -12,13 +12,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from mapped_grids import Grid, block, build, mapped
 from scenes import TIGHT, internal, lame, linear_elastic, neo_hookean, pressed_blocks, read
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes.mapped_grids import Grid, block, build, mapped
 
 E, NU = 100.0, 0.3
 G = 0.02  # shear that the bar's foundation bears

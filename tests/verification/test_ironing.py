@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Shallow ironing: between the published curves, and what order three meshes tell of."""
 
-import sys
-from pathlib import Path
-
 import pytest
 
-sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
-import ironing
-
 import fenics_mortar as fm
+from demos.studies.accuracy import ironing
 
 pytestmark = pytest.mark.serial
 

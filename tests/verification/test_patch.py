@@ -15,7 +15,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-import two_blocks
 from scenes import (
     TIGHT,
     homogeneous_blocks,
@@ -32,6 +31,7 @@ from scipy.optimize import brentq
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import two_blocks
 
 E, NU, STRETCH = 100.0, 0.3, 0.9
 RATIOS = [(4, 4), (5, 7), (3, 10), (1, 17)]

@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: MIT
 """What other codes are given of our problem, and what the tables say of what was measured."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
-from peer import given
-from report import cost, rate, rate_beside
-from scenes_exact import ELEMENTS, HALF_SIDE, Choice, hertz
+from demos.studies.accuracy.peer import given
+from demos.studies.accuracy.report import cost, rate, rate_beside
+from demos.studies.accuracy.scenes_exact import ELEMENTS, HALF_SIDE, Choice, hertz
 
 pytestmark = pytest.mark.serial
 

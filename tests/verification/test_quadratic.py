@@ -5,7 +5,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-import rings
 from scenes import (
     homogeneous_blocks,
     internal,
@@ -23,6 +22,7 @@ from test_patch import CELLS, EXACT, NU, SLAVES, STRETCH, E, assert_uniform, blo
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import rings
 
 RATIOS = [(5, 7), (3, 10), (1, 17)]
 BASES = ["dual", "standard", "vertices", "linear"]

@@ -1,22 +1,26 @@
 # SPDX-License-Identifier: MIT
 """Rates of convergence to exact solutions, within 0.15 of what theory says."""
 
-import sys
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.append(str(Path(__file__).resolve().parents[2] / "demos" / "accuracy"))
-import carter
-import cylinders
-from cattaneo import half_planes
-from exact_flat import FlatInterface
-from exact_hertz import HalfPlanes
-from exact_rings import PressFit, linear
-from norms import errors
-from scenes_exact import ELEMENTS, Choice, curved, flat, hertz, lame, press_fit
+from demos.studies.accuracy import carter, cylinders
+from demos.studies.accuracy.cattaneo import half_planes
+from demos.studies.accuracy.exact_flat import FlatInterface
+from demos.studies.accuracy.exact_hertz import HalfPlanes
+from demos.studies.accuracy.exact_rings import PressFit, linear
+from demos.studies.accuracy.norms import errors
+from demos.studies.accuracy.scenes_exact import (
+    ELEMENTS,
+    Choice,
+    curved,
+    flat,
+    hertz,
+    lame,
+    press_fit,
+)
 
 pytestmark = pytest.mark.serial
 slides = partial(flat, friction=0.3)

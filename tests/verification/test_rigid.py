@@ -9,7 +9,6 @@ cylinder on an elastic block, makes
 in plane strain. The theory is for half planes: at a / R = 0.05 its own error is about 1 %.
 """
 
-import half_cylinder_on_block
 import numpy as np
 import pytest
 from scenes import internal, linear_elastic, read
@@ -17,6 +16,7 @@ from scenes import internal, linear_elastic, read
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes import half_cylinder_on_block
 
 R, E, NU = 8.0, 200.0, 0.3
 

@@ -7,7 +7,6 @@ With order p the energy norm has the rate p and L2 p + 1, the curved interface i
 both sides are on the curve, cells of order p have curved sides.
 """
 
-import mapped_grids
 import numpy as np
 import pytest
 from scenes import TIGHT, neo_hookean, pair_options, read
@@ -17,6 +16,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.utils import compat
+from meshes import mapped_grids
 
 pytestmark = pytest.mark.serial
 INTERFACES = {"flat": lambda x: 0.0 * x, "curved": lambda x: 0.15 * np.sin(np.pi * x)}

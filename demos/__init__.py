@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Demos, each a script, and the studies: programs that measure."""

@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: MIT
+"""The tractive rolling of Carter: shear, stick and creepage of a rigid wheel on a half plane.
+
+    python3 -m demos.studies.accuracy.carter
+
+A rigid wheel, pressed by P on an incompressible body, is driven and rolls to the right under a
+force Q < mu P. In the steady state it sticks from the leading edge on, over a length 2 c of the
+contact |x| < a, and slides behind (Carter 1926; Johnson, Contact Mechanics, 8.3):
+
+    a^2 = 4 P R / (pi E*),    p0 = 2 P / (pi a),    c = a sqrt(1 - Q / (mu P)),    d = a - c,
+    q = mu p0 (sqrt(1 - (x/a)^2) - (c/a) sqrt(1 - (x - d)^2 / c^2)),
+
+the second root within the stick only. Each part of q strains the surface in proportion to x, by
+2 mu p0 x / (E* a) and 2 mu p0 (x - d) / (E* a): their difference, 2 mu p0 d / (E* a), is what the
+wheel turns too far, the creepage. With p0 = E* a / (2 R) it is
+
+    xi = mu d / R = (mu a / R) (1 - sqrt(1 - Q / (mu P))).
+
+That holds where pressure does not move the surface sideways: for bodies of one material, and for a
+rigid one on an incompressible one, E* = E / (1 - nu^2) = 4 E / 3, here of Taylor-Hood elements.
+
+Errors of the scene: R = 1000 a, for those of small strain and small angles are of the order
+a / (mu R). The half plane is a block, held at its bottom and sides, ``SIZE`` half-widths away. It
+yields sideways as the load travels, by the order of P / (E* SIZE) for a unit of the way: that is a
+part of the creepage of the order a / (mu SIZE): by the last table, 0.5 %.
+
+The wheel is pressed by P and pulled by Q, both as forces. Then all its motions are prescribed, for
+the stiffness is factored but once so: as it turns its place goes on by what is found to keep Q. The
+creepage is that of the last half-width of the way; a, c and xi of the theory are those of the
+forces measured at its end. The shear has roots at the ends of contact and stick: on uniform facets
+its error in L2 is of order h.
+
+Writes the tables and a picture to ``results/accuracy/carter.md`` and ``.png``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from demos.studies.accuracy.norms import contact_errors
+from demos.studies.accuracy.report import FOLDER, markdown
+from demos.studies.accuracy.scenes_exact import Grid, Posed, read
+
+# Lengths by the half-width of the contact, stresses by E*
+R, FRICTION, PART = 1000.0, 0.3, 0.5  # Q by mu P
+FORCE = np.pi / (4 * R)
+FINE, SIZE, GROWTH = 3.5, 1000.0, 1.4
+WAY = 4.0  # from -WAY / 2 on
+HELD = ("bottom", "left", "right")
+FACETS = (4, 8, 16, 32)  # by the half-width
+STEPS, SIZES = (0.25, 0.5, 1.0, 2.0), (50.0, 200.0, SIZE)
+
+
+@dataclass
+class Rolled:
+    """A wheel that has rolled.
+
+    Attributes:
+        posed: The problem; the pressure told is the shear of the theory.
+        ways: What it has turned, as a length, after each step.
+        places: Where it was then, from the middle of the block.
+        pulls: Q / (mu P) then.
+        iterations: Of each step.
+    """
+
+    posed: Posed
+    ways: np.ndarray
+    places: np.ndarray
+    pulls: np.ndarray
+    iterations: list[int]
+
+    @property
+    def half_widths(self) -> tuple[float, float]:
+        """Of contact and stick, by the theory and the measured forces."""
+        a = half_width(self.posed.problem.equations.contacts[0])
+        return a, a * np.sqrt(1 - self.pulls[-1])
+
+    @property
+    def shear(self) -> np.ndarray:
+        """At the nodes of the slave."""
+        return np.abs(self.posed.problem.equations.contacts[0].nodal.z_tau)
+
+    @property
+    def error(self) -> float:
+        """Of the shear in L2."""
+        return contact_errors(self.posed, self.shear)["pressure"]
+
+    @property
+    def stuck(self) -> float:
+        """Half-width that sticks, by that of the theory."""
+        (contact,) = self.posed.problem.equations.contacts
+        return contact.nodal_lengths[contact.sticking].sum() / 2 / self.half_widths[1]
+
+    @property
+    def creepage(self) -> float:
+        """By that of the theory."""
+        start = np.searchsorted(self.ways, self.ways[-1] - 1 - 1e-9)
+        gone, turned = (np.ptp(values[start:]) for values in (self.places, self.ways))
+        return (1 - gone / turned) / creepage(self.half_widths[0], self.pulls[-1])
+
+
+def creepage(a: float, part: float) -> float:
+    """By half-width and Q / (mu P)."""
+    return FRICTION * a / R * (1 - np.sqrt(1 - part))
+
+
+def half_width(contact: Any) -> float:
+    """By the force on the wheel."""
+    return np.sqrt(4 * R * abs(contact.total_force[1]) / np.pi)
+
+
+def pull(contact: Any) -> float:
+    """Q / (mu P) by the forces on the wheel."""
+    return abs(contact.total_force[0] / contact.total_force[1]) / FRICTION
+
+
+def shear_by_theory(x: np.ndarray, a: float, c: float) -> np.ndarray:
+    """At x from the middle of a contact that moves to the right."""
+    outer, inner = (np.maximum(b**2 - y**2, 0.0) for b, y in ((a, x), (c, x - (a - c))))
+    return FRICTION / (2 * R) * (np.sqrt(outer) - np.sqrt(inner))  # p0 / a = 1 / (2 R)
+
+
+def line(h: float, fine: float, size: float) -> np.ndarray:
+    """Vertices and middles from 0 to ``size``: of spacing h up to ``fine``, then growing."""
+    inner = np.linspace(0.0, fine, round(fine / h) + 1)
+    count = np.log1p((size - fine) * (GROWTH - 1) / (h * GROWTH)) / np.log(GROWTH)
+    beyond = np.cumsum(GROWTH ** np.arange(1, round(count) + 1))
+    vertices = np.append(inner, fine + (size - fine) * beyond / beyond[-1])
+    return np.interp(np.arange(2 * vertices.size - 1) / 2, np.arange(vertices.size), vertices)
+
+
+def pose(n: int, size: float) -> tuple[fm.MeshData, Any, fm.ContactProblem, fm.Circle]:
+    """A block with n facets to a half-width, and the wheel that touches it."""
+    x, depth = line(1 / n, FINE, size), line(1 / n, 0.5, size)
+    x = np.append(-x[:0:-1], x)
+    grid = np.stack(np.meshgrid(x, -depth[::-1], indexing="ij"), axis=2)
+    data = read([Grid("block", grid)], "quadrilateral", 2)
+    W = fm.mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+    w, mu = fem.Function(W), 1 / 4  # E / 3
+    (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
+    stress = 2 * mu * ufl.sym(ufl.grad(u)) + p * ufl.Identity(2)
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    wheel = fm.Circle((-WAY / 2, R), R, name="wheel")
+    problem = fm.ContactProblem(
+        ufl.inner(stress, ufl.grad(v)) * dx + q * ufl.div(u) * dx,
+        w,
+        [fm.ContactPair(data, "block/top", wheel, law=fm.Coulomb(FRICTION))],
+        bcs=[fm.dirichlet(W.sub(0), data, f"block/{side}", (0.0, 0.0)) for side in HELD],
+        petsc_options_prefix="carter_",
+    )
+    return data, w, problem, wheel
+
+
+def roll(n: int, step: float = 1.0, size: float = SIZE, way: float = WAY) -> Rolled:
+    """Press, pull and roll the wheel; n facets to a half-width, steps by the facet."""
+    data, w, problem, wheel = pose(n, size)
+    (contact,) = problem.equations.contacts
+    wheel.push(y=-FORCE)
+    problem.solve()
+    wheel.push(x=-PART * FRICTION * FORCE)
+    problem.solve()
+    yields, place = abs(wheel.place[0]) / PART, float(wheel.place[0])
+    wheel.move(y=wheel.place[1])
+    ways = np.linspace(0.0, way, round(way * n / step) + 1)
+    places, pulls, iterations = [place], [pull(contact)], []
+    for turn in np.diff(ways):
+        place += turn * (1 - creepage(1.0, PART)) + yields * (pulls[-1] - PART)
+        wheel.move(x=place, angle=wheel.place[2] - turn / R)
+        iterations.append(problem.solve().num_iterations)
+        places.append(place)
+        pulls.append(pull(contact))
+    places_ = np.array(places) - way / 2
+    a = half_width(contact)
+    posed = Posed(
+        data,
+        w,
+        problem,
+        "block",
+        lambda x, on: np.zeros_like(x),
+        lambda x, on: np.zeros((2, *x.shape)),
+        lambda x: shear_by_theory(x[0] - places_[-1], a, a * np.sqrt(1 - pulls[-1])),
+        (np.inf, np.inf),
+    )
+    return Rolled(posed, ways, places_, np.array(pulls), iterations)
+
+
+HEAD = (
+    "facets / a | step / facet | size / a | Q / (mu P) | stick | creepage | error of q | iterations"
+)
+
+
+def table(runs: Sequence[tuple[int, float, float]], known: dict[Any, Rolled]) -> str:
+    """A row for each mesh, step and size of the block: what was found by the theory."""
+    lines = []
+    for run in runs:
+        found = known[run] = known.get(run) or roll(*run)
+        cells = f"{found.pulls[-1]:.4f}", f"{found.stuck:.3f}", f"{found.creepage:.4f}"
+        iterations = f"{np.median(found.iterations):g}"
+        lines.append([*map("{:g}".format, run), *cells, f"{100 * found.error:.2f} %", iterations])
+        print(lines[-1], flush=True)
+    return markdown(HEAD, 0, lines)
+
+
+def draw(found: Rolled) -> Figure:
+    """The shear and that of the theory, and the creepage along the way."""
+    figure = Figure((8, 3.2), layout="constrained")
+    left, right = figure.subplots(1, 2, gridspec_kw={"width_ratios": (3, 2)})
+    a, c = found.half_widths
+    x, peak = np.linspace(-1.3, 1.3, 2001), FRICTION * a / (2 * R)
+    nodes = found.posed.problem.equations.contacts[0].slave.X[:, 0] - found.places[-1]
+    left.plot(x, np.sqrt(np.maximum(1 - x**2, 0)), "k--", lw=1, label="mu times Hertz' pressure")
+    left.plot(x, shear_by_theory(a * x, a, c) / peak, "k-", lw=1, label="Carter")
+    left.plot(nodes / a, found.shear / peak, "o", ms=3, color="#c8102e", label="computed shear")
+    left.set(xlabel="x / a, rolling to the right", ylabel="traction / (mu p0)")
+    left.set(xlim=(-1.3, 1.3), ylim=(-0.05, 1.5))
+    left.legend(frameon=False, loc="upper left")
+    creep = 1 - np.diff(found.places) / np.diff(found.ways)
+    right.plot(found.ways[1:], creep / creepage(1.0, PART), color="#c8102e")
+    right.axhline(1.0, color="k", lw=1)
+    right.set(xlabel="way / a", ylabel="creepage by Carter's", ylim=(0.0, 1.5))
+    return figure
+
+
+def main() -> None:
+    known: dict[Any, Rolled] = {}
+    tables = [
+        table([(n, 1.0, SIZE) for n in FACETS], known),
+        table([(8, step, SIZE) for step in STEPS], known),
+        table([(8, 1.0, size) for size in SIZES], known),
+    ]
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    print("\n" + "\n".join(tables))
+    (FOLDER / "carter.md").write_text("\n".join(tables))
+    draw(known[16, 1.0, SIZE]).savefig(FOLDER / "carter.png", dpi=150)
+
+
+if __name__ == "__main__":
+    main()

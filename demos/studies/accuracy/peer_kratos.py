@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: MIT
+"""The problem of Hertz, solved by Kratos' mortar contact (augmented Lagrangian, frictionless).
+
+    python3 -m venv --system-site-packages kratos
+    kratos/bin/pip install KratosContactStructuralMechanicsApplication
+    kratos/bin/python -m demos.studies.accuracy.peer_kratos
+
+Kratos' contact in the plane has facets of two nodes: triangles and quadrilaterals of degree 1.
+Settings are its defaults, but for tolerances that suit this small load. The linear solver is its
+fastest direct one in the package. Multigrid (AMGCL) takes a fifth less time on the finest uniform
+mesh, but ends with a wrong solution on graded ones.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+import KratosMultiphysics as Kratos
+import KratosMultiphysics.ContactStructuralMechanicsApplication as Contact
+import KratosMultiphysics.StructuralMechanicsApplication as Structural
+import numpy as np
+from KratosMultiphysics.ContactStructuralMechanicsApplication import alm_contact_process
+from KratosMultiphysics.ContactStructuralMechanicsApplication import (
+    contact_structural_mechanics_static_solver as static_solver,
+)
+
+from demos.studies.accuracy.peer import Answer, Given, run
+
+SOLVER = """{
+    "solver_type": "static",
+    "model_part_name": "Structure",
+    "domain_size": 2,
+    "echo_level": 0,
+    "analysis_type": "non_linear",
+    "model_import_settings": {"input_type": "use_input_model_part"},
+    "time_stepping": {"time_step": 1.0},
+    "contact_settings": {
+        "mortar_type": "ALMContactFrictionless",
+        "fancy_convergence_criterion": false,
+        "contact_residual_relative_tolerance": 1e-8,
+        "contact_residual_absolute_tolerance": 1e-14
+    },
+    "convergence_criterion": "contact_residual_criterion",
+    "residual_relative_tolerance": 1e-8,
+    "residual_absolute_tolerance": 1e-14,
+    "max_iteration": 50,
+    "compute_reactions": false,
+    "linear_solver_settings": {"solver_type": "LinearSolversApplication.sparse_lu"}
+}"""
+CONTACT = """{
+    "model_part_name": "Structure",
+    "contact_model_part": {"0": ["Surfaces"]},
+    "assume_master_slave": {"0": ["Slave"]},
+    "contact_type": "Frictionless"
+}"""
+
+
+def solve(problem: Given) -> Answer:
+    """From the arrays to the answer."""
+    model = Kratos.Model()
+    part = model.CreateModelPart("Structure")
+    part.ProcessInfo[Kratos.DOMAIN_SIZE] = 2
+    solver = static_solver.CreateSolver(model, Kratos.Parameters(SOLVER))
+    solver.AddVariables()
+    solver.ImportModelPart()
+    fill(part, problem)
+    solver.PrepareModelPart()
+    solver.AddDofs()
+    prescribe(part, problem)
+    contact = alm_contact_process.ALMContactProcess(model, Kratos.Parameters(CONTACT))
+    contact.ExecuteInitialize()
+    solver.Initialize()
+    contact.ExecuteBeforeSolutionLoop()
+    solver.AdvanceInTime(0.0)
+    contact.ExecuteInitializeSolutionStep()
+    solver.InitializeSolutionStep()
+    solver.Predict()
+    if not solver.SolveSolutionStep():
+        raise RuntimeError("Kratos did not converge")
+    variables = Kratos.VariableUtils()
+    u = variables.GetSolutionStepValuesVector(part.Nodes, Kratos.DISPLACEMENT, 0, 2)
+    pressure = variables.GetSolutionStepValuesVector(
+        part.Nodes, Contact.LAGRANGE_MULTIPLIER_CONTACT_PRESSURE, 0
+    )
+    scale = part.ProcessInfo[Kratos.SCALE_FACTOR]
+    return Answer(
+        np.array(u).reshape(-1, 2),
+        -scale * np.array(pressure)[problem.slave],
+        part.ProcessInfo[Kratos.NL_ITERATION_NUMBER],
+    )
+
+
+def fill(part: Kratos.ModelPart, problem: Given) -> None:
+    """Nodes, cells, loads and the two surfaces; Kratos counts from 1."""
+    properties = part.CreateNewProperties(1)
+    properties.SetValue(Kratos.YOUNG_MODULUS, problem.E)
+    properties.SetValue(Kratos.POISSON_RATIO, problem.nu)
+    properties.SetValue(Kratos.THICKNESS, 1.0)
+    properties.SetValue(Kratos.CONSTITUTIVE_LAW, Structural.LinearElasticPlaneStrain2DLaw())
+    for number, (x, y) in enumerate(problem.x.tolist(), 1):
+        part.CreateNewNode(number, x, y, 0.0)
+    element = f"SmallDisplacementElement2D{problem.cells.shape[1]}N"
+    for number, nodes in enumerate((problem.cells + 1).tolist(), 1):
+        part.CreateNewElement(element, number, nodes, properties)
+    slave = problem.slave[problem.facets]
+    conditions = [("LineCondition2D2N", facet) for facet in np.vstack([slave, problem.master]) + 1]
+    loaded = np.flatnonzero(np.any(problem.load, axis=1)) + 1
+    conditions += [("PointLoadCondition2D1N", [node]) for node in loaded]
+    for number, (kind, nodes) in enumerate(conditions, 1):
+        part.CreateNewCondition(kind, number, [int(node) for node in nodes], properties)
+    surfaces, mine = part.CreateSubModelPart("Surfaces"), part.CreateSubModelPart("Slave")
+    both = np.union1d(slave, problem.master) + 1
+    surfaces.AddNodes(both.tolist())
+    surfaces.AddConditions(list(range(1, len(slave) + len(problem.master) + 1)))
+    mine.AddNodes((problem.slave + 1).tolist())
+    mine.AddConditions(list(range(1, len(slave) + 1)))
+
+
+def prescribe(part: Kratos.ModelPart, problem: Given) -> None:
+    """Loads and prescribed displacements."""
+    names = (Kratos.DISPLACEMENT_X, Kratos.DISPLACEMENT_Y)
+    for node in np.flatnonzero(np.any(problem.load, axis=1)).tolist():
+        part.GetNode(node + 1).SetSolutionStepValue(
+            Structural.POINT_LOAD, [*problem.load[node], 0.0]
+        )
+    for node, component in np.argwhere(problem.held).tolist():
+        place = part.GetNode(node + 1)
+        place.Fix(names[component])
+        place.SetSolutionStepValue(names[component], problem.values[node, component])
+
+
+if __name__ == "__main__":
+    Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
+    run(f"Kratos {version('KratosMultiphysics')}", solve, ("P1", "Q1"))

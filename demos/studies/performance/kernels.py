@@ -1,0 +1,85 @@
+# # How long the contact kernels take
+#
+# Search, integrals and all derivatives of two wavy surfaces that do not match, for growing numbers
+# of facets, and for each kind of integration; the median of several runs after the compilation. Run
+# it by itself, without `mpirun`.
+
+# +
+import time
+from types import SimpleNamespace
+
+import numpy as np
+
+from fenics_mortar.interface.segments import find_segments
+from fenics_mortar.kernels import basis, normals
+from fenics_mortar.kernels.facets import tabulate_facets
+
+# -
+
+
+# +
+def median(function, repeats=7):
+    """Seconds of one call."""
+    function()
+    seconds = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        function()
+        seconds.append(time.perf_counter() - start)
+    return float(np.median(seconds))
+
+
+def measure(facets, **integration):
+    """Segments, seconds of search and of integrals for so many slave and master facets."""
+    x = np.stack([np.linspace(0, 1, facets + 1), 0.1 * np.sin(np.linspace(0, 9, facets + 1))], 1)
+    m = np.stack(
+        [np.linspace(1.01, -0.01, facets + 1), 0.1 * np.sin(np.linspace(9.1, -0.1, facets + 1))], 1
+    )
+    chain = np.arange(facets + 1)
+    surface = SimpleNamespace(facets=np.stack([chain[:-1], chain[1:]], axis=1), degree=1)
+    n, dn = np.empty_like(x), np.zeros((facets + 1, 2, 6))
+    following = np.append(chain[1:], -1)
+    inner = np.zeros(facets + 1, bool)
+    normals.tabulate_normals(x, chain - 1, following, inner, normals.OPPOSITE, n, dn)
+
+    def find():
+        options = {"facets": chain[:-1], "radius": 0.5, "min_cosine": 0.1, **integration}
+        return find_segments(surface, surface, x, n, m, **options)
+
+    s = find()
+    count = s.num_segments
+    values = (
+        np.zeros((facets, 2, 2)), np.zeros((count, 4, 12)), np.empty((count, 2, 2)),
+        np.zeros((len(s.pairs), 4, 12)), np.zeros((facets, 2)), np.empty((count, 2, 12)),
+        np.zeros((facets, 2)),
+    )  # fmt: skip
+    sides = surface.facets, np.tile(np.eye(2), (facets, 1, 1)), s.partial
+    found = s.master, s.end_is_fixed, s.ends
+    nodal = integration.get("integration") == "nodes"
+    options = basis.STANDARD if nodal else basis.DUAL, basis.BY_COVER, True
+
+    def integrate():
+        values[1][:], values[3][:] = 0.0, 0.0
+        offsets = s.offsets, s.pair_offsets
+        tabulate_facets((x, n, dn, m), sides, found, *offsets, s.rule, options, values)
+
+    return count, median(find), median(integrate)
+
+
+print("| facets a side | segments | search [s] | integrals [s] | per segment [us] |")
+print("|---:|---:|---:|---:|---:|")
+for facets in (100, 1000, 10_000, 100_000):
+    count, found, integrated = measure(facets)
+    print(
+        f"| {facets} | {count} | {found:.4f} | {integrated:.5f} | {1e6 * integrated / count:.2f} |"
+    )
+
+# Per slave facet:
+
+print("\n| integration | segments | search [us] | integrals [us] |")
+print("|---|---:|---:|---:|")
+for name, points in (("segments", 5), ("elements", 5), ("elements", 20), ("nodes", 2)):
+    count, *seconds = measure(1000, integration=name, points=points)
+    per_facet = " | ".join(f"{1e3 * s:.2f}" for s in seconds)
+    print(f"| {name}, {points} points | {count / 1000:.2f} | {per_facet} |")
+# -

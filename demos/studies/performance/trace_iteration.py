@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: MIT
+"""Python calls of one Newton iteration, and how often they cross from module to module.
+
+/usr/bin/python3 -m demos.studies.performance.trace_iteration [--functions]
+
+Two blocks, one frictionless pair, 1,100 unknowns; the median of the iterations of a solve. Only
+functions of fenics_mortar count, each generator step as one call. With --functions: those that are
+called the most.
+"""
+
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+import fenics_mortar as fm
+from demos.studies.performance.scene import pressed, read, size_of
+from meshes import two_blocks
+
+# Close to rounding: the median is of several iterations.
+TIGHT = fm.NewtonOptions(residual_tolerance=1e-13)
+HERE = str(Path(fm.__file__).parent)
+
+
+class Trace:
+    """Counts calls between two calls of ``mark``."""
+
+    def __init__(self):
+        self.calls, self.crossings, self.functions = 0, 0, Counter()
+        self.stack, self.rows = [""], []
+
+    def __call__(self, frame, event, _):
+        """Note a call or a return; the argument of ``sys.setprofile``."""
+        file = frame.f_code.co_filename
+        if not file.startswith(HERE):
+            return
+        if event == "call":
+            self.calls += 1
+            self.crossings += file != self.stack[-1]
+            self.functions[f"{file[len(HERE) + 1 :]}:{frame.f_code.co_name}"] += 1
+            self.stack.append(file)
+        elif event == "return" and len(self.stack) > 1:
+            self.stack.pop()
+
+    def mark(self):
+        """End the counts of one iteration."""
+        self.rows.append((self.calls, self.crossings, self.functions))
+        self.calls, self.crossings, self.functions = 0, 0, Counter()
+
+
+def main():
+    data = read(two_blocks.build, n_upper=20, n_lower=28)
+    sides = ("lower", "lower/bottom", "lower/top"), ("upper", "upper/top", "upper/bottom")
+    problem, top = pressed(data, *sides, degree=3, newton=TIGHT)
+    top.value[1] = -0.01
+    problem.solve()
+    trace, equations = Trace(), getattr(problem, "equations", problem)
+    advance = equations.advance
+
+    def marked():
+        trace.mark()
+        return advance()
+
+    equations.advance = marked
+    top.value[1] = -0.05
+    sys.setprofile(trace)
+    report = problem.solve()
+    sys.setprofile(None)
+    trace.mark()
+    rows = trace.rows[1:-1]  # of whole iterations, from one linear system to the next
+    calls, crossings = (int(np.median([row[i] for row in rows])) for i in (0, 1))
+    print(f"{len(rows) + 1} iterations, {size_of(problem)} unknowns: {report.reason}")
+    print(f"an iteration: {calls} Python calls, {crossings} crossings between modules")
+    if "--functions" in sys.argv:
+        for name, count in rows[-1][2].most_common(40):
+            print(f"{count:5d} {name}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: MIT
+"""One cell of the atlas: a scene solved by a method, and what became of it.
+
+As a program it is a worker: it reads tasks from its standard input, one JSON object a line, with
+"scene", "value" and "method", and answers each with a line. Under ``mpirun`` all ranks work as one.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from demos.studies.stability.families import scene_of
+from demos.studies.stability.methods import ALL_METHODS, Method
+from demos.studies.stability.model import Posed, Scene, fm, pose_problem
+from fenics_mortar.newton.loop import NewtonReport
+
+# Linear systems after which a contrast method is given up: so many, and more for each of the
+# scene's steps. Those that get through need less.
+MOST_SYSTEMS = 500, 20
+STATES = ("converged", "cut", "wrong", "failed", "dead end", "n/a", "not available")
+
+
+class GivenUpError(Exception):
+    """A cell has had its share."""
+
+
+@dataclass
+class Record:
+    """What became of a cell.
+
+    Attributes:
+        state: One of ``STATES``.
+        reason: Why it is not "converged", in words.
+        iterations: Newton iterations of each accepted step.
+        cuts: Attempts at steps that failed.
+        lost: Newton iterations of these.
+        seconds: Time it took.
+        numbers: Forces and size of the last state, to compare runs.
+    """
+
+    state: str
+    reason: str = ""
+    iterations: list[int] = field(default_factory=list)
+    cuts: int = 0
+    lost: int = 0
+    seconds: float = 0.0
+    numbers: list[float] = field(default_factory=list)
+
+
+def run_cell(scene: Scene, method: Method, comm: MPI.Comm) -> Record:
+    """Solve a scene by a method (collective)."""
+    begin, record = time.perf_counter(), Record("failed")
+    try:
+        with method.override():
+            _run(scene, method, comm, record)
+    except TypeError as error:
+        if "unexpected keyword" not in str(error):
+            raise
+        record.state, record.reason = "not available", str(error)
+    record.seconds = round(time.perf_counter() - begin, 2)
+    return record
+
+
+def _run(scene: Scene, method: Method, comm: MPI.Comm, record: Record) -> None:
+    """Fill the record of a cell."""
+    newton = {"newton": fm.NewtonOptions(**method.newton)} if method.newton else {}
+    try:
+        posed = pose_problem(scene, comm, pair=method.pair, problem={**method.problem, **newton})
+    except fm.MortarError as error:
+        record.state = "n/a" if "condensed" in str(error) else "failed"
+        record.reason = f"set-up: {error}"
+        return
+    violations: list[str] = []
+
+    def look(moment: float, report: NewtonReport) -> None:
+        record.iterations.append(report.num_iterations)
+        if not violations:
+            found = posed.problem.certificate().violations()
+            violations.extend(f"at time {moment:.3g}: {v}" for v in found)
+
+    try:
+        if method.adaptive:
+            _adaptive(posed, method, look, record)
+        else:
+            _fixed(posed, look, record)
+    except (fm.MortarError, GivenUpError) as error:
+        record.reason = str(error)
+        if getattr(getattr(error, "report", None), "dead_end", ""):  # no equilibrium beyond
+            record.state = "dead end"
+        elif "wrong state" in record.reason:  # so the driver says, and does not accept it
+            record.state = "wrong"
+    else:
+        wrong = scene.check(posed)
+        violations += [wrong] if wrong else []
+        record.state = "wrong" if violations else "cut" if record.cuts else "converged"
+        record.reason = "; ".join(violations[:2])
+        record.numbers = _numbers(posed)
+
+
+def _adaptive(
+    posed: Posed, method: Method, look: Callable[[float, Any], None], record: Record
+) -> None:
+    """The robust driver with its defaults; the scene gives the first step."""
+    step = 1.0 / posed.scene.steps
+    options, set_loads = fm.SteppingOptions(step), posed.set_loads
+    if method.smallest is not None:
+        options, set_loads = replace(options, smallest=method.smallest * step), _count(posed)
+    try:
+        path = fm.follow_path(posed.problem, set_loads, options, on_step=look)
+    except fm.NotConvergedError as failure:
+        path = failure.report
+        raise
+    finally:
+        if "path" in locals():
+            record.cuts = path.num_cuts
+            record.lost = path.num_iterations - sum(record.iterations)
+
+
+def _count(posed: Posed) -> Callable[[float], None]:
+    """``set_loads`` that gives up when too many systems have been solved."""
+    solved, most = 0, MOST_SYSTEMS[0] + MOST_SYSTEMS[1] * posed.scene.steps
+    solve = posed.problem.solve
+
+    def counting_solve(**options: bool) -> NewtonReport:
+        nonlocal solved
+        try:
+            report = solve(**options)
+        except fm.NotConvergedError as failure:
+            solved += failure.report.num_iterations
+            raise
+        solved += report.num_iterations
+        return report
+
+    def set_loads(moment: float) -> None:
+        if solved > most:
+            raise GivenUpError(f"given up at {moment:.3g} after {solved} linear systems")
+        posed.set_loads(moment)
+
+    posed.problem.solve = counting_solve  # type: ignore[method-assign]
+    return set_loads
+
+
+def _fixed(posed: Posed, look: Callable[[float, Any], None], record: Record) -> None:
+    """The scene's steps, one solve each."""
+    for step in range(1, posed.scene.steps + 1):
+        posed.set_loads(step / posed.scene.steps)
+        try:
+            report = posed.problem.solve(accept_violations=True)  # ``look`` sees them
+        except fm.NotConvergedError as failure:
+            record.cuts, record.lost = 1, failure.report.num_iterations
+            raise fm.MortarError(f"step {step} of {posed.scene.steps}: {failure}") from failure
+        look(step / posed.scene.steps, report)
+
+
+def _numbers(posed: Posed) -> list[float]:
+    """Forces of all pairs and the norm of all displacements."""
+    bulk = posed.problem.equations.bulk
+    mine = bulk.u.x.array[: bulk.num_owned]
+    norm = np.sqrt(bulk.comm.allreduce(float(mine @ mine)))
+    return [*map(float, posed.forces.ravel()), float(norm)]
+
+
+def main() -> None:
+    """Answer tasks until there are no more."""
+    comm = MPI.COMM_WORLD
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # whatever a library prints is no answer
+    while True:
+        line = comm.bcast(sys.stdin.readline() if comm.rank == 0 else None)
+        if not line.strip():
+            return
+        task = json.loads(line)
+        method = ALL_METHODS[task["method"]]
+        record = run_cell(scene_of(task["scene"], task["value"]), method, comm)
+        gc.collect()
+        comm.barrier()
+        if comm.rank == 0:
+            answers.write(json.dumps(asdict(record)) + "\n")
+            answers.flush()
+
+
+if __name__ == "__main__":
+    main()

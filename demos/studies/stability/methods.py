@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: MIT
+"""The methods of the atlas: the default, and it with one thing changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+from unittest.mock import patch
+
+from demos.studies.stability.whole_facet import whole_facet_basis
+from fenics_mortar import problem
+from fenics_mortar.bulk import residual as bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.laws import Coulomb, Nodal
+from fenics_mortar.newton import loop as newton
+from fenics_mortar.rigid.floating import FloatingBodies
+
+
+@dataclass(frozen=True)
+class Method:
+    """Options that differ from the defaults.
+
+    Attributes:
+        title: Name in the picture and the table.
+        problem: Arguments of ``ContactProblem``.
+        pair: Arguments of ``ContactPair``.
+        newton: Arguments of ``NewtonOptions``.
+        adaptive: ``follow_path``, or the scene's fixed steps by plain calls of ``solve``.
+        smallest: Smallest step over the scene's own; ``None``: what ``follow_path`` has by default.
+            Where contrast methods fail, they fail at any step: most of the time of the atlas would
+            go into the last of their cuts.
+        override: What is done to the package while the cell runs.
+        scenes: Patterns of the scenes that tell it from the default.
+    """
+
+    title: str
+    problem: dict[str, Any] = field(default_factory=dict)
+    pair: dict[str, Any] = field(default_factory=dict)
+    newton: dict[str, Any] = field(default_factory=dict)
+    adaptive: bool = True
+    smallest: float | None = 1.0 / 64.0
+    override: Callable[[], AbstractContextManager] = nullcontext
+    scenes: str = "*"
+
+
+BOUND = Coulomb.limit
+
+
+def frozen_cone() -> AbstractContextManager:
+    """The bound of friction is a number, mu times the pressure of the last iterate.
+
+    The tangent of a body that slides is symmetric then, as in codes that want it so.
+    """
+
+    def limit(law: Coulomb, node: Nodal) -> tuple[Any, Any, Any]:
+        return BOUND(law, node)[0], 0.0, 0.0
+
+    return patch.object(Coulomb, "limit", limit)
+
+
+def bound_by_pressure() -> AbstractContextManager:
+    """The bound of friction follows the pressure, not the test of the active set."""
+    return patch.dict(Coulomb.__init__.__kwdefaults__, limit_by="pressure")
+
+
+FRICTION = "rubbing*,reversal,slope"
+# Scenes of long or difficult steps; elsewhere nothing is cut short.
+DAMPED = "step_size,stiffness,bouncing,*arch,ironing,rubbing*,corner*,press_fit,roll,cantilevers"
+
+METHODS = {
+    "default": Method("default", smallest=None),
+    "saddle": Method("Alg. 1, saddle", problem={"algorithm": "saddle"}),
+    "standard": Method("standard basis", pair={"basis": "standard"}),
+    "plain": Method("plain Newton", adaptive=False),
+    "line_search": Method("with line search", newton={"line_search": True}, scenes=DAMPED),
+    "short_moves": Method("half a facet at most", newton={"max_motion": 0.5}, scenes=DAMPED),
+    "no_normals": Method("without normals", problem={"linearization": "no_normals"}),
+    "no_segments": Method("without segment motion", problem={"linearization": "no_segments"}),
+    "frozen": Method("fixed point", problem={"linearization": "frozen"}),
+    "plain_frozen": Method(
+        "plain fixed point", problem={"linearization": "frozen"}, adaptive=False
+    ),
+    "by_pressure": Method("bound by pressure", override=bound_by_pressure, scenes=FRICTION),
+    "frozen_cone": Method("frozen cone", override=frozen_cone, scenes=FRICTION),
+    "whole_facet": Method(
+        "basis of whole facets", pair={"gap_weights": "basis"}, override=whole_facet_basis
+    ),
+    "elements": Method("element quadrature", pair={"integration": "elements"}),
+    "nodes": Method("node to segment", pair={"integration": "nodes"}),
+}
+
+
+def replaced(*changes: tuple[Any, str, Any]) -> AbstractContextManager:
+    """Functions of the package replaced for a while: (owner, name, function)."""
+    stack = ExitStack()
+    for owner, name, function in changes:
+        stack.enter_context(patch.object(owner, name, function))
+    return stack
+
+
+def without(*changes: tuple[Any, str, Any]) -> Callable[[], AbstractContextManager]:
+    """The same, to be entered later."""
+    return partial(replaced, *changes)
+
+
+def give_up(equations: Any, options: Any, failed: Exception) -> None:
+    """In place of ``release_slowly``."""
+    raise failed
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """A part of the default, and a scene that needs it.
+
+    Attributes:
+        title: What the default does.
+        scene: Name of a family.
+        value: Which of its scenes, in words.
+        beside: Name of the method that has the remedy.
+        method: The same without the remedy.
+    """
+
+    title: str
+    scene: str
+    value: str
+    beside: str
+    method: Method
+
+
+REMEDIES = {
+    "no_step_cuts": Remedy(
+        "a step that fails is taken back and cut",
+        "pushed_arch",
+        "60",
+        "default",
+        Method("no cuts", adaptive=False),
+    ),
+    "no_cycles": Remedy(
+        "cycles of the active set are left",
+        "stiffness",
+        "1000000.0",
+        "plain",
+        Method(
+            "cycles not left",
+            adaptive=False,
+            override=without((newton, "period_of", lambda sets: 0), (newton, "UNSETTLED", 1000)),
+        ),
+    ),
+    "no_shortening": Remedy(
+        "Newton steps that would invert cells are shortened",
+        "turn_all",
+        "45",
+        "plain",
+        Method("cells invert", adaptive=False, override=without((bulk, "MIN_FRACTION", 2.0))),
+    ),
+    "no_settling": Remedy(
+        "bodies that loads drive are moved until contact stops them",
+        "falling_wheel",
+        "10",
+        "default",
+        Method("not moved", override=without((FloatingBodies, "settle", lambda *given: []))),
+    ),
+    "no_springs": Remedy(
+        "a vanishing spring holds what contact leaves loose",
+        "thin_ring",
+        "0.1",
+        "default",
+        Method("no spring", override=without((FloatingBodies, "add_springs", lambda *given: None))),
+    ),
+    "no_release": Remedy(
+        "springs hold bodies that roll, and let go",
+        "falling_wheel",
+        "1",
+        "plain",
+        Method("not held", adaptive=False, override=without((problem, "release_slowly", give_up))),
+    ),
+    "no_holding": Remedy(
+        "springs hold rigid tools that roll, and let go",
+        "rigid_tool",
+        "free egg, 0.01",
+        "default",
+        Method("not held", override=without((problem, "release_slowly", give_up))),
+    ),
+    "meshed_gaps": Remedy(
+        "gaps can be set, whatever the facets leave",
+        "press_fit",
+        "12:16",
+        "default",
+        Method("gaps as meshed", pair={"initial_gap": None}),
+    ),
+    "no_cover_weights": Remedy(
+        "beyond the edge of the master the gap is that of the edge",
+        "near_miss",
+        "0.01",
+        "default",
+        Method("gaps by the basis", pair={"gap_weights": "basis"}),
+    ),
+    "no_hand_over": Remedy(
+        "hardly covered nodes hand their multiplier to a neighbour",
+        "corner_on_flat",
+        "3 flat",
+        "default",
+        Method(
+            "not handed over",
+            override=without((Contact, "update_multiplier_nodes", lambda self: 0)),
+        ),
+    ),
+}
+
+ALL_METHODS = METHODS | {name: remedy.method for name, remedy in REMEDIES.items()}

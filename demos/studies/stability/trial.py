@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: MIT
+"""A randomised trial: many random scenes, each followed along its loads with defaults, and judged.
+
+    python3 -m demos.studies.stability.trial --cases 500    a line of JSON per case, a summary
+    python3 -m demos.studies.stability.trial --case 17      one case, its report and picture
+    python3 -m demos.studies.stability.trial --family held  bodies that friction alone holds
+
+The families are blocks that are pushed or pressed, with defaults ("pushed"), bodies that friction
+holds ("held"), or adhesion ("hanging"), and those of ``random_shapes``: surfaces of one body
+("own"), thin bodies ("thin"), laws of a user ("laws"), exchanged roles ("roles").
+
+The outcome of a case is one of
+
+- converged: the path was followed to its end, and nothing that was measured there is wrong,
+- failed: the package said, by an error of its own, that it cannot,
+- wrong: it converged to a state that is none,
+- dead end: it failed where limit analysis of the rigid bodies says that they give way,
+- crash: any other error, or the process died,
+- hang: the time limit.
+
+A part of the cases is solved again, with half the steps and with the roles exchanged: two solutions
+of one case that differ are wrong, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import signal
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+import fenics_mortar as fm
+from demos.studies.stability.random_cases import Case, random_case
+from demos.studies.stability.random_held import hanging_case, held_case
+from demos.studies.stability.random_shapes import shape_case
+from demos.studies.stability.trial_judge import Record, check_again, measure, run, wrongs
+from demos.studies.stability.trial_scene import build
+
+# Seeds of the families: the first from zero on, the next ones from one million on, and so on.
+FAMILIES = ("pushed", "held", "hanging", "own", "thin", "laws", "roles")
+SEEDS_OF_FAMILY = 1_000_000
+# Every so many cases is solved a second time.
+EVERY = 4
+# Seconds of computing; a case takes one, with its checks at the most some twenty.
+LIMIT = 100.0
+# So many times longer may a case last: other programs run as well.
+PATIENCE = 10.0
+
+
+# Many cases
+
+
+def case_of(seed: int) -> Case:
+    """The case of a seed."""
+    family, number = family_of(seed), seed % SEEDS_OF_FAMILY
+    if family == "pushed":
+        return random_case(number)
+    if family == "held":
+        return replace(held_case(number), seed=seed)
+    if family == "hanging":
+        return replace(hanging_case(number), seed=seed)
+    return replace(shape_case(family, number), seed=seed)
+
+
+def family_of(seed: int) -> str:
+    """The family of a seed."""
+    return FAMILIES[seed // SEEDS_OF_FAMILY]
+
+
+def run_seed(seed: int) -> Record:
+    """Run one case, and a part of them again."""
+    case = case_of(seed)
+    record, _ = run(case)
+    again = seed % EVERY == 0 or family_of(seed) == "roles"
+    if record["outcome"] == "converged" and again:
+        check_again(case, record)
+    record.pop("objections", None)
+    record["family"] = family_of(seed)
+    return record
+
+
+def _serve(connection: Any) -> None:
+    """Run the seeds that come in; the process ends when one computes for longer than its limit."""
+    while True:
+        seed, limit = connection.recv()
+        signal.setitimer(signal.ITIMER_PROF, limit)
+        record = run_seed(seed)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        connection.send(record)
+
+
+class Worker:
+    """A process that runs cases; a new one takes its place when it dies or does not answer."""
+
+    def __init__(self) -> None:
+        self._start()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def run(self, seed: int, limit: float) -> Record:
+        """Outcome of one case."""
+        begin = time.perf_counter()
+        try:
+            if not self._process.is_alive():  # PETSc makes an end of what writes to a dead process
+                raise EOFError
+            self._connection.send((seed, limit))
+            if self._connection.poll(PATIENCE * limit):
+                return self._connection.recv()
+            outcome, reason = "hang", f"no answer in {PATIENCE * limit:g} s"
+        except EOFError:
+            self._process.join()
+            outcome, reason = "crash", f"the process died with code {self._process.exitcode}"
+            if self._process.exitcode == -signal.SIGPROF:
+                outcome, reason = "hang", f"no answer in {limit:g} s of computing"
+        self.stop()
+        self._start()
+        seconds = time.perf_counter() - begin
+        family = family_of(seed)
+        return {
+            "seed": seed, "family": family, "outcome": outcome, "reason": reason,
+            "seconds": seconds,
+        }  # fmt: skip
+
+    def stop(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.join()
+
+
+def run_many(seeds: range, path: Path, workers: int, limit: float) -> list[Record]:
+    """Run cases in processes of their own; write a line of JSON for each to ``path``."""
+    pending, records = iter(seeds), []
+    with path.open("w") as lines:
+
+        def work() -> None:
+            worker = Worker()
+            for seed in pending:
+                record = worker.run(seed, limit)
+                records.append(record)
+                lines.write(json.dumps(record) + "\n")
+                lines.flush()
+            worker.stop()
+
+        with ThreadPoolExecutor(workers) as pool:
+            for future in [pool.submit(work) for _ in range(workers)]:
+                future.result()
+    return sorted(records, key=lambda record: record["seed"])
+
+
+def summary(records: list[Record]) -> str:
+    """Counts, bad cases, and iterations, in Markdown."""
+    lines = _counts(records)
+    good = [record for record in records if record["outcome"] == "converged"]
+    if good:
+        per_step = np.concatenate([record["per_step"] for record in good])
+        lines.append(
+            f"Iterations per step: median {np.median(per_step):.0f}, 90 % at most "
+            f"{np.percentile(per_step, 90):.0f}, largest {per_step.max()}; "
+            f"{sum(record['cuts'] > 0 for record in good)} cases with cut steps, "
+            f"{sum(record['cuts'] for record in good)} cuts in "
+            f"{sum(record['steps'] for record in good)} steps."
+        )
+        for name in ("half the steps", "exchanged roles"):
+            of = [(r[f"{name}: difference"], r["seed"]) for r in good if f"{name}: difference" in r]
+            failed = [r["seed"] for r in records if r.get(name) == "failed"]
+            largest = ", ".join(f"{value:.1e} (seed {seed})" for value, seed in sorted(of)[:-4:-1])
+            lines += (
+                [
+                    f"Again with {name}: {len(of)} cases, response differs by a median of "
+                    f"{np.median([value for value, _ in of]):.1e}, at most by {largest}; failed: "
+                    f"{failed or 'none'}."
+                ]
+                if of
+                else []
+            )
+        told = [record["seed"] for record in good if record.get("remarks")]
+        lines.append(f"The certificate tells of a coarse mesh in the cases {told or 'none'}.")
+    bad = [record for record in records if record["outcome"] not in ("converged", "dead end")]
+    if bad:
+        lines += ["", "| seed | outcome | scene | reason |", "|---:|---|---|---|"]
+    for record in bad:
+        cells = [record["seed"], record["outcome"], record.get("scene", ""), record["reason"]]
+        lines.append("| " + " | ".join(str(cell).replace("\n", " ") for cell in cells) + " |")
+    return "\n".join(lines)
+
+
+def _counts(records: list[Record]) -> list[str]:
+    """Outcomes of each family, and of all if there are several, as lines of a table."""
+    families: dict[str, list[Record]] = {}
+    for record in records:
+        families.setdefault(record.get("family", ""), []).append(record)
+    if len(families) > 1:
+        families["all"] = records
+    kinds = ["converged", "failed", "wrong", "crash", "hang"]
+    if any(record["outcome"] == "dead end" for record in records):
+        kinds.insert(1, "dead end")
+    lines = ["| family | cases | " + " | ".join(kinds) + " |"]
+    lines.append("|---|---:|" + "---:|" * len(kinds))
+    for family, some in families.items():
+        outcomes = Counter(record["outcome"] for record in some)
+        cells = [family, len(some), *(outcomes[kind] for kind in kinds)]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return [*lines, ""]
+
+
+# One case in full
+
+
+def show(seed: int, folder: Path) -> None:
+    """Run one case; print all there is to say, and draw where it stands."""
+    case = case_of(seed)
+    for name, value in case.about.items():
+        print(f"{name}: {value}")
+    begin = time.perf_counter()
+    scene = build(case, MPI.COMM_SELF)
+    problem, options = scene.problem, fm.SteppingOptions(step=case.step, smallest=case.smallest)
+    try:
+        path = fm.follow_path(problem, scene.set_loads, options, stop=case.stop, print_steps=True)
+        print(path.table())
+    except fm.NotConvergedError as error:
+        print(f"\n{error}\n")
+        print(error.report.table())
+        if error.report.failures:
+            print(error.report.failures[0].table())
+            print(error.report.failures[-1].table())
+    print(f"{time.perf_counter() - begin:.1f} s")
+    measured = measure(scene)
+    for name, value in measured.items():
+        print(f"{name}: {value}")
+    print("wrong:", list(wrongs(scene, measured)) or "nothing")
+    print(problem.certificate())
+    fm.plot(problem, folder / f"case_{seed}", title=f"case {seed}")
+    print(f"picture: {folder / f'case_{seed}.png'}")
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=500, help="how many cases")
+    parser.add_argument("--seed", type=int, default=1, help="the first seed")
+    parser.add_argument("--case", type=int, help="run this seed alone and show it")
+    parser.add_argument("--workers", type=int, default=2, help="processes")
+    parser.add_argument("--limit", type=float, default=LIMIT, help="CPU seconds for a case")
+    parser.add_argument("--folder", type=Path, default=Path("results"), help="where to write")
+    parser.add_argument("--family", choices=FAMILIES, default="pushed", help="which scenes")
+    held = "the same as --family held"
+    parser.add_argument("--held", action="store_const", const="held", dest="family", help=held)
+    chosen = parser.parse_args()
+    first = SEEDS_OF_FAMILY * FAMILIES.index(chosen.family)
+    chosen.seed += first
+    chosen.case = chosen.case and chosen.case + first
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    if chosen.case is not None:
+        show(chosen.case, chosen.folder)
+        return
+    seeds = range(chosen.seed, chosen.seed + chosen.cases)
+    path = chosen.folder / f"trial_{chosen.family}.jsonl"
+    print(summary(run_many(seeds, path, chosen.workers, chosen.limit)))
+    print(f"\nA line of JSON per case: {path}")
+
+
+if __name__ == "__main__":
+    main()

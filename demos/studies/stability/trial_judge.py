@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: MIT
+"""Run a random case and judge where it ends, by measures that owe nothing to the package's own."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+import fenics_mortar as fm
+from demos.studies.stability.random_bodies import corner_areas, depths, distances, lengths
+from demos.studies.stability.random_cases import Case
+from demos.studies.stability.random_held import EARLIEST, MARGIN, TOLD_MARGIN, HeldCase
+from demos.studies.stability.random_shapes import ShapeCase
+from demos.studies.stability.shape_judge import own_overlap, shape_wrongs
+from demos.studies.stability.trial_scene import Scene, build
+from fenics_mortar.utils import compat
+
+Record = dict[str, Any]
+
+# Discretised surfaces may overlap by the first part of the longest facet between the nodes of a
+# slave, and be apart by the second where a force acts; by more, up to what the certificate allows,
+# where it tells so.
+PENETRATION, SEPARATION = 0.2, 0.05
+# Contact force and stress in the bulk agree to what Newton leaves.
+BALANCE = 1e-6
+# Half the steps lead to the same state, up to what Newton leaves.
+SAME = 1e-6
+# The same with friction, whose path is cut into steps; none with laws of the slip of a step.
+SAME_WITH_FRICTION = 0.05
+# The response with exchanged roles differs by the discretisation, on the coarsest meshes by 100 %;
+# on one of the refinements up to so many dofs it has to come below this part, or the package has to
+# tell of one of the two by itself.
+SIMILAR, MOST_DOFS = 0.2, 10_000
+# The same of shapes, which take many steps.
+MOST_DOFS_OF_SHAPES = 2_500
+# Responses below this part of Young's modulus times width, or of the width, are none.
+NOTHING = 1e-6
+
+
+def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | None]:
+    """Follow the path of a case and judge where it ends (collective)."""
+    record: Record = {"seed": case.seed, "outcome": "crash", "reason": "", **case.about}
+    scene, begin = None, time.perf_counter()
+    try:
+        scene = build(case, comm)
+        options = fm.SteppingOptions(step=case.step, smallest=case.smallest)
+        ways = [scene.places()]
+        path = fm.follow_path(
+            scene.problem,
+            scene.set_loads,
+            options,
+            stop=case.stop,
+            on_step=lambda *_: ways.append(scene.places()),
+        )
+        certificate = path.steps[-1].report.certificate
+        measured = measure(scene) | {"springs": certificate.springs if certificate else 0.0}
+        violations = list(wrongs(scene, measured))
+        if isinstance(case, ShapeCase):
+            violations += shape_wrongs(scene, scene.bulk_forces(), ways[-1], ways[-2])
+        record |= {"outcome": "wrong" if violations else "converged"}
+        record |= {"reason": "; ".join(violations), **counts(path), **measured}
+    except fm.NotConvergedError as error:
+        record |= {"outcome": "failed", "reason": str(error), **counts(error.report)}
+    except fm.MortarError as error:  # no step is cut then: what counts is the load that it refused
+        record |= {"outcome": "failed", "reason": str(error)}
+        record["refused"] = scene.time if scene else 0.0
+    except Exception as error:
+        record |= {"reason": repr(error), "traceback": traceback.format_exc()}
+    if isinstance(case, HeldCase):
+        confirm(case, record)
+    record["seconds"] = time.perf_counter() - begin
+    return record, scene
+
+
+def confirm(case: HeldCase, record: Record) -> None:
+    """Compare what became of a case with limit analysis of its rigid bodies.
+
+    A failure is an honest dead end where limit analysis sees bodies give way about there. States
+    beyond, and bodies that slid where they are held, are wrong.
+    """
+    reached = record.get("refused", record.get("time", 0.0))
+    late = case.end * (1.0 + (TOLD_MARGIN if record.get("remarks") else MARGIN))
+    if record["outcome"] not in ("converged", "failed"):
+        return
+    if "refused" not in record and reached > late:
+        words = f"equilibrium at {reached:.3f}, where limit analysis has none beyond {case.end:.3f}"
+        record |= {"outcome": "wrong", "reason": words}
+    elif record["outcome"] == "converged" and record["moved"] > case.yielding:
+        words = f"bodies moved by {record['moved'] / case.yielding:.2g} times what is elastic"
+        record |= {"outcome": "wrong", "reason": words}
+    elif record["outcome"] == "failed" and reached >= EARLIEST * case.end:
+        record["outcome"] = "dead end"
+
+
+def counts(path: Any) -> Record:
+    """Steps, cuts and iterations of a path."""
+    if not hasattr(path, "steps"):
+        return {}
+    return {
+        "steps": len(path.steps),
+        "cuts": path.num_cuts,
+        "iterations": path.num_iterations,
+        "per_step": [step.report.num_iterations for step in path.steps],
+        "time": path.steps[-1].time if path.steps else 0.0,
+    }
+
+
+def measure(scene: Scene) -> Record:
+    """Numbers of a solved state, equal on all ranks (collective)."""
+    case, problem = scene.case, scene.problem
+    x = case.x + problem.equations.bulk.by_input_node()[1]
+    jacobians = corner_areas(x[case.cells]) / corner_areas(case.x[case.cells])
+    size = max(float(np.ptp(body.x)) for body in case.bodies)
+    scale = 1.0 if case.pressed else min(body.E for body in case.bodies)
+    return {
+        "min_J": float(jacobians.min()),
+        "stretch": float(stretches(case, x).max()),
+        "force": [contact.total_force.tolist() for contact in problem.equations.contacts],
+        "response": response(scene, x).tolist(),
+        "no_response": NOTHING * scale * size,
+        "overlap": max(overlap(case, x, *pair) for pair in case.pairs),
+        "separation": max(
+            map(partial(separation, case, x), case.pairs, problem.equations.contacts)
+        ),
+        "moved": float(np.linalg.norm(x - case.x, axis=1).max()),
+        "unbalance": unbalance(scene),
+        "remarks": problem.certificate().remarks(),
+    }
+
+
+def response(scene: Scene, x: np.ndarray) -> np.ndarray:
+    """What the loads do not prescribe: contact forces, or the mean displacement where pressed."""
+    case = scene.case
+    if case.pressed:
+        return (x - case.x)[case.nodes_of(case.pressed)].mean(axis=0)
+    return np.array([contact.total_force for contact in scene.problem.equations.contacts])
+
+
+def wrongs(scene: Scene, measured: Record) -> Iterator[str]:
+    """What is wrong with a solved state, in words (collective)."""
+    yield from scene.problem.certificate().violations()
+    if not measured["min_J"] > 0.0:
+        yield f"a cell is inverted: J = {measured['min_J']:.2g}"
+    told = bool(measured["remarks"])
+    if not (measured["overlap"] < PENETRATION or told):
+        yield f"bodies overlap by {measured['overlap']:.2g} of the longest facet"
+    if not (measured["separation"] < SEPARATION or told):
+        yield f"a force acts over a distance of {measured['separation']:.2g} of the longest facet"
+    if not measured["unbalance"] < BALANCE + measured.get("springs", 0.0):  # the report tells them
+        yield f"contact force and stresses differ by {measured['unbalance']:.1e}"
+
+
+def stretches(case: Case, x: np.ndarray) -> np.ndarray:
+    """Largest principal strain |stretch - 1| at the corners of all cells, (cells, corners)."""
+    around = [0, 1, 2] if case.cells.shape[1] == 3 else [0, 1, 3, 2]
+    before, after = (
+        np.stack([np.roll(y, -1, axis=1) - y, np.roll(y, 1, axis=1) - y], axis=-1)
+        for y in (case.x[case.cells[:, around]], x[case.cells[:, around]])
+    )
+    F = after @ np.linalg.inv(before)
+    return np.abs(np.linalg.svd(F, compute_uv=False) - 1.0).max(axis=-1)
+
+
+def overlap(case: Case, x: np.ndarray, one: str, other: str) -> float:
+    """Depth of the nodes of each of two boundaries in the other's body over the longest facet."""
+    planes = getattr(case, "planes", {})
+    if other in planes:
+        line, (point, normal) = x[case.nodes_of(one)], planes[other]
+        return max(-float(((line - point) @ normal).min()), 0.0) / float(lengths(line).max())
+    facets = max(float(lengths(x[case.nodes_of(b)]).max()) for b in (one, other))
+    if case.number_of(one) == case.number_of(other):
+        return own_overlap(case, x, one, other) / facets
+    deepest = 0.0
+    for nodes, boundary in ((case.nodes_of(one), other), (case.nodes_of(other), one)):
+        deepest = max(deepest, float(depths(x[nodes], x[case.outline_of(boundary)]).max()))
+    return deepest / facets
+
+
+def separation(case: Case, x: np.ndarray, pair: tuple[str, str], contact: Any) -> float:
+    """Least distance of two boundaries over the longest facet; zero where no force acts.
+
+    Where a node is in the other body the boundaries cross.
+    """
+    if not contact.active.any() or overlap(case, x, *pair) > 0.0:
+        return 0.0
+    planes = getattr(case, "planes", {})
+    if pair[1] in planes:
+        line, (point, normal) = x[case.nodes_of(pair[0])], planes[pair[1]]
+        return float(((line - point) @ normal).min()) / float(lengths(line).max())
+    one, other = (x[case.nodes_of(boundary)] for boundary in pair)
+    least = min(distances(one, other).min(), distances(other, one).min())
+    return float(least) / max(float(facets.max()) for facets in (lengths(one), lengths(other)))
+
+
+def unbalance(scene: Scene) -> float:
+    """Difference of contact force and the stresses' force on the slaves, relative (collective).
+
+    Components in which a slave node is held hold its reaction, and are left out.
+    """
+    if isinstance(scene.case, (HeldCase, ShapeCase)):
+        return unbalance_of_nodes(scene)
+    problem, worst = scene.problem, 0.0
+    r = compat.create_vector(problem.equations.bulk.V)
+    compat.assemble_vector(r, compat.form(scene.residual))
+    forces = np.zeros(problem.equations.bulk.u.x.array.size)
+    forces[: problem.equations.bulk.num_owned] = r.array_r
+    r.destroy()
+    for contact in problem.equations.contacts:
+        free = contact.free.all(axis=0)
+        own = contact.slave.gather(forces).sum(axis=0)
+        size = np.abs(contact.operators.force(contact.z)[0]).sum()
+        if size > 0.0:
+            difference = np.abs(own - contact.total_force)[free].max(initial=0.0)
+            worst = max(worst, float(difference) / float(size))
+    return worst
+
+
+def unbalance_of_nodes(scene: Scene) -> float:
+    """The same at each free node, which may be in several pairs (collective)."""
+    problem = scene.problem
+    bulk = problem.equations.bulk
+    r = compat.create_vector(bulk.V)
+    compat.assemble_vector(r, compat.form(scene.residual))
+    total, sizes = r.array_r.copy(), 0.0
+    r.destroy()
+    for contact in problem.equations.contacts:
+        on_slave, on_master = contact.operators.force(contact.z)
+        contact.slave.scatter_add(on_slave, total)
+        contact.master.scatter_add(on_master, total)
+        sizes += float(np.abs(on_slave).sum())
+    total[bulk.held] = 0.0
+    largest = bulk.comm.allreduce(float(np.abs(total).max(initial=0.0)), MPI.MAX)
+    return largest / sizes if sizes > 0.0 else 0.0
+
+
+def check_again(case: Case, record: Record) -> None:
+    """Solve with half the steps, and with exchanged roles; add to a record what differs.
+
+    Where friction holds bodies many forces may balance the loads, and which do depends on the way:
+    there the outcome counts alone.
+    """
+    if isinstance(case, HeldCase):
+        check_held_again(case, record)
+        return
+    again, _ = run(replace(case, step=case.step / 2))
+    record["half the steps"] = again["outcome"]
+    differences = []
+    if again["outcome"] == "converged":
+        difference = record["half the steps: difference"] = distance(record, again)
+        if not difference < _same(case):
+            differences.append(f"half the steps change the response by {difference:.1e}")
+    elif again["outcome"] != "failed":
+        differences.append(f"half the steps: {again['outcome']}, {again['reason']}")
+    if case.can_be_swapped:
+        differences += exchange_roles(case, record)
+    if differences:
+        record |= {"outcome": "wrong", "reason": "; ".join(differences)}
+    elif isinstance(case, ShapeCase) and record.get("exchanged roles") == "failed":
+        record |= {"outcome": "failed", "reason": record["exchanged roles: reason"]}
+
+
+def _same(case: Case) -> float:
+    """By how much half the steps may change the response."""
+    rules = getattr(case, "rules", [])
+    if any(rule.kind in ("tanh", "Stribeck") for rule in rules):
+        return np.inf
+    return SAME_WITH_FRICTION if any(rule.mu for rule in rules) else SAME
+
+
+def check_held_again(case: HeldCase, record: Record) -> None:
+    """Whether half the steps, and exchanged roles, lead to a sound state, too."""
+    ways = {"half the steps": replace(case, step=case.step / 2)}
+    if case.can_be_swapped:
+        ways["exchanged roles"] = case.swapped()
+    for name, other in ways.items():
+        again, _ = run(other)
+        record[name] = again["outcome"]
+        if again["outcome"] in ("wrong", "crash"):
+            words = f"{name}: {again['outcome']}, {again['reason']}"
+            record |= {"outcome": "wrong", "reason": words}
+
+
+def exchange_roles(case: Case, record: Record) -> Iterator[str]:
+    """Compare with the solution of exchanged roles, on finer meshes where coarse ones differ."""
+    record["refinements"] = 0
+    one, sign, shape = record, 1.0 if case.pressed else -1.0, isinstance(case, ShapeCase)
+    while True:
+        two, _ = run(case.swapped())
+        record["exchanged roles"] = two["outcome"]
+        record["exchanged roles: reason"] = f"exchanged roles: {two['reason']}"
+        for outcome in (one, two):
+            if outcome["outcome"] not in ("converged", "failed"):
+                yield f"exchanged roles: {outcome['outcome']}, {outcome['reason']}"
+        if not one["outcome"] == two["outcome"] == "converged":
+            return
+        record["exchanged roles: difference"] = distance(one, two, sign)
+        case = case.refined()
+        if record["exchanged roles: difference"] < SIMILAR:
+            return
+        if 2 * len(case.x) > (MOST_DOFS_OF_SHAPES if shape else MOST_DOFS):
+            record["exchanged roles: remarks"] = one["remarks"] or two["remarks"]
+            if not record["exchanged roles: remarks"]:
+                change = record["exchanged roles: difference"]
+                yield f"exchanged roles change the response by {change:.2g}, which nothing tells"
+            return
+        one, _ = run(case)
+        record["refinements"] += 1
+
+
+def distance(one: Record, two: Record, sign: float = 1.0) -> float:
+    """Relative difference of two responses."""
+    first, second = np.array(one["response"]), sign * np.array(two["response"])
+    size = max(np.abs(first).max(), np.abs(second).max(), one["no_response"])
+    return float(np.abs(first - second).max() / size)

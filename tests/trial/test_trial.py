@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: MIT
+"""Cases of the randomised trial, the same on any number of ranks, and its judges."""
+
+import json
+from collections import Counter
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from demos.studies.stability.limit_analysis import judge
+from demos.studies.stability.random_cases import objections, random_case
+from demos.studies.stability.random_held import hanging_case, held_case, rigid
+from demos.studies.stability.random_shapes import FAMILIES, shape_case
+from demos.studies.stability.shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings
+from demos.studies.stability.trial import Worker, case_of, summary
+from demos.studies.stability.trial_judge import check_again, confirm, measure, run, wrongs
+from fenics_mortar.utils.compat import input_nodes
+
+COMM = MPI.COMM_WORLD
+SEEDS = range(1, 21)
+# pushed, pressed, two tools, clamped and guided stack, small ones
+ON_RANKS = (2, 8, 10, 9, 129)
+# Of bodies that friction holds: row, block, wall, tower, T-junction, groove
+HELD_SEEDS = (1, 2, 3, 8, 18, 21, 37)
+# 2 folds once, spiral; tubes, plates, arms; pads; blocks that hang, one that is glued
+OTHER_SEEDS = (3_000_003, 4_000_001, 4_000_003, 4_000_006, 4_000_027, 5_000_002, 5_000_005)
+AGAIN_SEEDS = (4_000_016, 5_000_004)
+HANGING_SEEDS = (2, 3, 5)
+# Solutions on several ranks differ by what Newton leaves.
+SAME = 1e-8
+
+
+@pytest.mark.serial
+def test_random_cases_converge_and_none_is_wrong():
+    records = [run(random_case(seed))[0] for seed in SEEDS]
+    table = summary(records)
+    outcomes = Counter(record["outcome"] for record in records)
+    assert not outcomes["crash"] and not outcomes["wrong"], table
+    assert outcomes["converged"] >= 19, table
+    assert {record["scene"] for record in records} >= {"pushed", "pressed", "two tools"}
+
+
+@pytest.mark.serial
+def test_bodies_that_friction_holds_stay_or_reach_a_dead_end_that_limit_analysis_confirms():
+    records = [run(held_case(seed))[0] for seed in HELD_SEEDS]
+    table = summary(records)
+    assert {record["outcome"] for record in records} <= {"converged", "dead end"}, table
+    held = {record["seed"]: record for record in records}
+    assert held[37]["outcome"] == "dead end" and held[37]["end"] < 2.0
+    scenes = {"row", "block", "wall", "tower", "T-junction", "groove"}
+    assert {record["scene"] for record in records} == scenes
+
+
+@pytest.mark.serial
+def test_folded_and_thin_bodies_and_pads_end_where_they_should():
+    records = [run(case_of(seed))[0] for seed in OTHER_SEEDS]
+    assert {record["outcome"] for record in records} == {"converged"}, summary(records)
+    assert {record["family"] for record in records} == {"own", "thin", "laws"}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", AGAIN_SEEDS)
+def test_exchanged_roles_of_thin_bodies_and_pads_give_the_same(seed):
+    case = case_of(seed)
+    record, _ = run(case)
+    check_again(case, record)
+    assert record["outcome"] == record["exchanged roles"] == "converged", record["reason"]
+    assert record["exchanged roles: difference"] < 1e-2
+
+
+@pytest.mark.serial
+def test_blocks_hang_by_adhesion():
+    records = [run(hanging_case(seed))[0] for seed in HANGING_SEEDS]
+    assert {record["outcome"] for record in records} == {"converged"}, summary(records)
+    assert {record["scene"] for record in records} >= {"glued", "1 hanging"}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("family", FAMILIES)
+def test_shapes_are_drawn_alike_and_in_order(family):
+    """Outlines go counter-clockwise once, refined ones too; grips are no surfaces."""
+    for seed in range(1, 9):
+        case, again = shape_case(family, seed), shape_case(family, seed)
+        assert np.array_equal(case.x, again.x) and case.about == again.about
+        for body in (*case.bodies, *case.refined().bodies):
+            centre = body.x[body.cells].mean(axis=1)
+            if "around" in body.sides:
+                assert (windings(centre, body.x[body.outline]) == 1).all()
+            assert not set(body.surfaces) & set(body.grips)
+
+
+@pytest.mark.serial
+def test_judge_sees_arms_of_one_body_that_cross():
+    case = case_of(3_000_003)
+    (one, other), x = case.pairs[0], case.x.copy()
+    assert own_overlap(case, x, one, other) == 0.0
+    arms = x[case.nodes_of(one)].mean(axis=0), x[case.nodes_of(other)].mean(axis=0)
+    x[case.nodes_of(one)] += 1.1 * (arms[1] - arms[0])
+    depth = own_overlap(case, x, one, other)
+    assert depth == pytest.approx(0.1 * np.linalg.norm(arms[1] - arms[0]), rel=0.1)
+
+
+@pytest.mark.serial
+def test_judge_sees_forces_off_the_law_wrong_pressures_and_strained_bodies():
+    case = case_of(5_000_002)
+    _, scene = run(case)
+    forces, x, rule = scene.bulk_forces(), scene.places(), case.rules[0]
+    normal = case.planes[case.pairs[0][1]][1]
+    nodes = case.nodes_of(case.pairs[0][0])
+    along = np.array([normal[1], -normal[0]])
+    shear = forces[nodes] @ along
+    slipped = x + 1e3 * rule.length * np.sign(shear.sum()) * along
+    assert next(shape_wrongs(scene, forces, slipped, x)).startswith("shears are off the law")
+    forces[nodes] *= -1.0
+    assert any("nodes pull" in wrong for wrong in shape_wrongs(scene, forces, x, x))
+    tubes = case_of(4_000_003)
+    _, scene = run(tubes)
+    state = scene.bulk_forces(), scene.places(), scene.places()
+    assert list(shape_wrongs(scene, *state)) == []
+    assert "off Lame's" in next(shape_wrongs(scene, 1.1 * state[0], *state[1:]))
+    moved = replace(tubes, pressure=None, ends_free=True)
+    scene.case = moved
+    assert any("is strained at the end" in wrong for wrong in shape_wrongs(scene, *state))
+
+
+@pytest.mark.serial
+def test_shears_of_a_law_are_those_of_its_residual():
+    """The formulas of the judge against the laws themselves, at slips of both signs."""
+    slip, pressure = np.linspace(-3.0, 3.0, 13), np.linspace(0.1, 2.0, 13)
+    for seed in range(1, 30):
+        (rule,) = case_of(5_000_000 + seed).rules
+        low, high = shears(rule, slip * rule.length, pressure * rule.stress, 0.0)
+        law = rule.law()
+        bound = law.friction_limit(pressure * rule.stress)
+        assert (low <= high).all() and (np.maximum(-low, high) <= bound * (1 + OF_LAW)).all()
+        if rule.kind in ("tanh", "Stribeck"):
+            value, _ = law.coefficient(slip * rule.length)
+            assert np.allclose(low, value * pressure * rule.stress, rtol=1e-12)
+        else:
+            assert np.allclose(np.where(slip > 0, high, -low), bound, rtol=1e-12)
+
+
+@pytest.mark.serial
+def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turned():
+    """The load of each case is a part of what it allows: its factor in real units is known."""
+    for seed in range(1, 31):
+        case = held_case(seed)
+        found = judge(rigid(case))
+        assert found.feasible == (case.end > 0.0)
+        if found.feasible and np.isfinite(case.end):
+            assert found.factor == pytest.approx(case.end - 1.0, rel=1e-5)
+
+
+@pytest.mark.serial
+def test_confirmed_are_dead_ends_where_bodies_give_way_alone():
+    """Not earlier, not beyond, and none that slid."""
+    case = next(c for c in map(held_case, range(1, 60)) if 1.2 < c.end < 2.0)
+    late, early = case.end + 0.2, 0.5 * case.end
+    for given, outcome in (
+        ({"outcome": "failed", "time": case.end}, "dead end"),
+        ({"outcome": "failed", "time": early}, "failed"),
+        ({"outcome": "failed", "time": early, "refused": 2.0}, "dead end"),
+        ({"outcome": "failed", "time": late}, "wrong"),
+        ({"outcome": "converged", "time": 2.0, "moved": 0.0}, "wrong"),
+        ({"outcome": "converged", "time": early, "moved": 2.0 * case.yielding}, "wrong"),
+        ({"outcome": "converged", "time": early, "moved": 0.0}, "converged"),
+    ):
+        record = {"reason": "", **given}
+        confirm(case, record)
+        assert record["outcome"] == outcome, record
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="needs several ranks")
+@pytest.mark.parametrize("seed", ON_RANKS)
+def test_case_is_the_same_on_any_number_of_ranks(seed):
+    case = random_case(seed)
+    (one, _), (all_ranks, _) = run(case, MPI.COMM_SELF), run(case, COMM)
+    assert one["outcome"] == all_ranks["outcome"] == "converged", (one, all_ranks)
+    assert one["per_step"] == all_ranks["per_step"]
+    size = np.abs(one["response"]).max()
+    assert np.abs(np.subtract(one["response"], all_ranks["response"])).max() <= SAME * size
+
+
+def test_seed_gives_one_reasonable_case_everywhere():
+    case, again = random_case(7), random_case(7)
+    assert np.array_equal(case.x, again.x) and np.array_equal(case.cells, again.cells)
+    numbers = COMM.allgather((case.x.tobytes(), case.cells.tobytes(), repr(case.held)))
+    assert len(set(numbers)) == 1
+    assert not any(objections(case))
+    assert not np.array_equal(case.x.shape, random_case(8).x.shape)
+
+
+@pytest.mark.serial
+def test_refined_case_has_the_same_outline():
+    for case in (random_case(1), random_case(2)):
+        finer = case.refined()
+        assert len(finer.cells) == 4 * len(case.cells)
+        for held in case.held:
+            coarse = case.x[case.nodes_of(held.boundary)]
+            assert np.array_equal(finer.x[finer.nodes_of(held.boundary)][::2], coarse)
+
+
+@pytest.mark.serial
+def test_judge_sees_what_is_wrong():
+    case = random_case(2)
+    _, scene = run(case)
+    contact, u = scene.problem.equations.contacts[0], scene.problem.equations.bulk.u.x.array
+    assert list(wrongs(scene, measure(scene))) == []
+    good, z = u.copy(), contact.z.copy()
+    contact.change(z=1.01 * z)
+    assert any("contact force and stresses differ" in wrong for wrong in judged(scene))
+    contact.change(z=z)
+    push = case.held[1].motion[1]
+    upper = np.isin(
+        input_nodes(scene.problem.equations.bulk.V)[:, 0], np.arange(*case.first_nodes[1:])
+    )
+    for factor, message in ((-30.0, "facets apart"), (20.0, "penetration of")):
+        u[:] = good
+        u.reshape(-1, 2)[upper] += factor * push
+        contact.evaluate(u, scene.problem.equations.linearization)
+        found = judged(scene)
+        assert [message in wrong for wrong in found].count(True) == 1
+    assert not any("a force acts over a distance" in wrong for wrong in found), "they cross"
+
+
+def judged(scene):
+    """What is wrong, with the residual of the present state."""
+    scene.problem.equations.bulk.assemble_residual()
+    return list(wrongs(scene, measure(scene)))
+
+
+@pytest.mark.serial
+def test_second_solution_that_differs_is_wrong():
+    case = random_case(12)
+    record, _ = run(case)
+    check_again(case, record)
+    assert record["outcome"] == "converged" and record["half the steps"] == "converged"
+    record["response"] = (1.001 * np.array(record["response"])).tolist()
+    check_again(case, record)
+    assert record["outcome"] == "wrong"
+    assert "half the steps change the response by 1.0e-03" in record["reason"]
+    json.dumps(record)
+
+
+@pytest.mark.serial
+def test_process_that_does_not_answer_or_dies_is_replaced():
+    worker = Worker()
+    try:
+        assert worker.run(6, 0.0)["outcome"] == "hang"
+        worker._process.kill()
+        worker._process.join()
+        assert worker.run(6, 60.0)["outcome"] == "crash"
+        assert worker.run(6, 60.0)["outcome"] == "converged"
+    finally:
+        worker.stop()
