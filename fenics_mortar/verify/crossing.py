@@ -16,8 +16,8 @@ entered, as chords of a curve do, or if the outline between entry and exit stays
 the path, as at a tip. Paths that end deep inside another body are reported as well.
 
 Cost on two blocks (``demos.studies.performance.crossing``): 0.9 ms with 10,500 unknowns (1.9 % of a
-Newton iteration), 2.6 ms with 161,000 (0.4 %). Rotating bodies cost more: 30 bricks with 1,200 segments 2
-ms, rotated by more than 1 degree 10 ms.
+Newton iteration), 2.6 ms with 161,000 (0.4 %). Rotating bodies cost more: 30 bricks with 1,200
+segments 2 ms, rotated by more than 1 degree 10 ms.
 """
 
 from __future__ import annotations
