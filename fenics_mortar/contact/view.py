@@ -113,6 +113,11 @@ class PairView:
         return self._interface.total_force
 
     @property
+    def friction_work(self) -> float:
+        """Work of friction in the last step, by the shear at its end [stress length^2]."""
+        return float(getattr(self._interface, "friction_work", 0.0))
+
+    @property
     def offset(self) -> Array:
         """Length subtracted from the pointwise gap, shape (slave nodes,) [length].
 
