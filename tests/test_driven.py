@@ -263,7 +263,7 @@ def test_obstacle_that_nothing_stops_is_refused(loads, message):
 
 def test_obstacle_that_no_facet_faces_is_refused():
     """The solid is below, where the block is: its top looks away from the solid's surface."""
-    refuse(fm.Plane((0.5, 1.1), (0.0, 1.0)), {"y": -1.0}, "the solid is where the body is")
+    refuse(fm.Plane((0.5, 1.1), (0.0, 1.0)), {"y": -1.0}, "the solid is on the side of the body")
 
 
 def refuse(obstacle, loads, message):

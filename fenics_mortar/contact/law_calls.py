@@ -82,7 +82,8 @@ class Asker:
                 j = int(np.argmax(wrong))
                 raise NotFiniteError(
                     f"{law!r}: friction_limit returned {bound[j]:g} for a pressure of "
-                    f"{pressure[j]:g}, at '{self._name}' {place(x[j])}; expected zero, a positive number or infinity"
+                    f"{pressure[j]:g}, at '{self._name}' {place(x[j])}; expected zero, a "
+                    "positive number or infinity"
                 )
             return bound
 

@@ -443,7 +443,7 @@ class ContactEquations:
 
     def remaining(self) -> tuple[float, str]:
         """Part of the forces that springs hold, and that in words."""
-        parts = self.parts_held()
+        parts = self.held_fractions()
         energy = self.floating.spring_energy() + self.motions.spring_energy()
         each = [f"{name} with {part:.1e} of its contact force" for name, part in parts]
         return max(part for _, part in parts), (
@@ -451,6 +451,6 @@ class ContactEquations:
             "resist its motion more than the facets' corners drive it; prescribe it, or refine"
         )
 
-    def parts_held(self) -> list[tuple[str, float]]:
+    def held_fractions(self) -> list[tuple[str, float]]:
         """What springs of ``hold`` hold, and which part of the contact force on it."""
-        return self.floating.parts_held() + self.motions.parts_held()
+        return self.floating.held_fractions() + self.motions.held_fractions()

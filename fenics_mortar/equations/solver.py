@@ -73,7 +73,7 @@ class Solver:
         """Measure balance, signs, penetration and crossings of the last evaluated state."""
         e = self._equations
         certificate = certify(e.bulk, e.contacts, e.floating.labels, e.motions.residual())
-        springs = max((p for _, p in e.parts_held()), default=0.0)
+        springs = max((p for _, p in e.held_fractions()), default=0.0)
         return replace(certificate, springs=springs, crossings=e.crossings.find())
 
     def solve(self, remarks: Sequence[str], *, accept_violations: bool) -> NewtonReport:
