@@ -58,11 +58,8 @@ def everything(problem):
     state = problem.state()
     contacts = [c.operators for c in problem.equations.contacts]
     options = PETSc.Options("test_").getAll()
-    springs = [
-        id(array)
-        for of in (problem.equations.floating, problem.equations.motions)
-        for array in of.springs
-    ]
+    of = problem.equations
+    springs = [id(held.springs) for held in (of.floating, of.motions)]  # frozen values
     return state, contacts, options, problem.newton, springs, clock.depth
 
 

@@ -24,6 +24,9 @@ from random_shapes import FAMILIES, shape_case  # noqa: E402
 from shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings  # noqa: E402
 from trial import Worker, case_of, summary  # noqa: E402
 from trial_judge import check_again, confirm, measure, run, wrongs  # noqa: E402
+from trial_scene import build  # noqa: E402
+
+import fenics_mortar as fm  # noqa: E402
 
 COMM = MPI.COMM_WORLD
 SEEDS = range(1, 21)
@@ -262,3 +265,14 @@ def test_process_that_does_not_answer_or_dies_is_replaced():
         assert worker.run(6, 60.0)["outcome"] == "converged"
     finally:
         worker.stop()
+
+
+@pytest.mark.serial
+def test_springs_do_not_end_a_slide_at_the_friction_limit():
+    """One node of a jaw is guided and has no shear: the other nodes bear less than the load."""
+    scene = build(case_of(1_000_031), MPI.COMM_SELF)
+    scene.set_loads(1.0)
+    scene.problem.solve()
+    scene.set_loads(2.0)
+    with pytest.raises(fm.NotConvergedError, match="slide at their friction limit"):
+        scene.problem.solve()

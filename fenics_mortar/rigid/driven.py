@@ -25,7 +25,7 @@ from fenics_mortar.rigid.bordered import Border, solve_bordered
 from fenics_mortar.rigid.loose import describe_loose, tangent_springs
 from fenics_mortar.rigid.motions import ObstacleMotions
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.springs import Springs, anchored_stiffness
+from fenics_mortar.rigid.springs import Springs, anchored_stiffness, slides
 from fenics_mortar.utils.arrays import Array
 
 
@@ -115,14 +115,18 @@ class DrivenObstacles(ObstacleMotions):
         moves = np.linalg.norm(np.where(self.driven, strain, 0.0), axis=1)
         return float(moves.max(initial=0.0)) / self.shortest_facet()
 
-    def held_fractions(self) -> list[tuple[str, float]]:
-        """Name, and force of springs over contact force, of each obstacle that springs hold."""
+    def held_fractions(self) -> list[tuple[str, float, bool]]:
+        """Name, force of springs over contact force, whether it slides, of those on springs."""
         if self.springs is None:
             return []
         forces = np.linalg.norm(self._spring_forces(), axis=1)
         fractions = forces / np.maximum(self.contact_forces(), 1e-300)
         return [
-            (f"obstacle '{self.obstacles[i].name}'", float(fractions[i]))
+            (
+                f"obstacle '{self.obstacles[i].name}'",
+                float(fractions[i]),
+                slides([(c, c.active) for c in self.contacts_of(i)]),
+            )
             for i in np.flatnonzero(self.driven.any(axis=1))
         ]
 

@@ -22,7 +22,7 @@ from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.body_settling import BodySettling
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import loose_bodies
-from fenics_mortar.rigid.springs import Springs, anchored_stiffness, tangent_stiffness
+from fenics_mortar.rigid.springs import Springs, anchored_stiffness, slides, tangent_stiffness
 from fenics_mortar.utils.arrays import Array, Flags
 
 
@@ -155,8 +155,8 @@ class FloatingBodies(BodyMotions):
         if self.springs is not None:
             self.bulk.r.array[: self.bulk.num_owned] += self.springs.forces(self._place())
 
-    def held_fractions(self) -> list[tuple[str, float]]:
-        """Name, and force of springs over contact force, of each body that springs hold."""
+    def held_fractions(self) -> list[tuple[str, float, bool]]:
+        """Name, force of springs over contact force, whether it slides, of bodies on springs."""
         if self.springs is None:
             return []
         forces = self.springs.forces(self._place())
@@ -165,6 +165,7 @@ class FloatingBodies(BodyMotions):
                 self.name_of(body.label),
                 float(np.linalg.norm(self.resultant(body, forces)))
                 / max(self.contact_force(body), 1e-300),
+                slides([(c, self.at_body(c, body)) for c in self.contacts]),
             )
             for body in self.bodies
         ]

@@ -24,6 +24,9 @@ class RigidOptions:
         negligible: Resultants below this fraction of the forces are within the error of the
             discretization [1]: 0.5 %. Springs may carry them; obstacles, whose normals are exact,
             feel such an error of the slave's facets.
+        slight: Resultants below this fraction of the forces are small beside the error of contact
+            forces along averaged normals, and beside ``negligible`` [1]. Springs may not carry more
+            on a body that slides at its friction limit: nothing else would stop it.
         normals_err: Error of contact forces along averaged normals of two meshes [1].
         overlap: Motions before a solve end with nodes this deep inside, over their length [1], so
             that they are active.
@@ -46,6 +49,7 @@ class RigidOptions:
     motion_rounding: float = 1e-6
     drive: float = 1e-6
     negligible: float = 0.005
+    slight: float = 1e-5
     normals_err: float = 0.05
     overlap: float = 0.01
     largest_move: float = 0.2

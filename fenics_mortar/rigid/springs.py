@@ -9,6 +9,7 @@ unaffected.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -16,8 +17,9 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.bulk.bodies import resistance
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array, freeze
+from fenics_mortar.utils.arrays import Array, Flags, freeze
 
 
 @dataclass(frozen=True)
@@ -76,3 +78,13 @@ def unresisted(responses: Array) -> Array:
     """
     norms, combinations = resistance(responses, MPI.COMM_SELF)
     return combinations[norms <= RIGID.resisted]
+
+
+def slides(nodes: Sequence[tuple[Contact, Flags]]) -> bool:
+    """Whether all nodes with friction that touch a body slide, so that none holds it (local).
+
+    Args:
+        nodes: The contacts of the body, and which slave nodes act on it, (slave nodes,) each.
+    """
+    sticks = any((contact.sticking & mine).any() for contact, mine in nodes)
+    return not sticks and any((contact.sliding & mine).any() for contact, mine in nodes)
