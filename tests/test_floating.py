@@ -15,7 +15,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.rigid.floating import closest_below
+from fenics_mortar.rigid.moves import closest_below
 
 comm = MPI.COMM_WORLD
 

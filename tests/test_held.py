@@ -259,6 +259,19 @@ def test_walls_whose_sets_would_go_in_circles(options):
     stays(wall(**options), most=MOST)
 
 
+def test_bricks_that_tilt_on_their_edges_do_so_elastically():
+    """Half a brick at the end rocks on two nodes: by far, but in proportion to 1 / E."""
+    moved = {}
+    for E in (1e4, 1e6):
+        held = wall(3, 2, 0.9, cells=(5, 4, 3), layers=1, push=0.7, E=E)
+        assert held.verdict(1)[0].factor > 1.3
+        for report in held.solve():
+            assert report.certificate.violations() == []
+            assert report.certificate.springs == 0.0
+        moved[E] = E * held.largest()
+    assert moved[1e4] == pytest.approx(moved[1e6], rel=0.03)
+
+
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize("cells", [(2, 2, 3), (3, 4, 5)])
 @pytest.mark.parametrize("side", [None, 0.0])

@@ -58,8 +58,8 @@ def everything(problem):
     state = problem.state()
     contacts = [c.operators for c in problem.equations.contacts]
     options = PETSc.Options("test_").getAll()
-    floating, motions = problem.equations.floating, problem.equations.motions
-    springs = [*map(id, floating.springs), id(motions.springs)]
+    of = problem.equations
+    springs = [id(held.springs) for held in (of.floating, of.motions)]  # frozen values
     return state, contacts, options, problem.newton, springs, clock.depth
 
 

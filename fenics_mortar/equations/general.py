@@ -17,37 +17,29 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_noted
-from fenics_mortar.contact.laws import STICK, Branches
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.diagnosis import WAVERING, check_diagonal, diagnose
+from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact
-from fenics_mortar.equations.state import State
+from fenics_mortar.equations.set_history import SetHistory
+from fenics_mortar.equations.springs import HoldingSprings
+from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError, together
+from fenics_mortar.utils.rounding import EPSILON
 from fenics_mortar.verify.crossing import Crossings
 
-# Largest c_n after a cycle of the active set.
-LESS_WEIGHT = 1e-3
-# Sets are taken from the linearized problem so often in a solve: a guess, since walls and arches
-# need it once or a few times. Where there is no equilibrium, it only takes time.
-MAX_CALLS = 8
-# Forces along free motions are slight below this part of all forces: a small part of what averaged
-# normals of facets err, and little beside what a certificate allows springs to hold.
-SLIGHT = 1e-5
-EPSILON = float(np.finfo(float).eps)
 # Squared norms of what all ranks know may differ by this part; a spread that is found as the root
 # of a difference of squares has the root of rounding.
 ALIKE = 1e-6
@@ -82,6 +74,7 @@ class ContactEquations:
         contacts: The pairs, as they are computed with.
         tools: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions do not hold.
+        springs: Springs that hold bodies and obstacles where Newton fails.
         crossings: What looks for surfaces that crossed.
         interrupted: Whether an interruption may have left matrices half made.
         last_converged: Whether the last solve ended in the present state.
@@ -111,9 +104,8 @@ class ContactEquations:
         self.floating.find()
         self.crossings = Crossings(bulk, contacts, self.floating)
         self.last_converged = self.interrupted = False
-        self._residuals: list[float] = []
-        self._changed = self._asked = 0
-        self._recent_sets: list[list[tuple[npt.NDArray[np.bool_], Branches]]] = []
+        self.springs = HoldingSprings(self.floating, self.motions, self.stiffest, self.forces)
+        self._history = SetHistory(contacts)
 
     def _set_stiffness(self) -> None:
         """Give each contact the mean diagonal of K at its slave nodes."""
@@ -136,27 +128,22 @@ class ContactEquations:
     def look(self, *, start: bool) -> Status:
         """Evaluate operators and active sets; the residual of the bulk is there."""
         if start:
-            self._begin()
-        changed = self._changed = self.evaluate_contacts(start=start)
+            self._history.begin()
+            self._redundancy.begin()
+            for contact in self.contacts:
+                contact.begin()
+        changed = self.evaluate_contacts(start=start)
         residual, force = self._residual_and_force()
         self._force = force
-        self._residuals.append(residual)
+        self._history.record(residual, changed)
         gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
         active = sum(int(c.active.sum()) for c in self.contacts)
-        self._recent_sets.append([(c.active, c.branch) for c in self.contacts])
         sets = b"".join(
             np.packbits([c.active, c.multiplier_nodes]).tobytes() + (c.active * c.branch).tobytes()
             for c in self.contacts
         )
         gap = float(max(gaps, default=0.0))
         return Status(residual, force, gap, active, changed, self.noise(), sets)
-
-    def _begin(self) -> None:
-        """Forget the cycles of the last solve."""
-        self._recent_sets, self._residuals, self._asked = [], [], 0
-        self._redundancy.begin()
-        for contact in self.contacts:
-            contact.begin()
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
@@ -199,24 +186,8 @@ class ContactEquations:
         sums = self.comm.allreduce(np.array([*mine, rows, rows**2]))
         free2, contact2, reaction2 = sums[:3]
         force2 = max(contact2, reaction2)
-        self._check_alike(float(sums[3]), float(sums[4]), force2)
+        _check_alike(float(sums[3]), float(sums[4]), force2, self.comm.size)
         return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
-
-    def _check_alike(self, total: float, squares: float, force2: float) -> None:
-        """Refuse contact rows, known on all ranks, of which one rank has others (local).
-
-        Args:
-            total: Sum over the ranks of each one's squared norm of these rows.
-            squares: Sum of the squares of that.
-            force2: Squared force that they are compared with.
-        """
-        mean = total / self.comm.size
-        spread = np.sqrt(max(squares / self.comm.size - mean**2, 0.0))
-        if spread > ALIKE * max(mean, force2):
-            raise MortarError(
-                "the equations of contact are not the same on all ranks: a law, a distance or "
-                "something set of a contact or obstacle is another one on some of them"
-            )
 
     def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
@@ -231,9 +202,6 @@ class ContactEquations:
     def _largest_displacement(self) -> float:
         return max(self.bulk.largest(self.bulk.u.x.array), self.motions.largest())
 
-    def _facet_length(self) -> float:
-        return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
-
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase, see ``clock``; of the slowest rank in each."""
         mine = clock.read()
@@ -243,7 +211,7 @@ class ContactEquations:
 
     def diagnose(self) -> str:
         """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
-        recent = self._recent_sets[-WAVERING:]
+        recent = self._history.recent
         return diagnose(self.bulk, self.contacts, self.floating, self.motions, self._force, recent)
 
     # Where they lead
@@ -267,7 +235,7 @@ class ContactEquations:
     def solve_linear(self) -> Increment:
         """Solve the linearized equations; no state changes."""
         goal = self.newton.residual_tolerance * self._force
-        self.system.solver.forcing = forcing(self._residuals, goal)
+        self.system.solver.forcing = forcing(self._history.residuals, goal)
         with clock("solve"):
             step, z, motion = self.motions.solve(self.system, self.stiffest, self._force)
         self.floating.drop_undriven(self._loose, step, self._total, self._force)
@@ -288,25 +256,19 @@ class ContactEquations:
         return self.step(size, part, increment.remark)
 
     def _settle_sets(self) -> None:
-        """Where bodies float and their sets do not settle, take those of the linearized problem.
-
-        A step that lowers the residual tenfold has settled them, but for nodes at rounding.
-        """
-        residuals = self._residuals
-        if not (self.floating.bodies and self._changed and len(residuals) > 1):
-            return
-        settles = residuals[-1] < 0.1 * residuals[-2]
-        if settles or self.floating.held or self._asked == MAX_CALLS:
+        """Where bodies float and sets do not settle, take those of the linearized problem."""
+        if not self.floating.bodies or self.floating.held or not self._history.is_unsettled:
             return
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
         if linearized.can_say:
-            self._asked += 1
+            self._history.count_call()
             self.bulk.assemble_tangent()
             linearized.choose_sets(self._redundancy.mark)
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step taken, by its largest increment [length]."""
-        size = max(self._largest_displacement(), 1e-8 * self._facet_length(), 1e-300)
+        facet = min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
+        size = max(self._largest_displacement(), 1e-8 * facet, 1e-300)
         return Step(increment / size, part, note)
 
     def drifts(self) -> str:
@@ -316,35 +278,14 @@ class ContactEquations:
         are driven by a small part of them, and may have no equilibrium near by; "" if there are no
         such bodies, or other forces are left as well.
         """
-        if self.floating.held or self._residuals[-1] > SLIGHT * self._force:
+        if self.floating.held or self._history.residuals[-1] > RIGID.slight * self._force:
             return ""
         names = self.floating.names(self.floating.loose() or self.floating.bodies)
         return f"only a slight force is left, which moves {names} on" if names else ""
 
     def merge_sets(self, period: int) -> str:
-        """Leave a cycle of the active set or of sticking and sliding nodes; say how.
-
-        All nodes that were active in it are so for one iteration, and gaps weigh less from then on,
-        in later solves too: a large c_n releases nodes for small gaps that a step leaves behind.
-        Nodes that did not always slide in one direction stick for that iteration.
-        """
-        wavering = 0
-        for i, contact in enumerate(self.contacts):
-            recent = [sets[i] for sets in self._recent_sets[-period:]]
-            active, branches = (np.array(sets) for sets in zip(*recent, strict=True))
-            merged = active.any(axis=0) & contact.covered
-            wavers = merged & (branches != branches[-1]).any(axis=0)
-            contact.change(
-                active=merged,
-                c_n=min(contact.c_n, LESS_WEIGHT),
-                branch=np.where(wavers, STICK, contact.branch),
-            )
-            wavering += int(wavers.sum())
-        stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
-        return (
-            f"the active set does not settle (last {period} iterations); all nodes active in them "
-            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on{stuck}"
-        )
+        """Leave a cycle of sets; see ``SetHistory.merge``."""
+        return self._history.merge(period)
 
     # Forces
 
@@ -392,7 +333,7 @@ class ContactEquations:
             MortarError: On all ranks, if it is none, or one of another problem.
         """
         with together(self.comm, "restore"):
-            self._check_state(state)
+            check_state(state, self.bulk.u.x.array.shape, [c.z.shape for c in self.contacts])
         self.put(state)
         self.evaluate_operators()
 
@@ -405,14 +346,6 @@ class ContactEquations:
             contact.put(interface)
         self.last_converged = state.converged
 
-    def _check_state(self, state: State) -> None:
-        """Refuse what is no state of these equations (local)."""
-        check_kind("state", state, State, "what state() of the same problem returned")
-        shapes = [interface.z.shape for interface in state.interfaces]
-        own = [contact.z.shape for contact in self.contacts]
-        if state.u.shape != self.bulk.u.x.array.shape or shapes != own:
-            raise MortarError("the state is one of another problem: right is what state() returned")
-
     def interface_motion(self, before: State) -> float:
         """Largest motion of a surface since a state, in its shortest facets (collective)."""
         change = (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
@@ -420,37 +353,23 @@ class ContactEquations:
         motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
         return float(max(motions, default=0.0))
 
-    # Springs
 
-    def hold(self, travel: float | None) -> None:
-        """Tie floating bodies and driven obstacles by springs, or let them go; see ``release``."""
-        if travel is None:
-            self.floating.let_go()
-            self.motions.let_go()
-        else:
-            bulk, contact, _ = self.forces()
-            self.floating.hold(bulk + contact, travel)
-            self.motions.hold(travel, self.stiffest)
+def _check_alike(total: float, squares: float, force2: float, num_ranks: int) -> None:
+    """Refuse contact rows, known on all ranks, that differ between ranks (local).
 
-    def stiff_travel(self) -> float:
-        """The ``travel`` of ``hold`` at which springs are as stiff as the bodies (collective)."""
-        bulk, contact, _ = self.forces()
-        return self.floating.stiff_travel(bulk + contact)
+    Args:
+        total: Sum over the ranks of the squared norm of these rows.
+        squares: Sum of the squares of that norm.
+        force2: Squared force that they are compared with.
+        num_ranks: Number of ranks.
 
-    def travel(self) -> float:
-        """How far what ``hold`` ties has moved since, in shortest facets."""
-        return max(self.floating.travel(), self.motions.travel())
-
-    def remaining(self) -> tuple[float, str]:
-        """Part of the forces that springs hold, and that in words."""
-        parts = self.parts_held()
-        energy = self.floating.spring_energy() + self.motions.spring_energy()
-        each = [f"{name} with {part:.1e} of its contact force" for name, part in parts]
-        return max(part for _, part in parts), (
-            f"springs hold {', '.join(each)}, with an energy of {energy:.3e}: contact does not "
-            "resist its motion more than the facets' corners drive it; prescribe it, or refine"
+    Raises:
+        MortarError: On all ranks.
+    """
+    mean = total / num_ranks
+    spread = np.sqrt(max(squares / num_ranks - mean**2, 0.0))
+    if spread > ALIKE * max(mean, force2):
+        raise MortarError(
+            "the equations of contact are not the same on all ranks: a law, a distance or "
+            "something set of a contact or obstacle is another one on some of them"
         )
-
-    def parts_held(self) -> list[tuple[str, float]]:
-        """What springs of ``hold`` hold, and which part of the contact force on it."""
-        return self.floating.parts_held() + self.motions.parts_held()

@@ -33,7 +33,8 @@ from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
 from fenics_mortar.rigid.driven import DrivenObstacles
-from fenics_mortar.rigid.floating import LEAST_SPRING, FloatingBodies
+from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # Stiffness of the springs on a body over its stiffest diagonal entry: above what its loads make it
@@ -61,7 +62,7 @@ class BodiesOnSprings:
             mine = floating.labels[: bulk.space.num_nodes] == body.label
             dofs = bulk.space.owned_dofs[mine]
             each = SPRING * body.stiffest / body.num_nodes
-            weak = LEAST_SPRING * body.stiffest / body.num_nodes
+            weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
             springs[dofs] = each
             rigid = np.zeros((len(body.motions), bulk.num_owned))
             x = bulk.positions()[: bulk.space.num_nodes][mine]
@@ -215,7 +216,7 @@ class LinearizedContact:
         """Mean pressure of the nodes that bear one, or a small one where none does [stress]."""
         borne = np.concatenate([np.abs(c.pressure[c.z.any(axis=1)]) for c in self._contacts])
         soft = min(float(contact.stiffness.min()) for contact in self._contacts)
-        return max(float(borne.mean()) if borne.size else 0.0, SPRING * LEAST_SPRING * soft)
+        return max(float(borne.mean()) if borne.size else 0.0, SPRING * RIGID.weakest_spring * soft)
 
     def _gaps(self) -> tuple[Array, Array]:
         """Rows of all multipliers, y + V zeta, on all ranks: compliance, and those without any."""
@@ -248,7 +249,9 @@ class LinearizedContact:
         driven = motions.driven
         if not driven.any():
             return
-        weak = LEAST_SPRING * max(float(contact.stiffness.max()) for contact in self._contacts)
+        weak = RIGID.weakest_spring * max(
+            float(contact.stiffness.max()) for contact in self._contacts
+        )
         by_motion = np.zeros((*driven.shape, y.size))
         by_pressure = np.zeros_like(by_motion)
         for contact, place in system.numbered():

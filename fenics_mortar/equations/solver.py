@@ -11,11 +11,12 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.words import describe_start
-from fenics_mortar.equations.general import SLIGHT, ContactEquations
+from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.damping import Damped
 from fenics_mortar.newton.loop import NewtonReport, once, solve
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.release import hold_here, release_slowly
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import NotConvergedError
@@ -73,7 +74,7 @@ class Solver:
         """Measure balance, signs, penetration and crossings of the last evaluated state."""
         e = self._equations
         certificate = certify(e.bulk, e.contacts, e.floating.labels, e.motions.residual())
-        springs = max((p for _, p in e.parts_held()), default=0.0)
+        springs = e.springs.largest()
         return replace(certificate, springs=springs, crossings=e.crossings.find())
 
     def solve(self, remarks: Sequence[str], *, accept_violations: bool) -> NewtonReport:
@@ -92,7 +93,7 @@ class Solver:
             e.motions.follow(e.evaluate_operators)
             moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
             moved += e.floating.settle(e.evaluate_forces)
-            e.hold(None)
+            e.springs.let_go()
             if moved:
                 self._accept_moved()
             report = self._solve()
@@ -100,7 +101,7 @@ class Solver:
         except Exception:  # of whatever kind, for all ranks alike
             e.last_converged = False
             e.crossings.leave()
-            e.hold(None)
+            e.springs.let_go()
             raise
         e.last_converged = True
         accepted = [contact.accepted for contact in e.contacts]
@@ -169,7 +170,7 @@ class Solver:
             failed = error
             if e.drifts():
                 try:
-                    return hold_here(e, e.newton, error, most=SLIGHT)
+                    return hold_here(e, e.newton, error, most=RIGID.slight)
                 except NotConvergedError as held:
                     failed = NotConvergedError(error.report.reason, held.report)
             e.restore(start)

@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, freeze
+from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.verify.crossing import Standing
 
 
@@ -66,3 +70,21 @@ class State:
             interfaces=tuple(replace(a, z=a.z + part * (b.z - a.z)) for a, b in pairs),
             places=self.places + part * (other.places - self.places),
         )
+
+
+def check_state(state: Any, shape: tuple[int, ...], pairs: Sequence[tuple[int, ...]]) -> None:
+    """Refuse an object that is no state, or one of another problem (local).
+
+    Args:
+        state: The object.
+        shape: Shape of the displacement of the problem.
+        pairs: Shapes of the multipliers of its pairs.
+
+    Raises:
+        TypeError: If it is no state.
+        MortarError: If its arrays have other shapes.
+    """
+    check_kind("state", state, State, "what state() of the same problem returned")
+    found = [interface.z.shape for interface in state.interfaces]
+    if state.u.shape != shape or found != list(pairs):
+        raise MortarError("the state is one of another problem: right is what state() returned")

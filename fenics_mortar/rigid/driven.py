@@ -19,11 +19,13 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.rigid import obstacle_springs, settling
+from fenics_mortar.rigid import settling
 from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.rigid.bordered import Border, solve_bordered
 from fenics_mortar.rigid.loose import describe_loose, tangent_springs
 from fenics_mortar.rigid.motions import ObstacleMotions
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.rigid.springs import Springs, anchored_stiffness, slides
 from fenics_mortar.utils.arrays import Array
 
 
@@ -39,7 +41,7 @@ class DrivenObstacles(ObstacleMotions):
 
     def __init__(self, contacts: Sequence[Any]) -> None:
         super().__init__(contacts)
-        self.springs: obstacle_springs.ObstacleSprings | None = None
+        self.springs: Springs | None = None
         self._start: Array = np.zeros(self.scales.shape)
 
     def residual(self) -> Array:
@@ -85,8 +87,21 @@ class DrivenObstacles(ObstacleMotions):
     # Springs, see ``release``
 
     def hold(self, travel: float, stiffness: float) -> None:
-        """Tie driven motions to where they are; see ``obstacle_springs.tie`` (collective)."""
-        self.springs = obstacle_springs.tie(self, self.residual(), travel, stiffness)
+        """Tie driven motions to where they are by springs (collective).
+
+        Args:
+            travel: Strain of an obstacle's springs under the forces that drive it, or under the
+                error of the contact forces on it by the slave's facets, in shortest facets.
+            stiffness: Of the bulk [stress].
+        """
+        springs = anchored_stiffness(
+            np.linalg.norm(self.residual(), axis=1),
+            RIGID.negligible * self.contact_forces(),
+            travel * self.shortest_facet(),
+            np.asarray(stiffness),
+        )
+        driven = np.where(self.driven, springs[:, None], 0.0)
+        self.springs = Springs(driven, self.motions_of(self.places))
 
     def let_go(self) -> None:
         """Take the springs of ``hold`` away."""
@@ -100,9 +115,20 @@ class DrivenObstacles(ObstacleMotions):
         moves = np.linalg.norm(np.where(self.driven, strain, 0.0), axis=1)
         return float(moves.max(initial=0.0)) / self.shortest_facet()
 
-    def parts_held(self) -> list[tuple[str, float]]:
-        """Name and force of springs over the contact force on it, of driven obstacles."""
-        return [] if self.springs is None else obstacle_springs.held_parts(self, self.springs)
+    def held_fractions(self) -> list[tuple[str, float, bool]]:
+        """Name, force of springs over contact force, whether it slides, of those on springs."""
+        if self.springs is None:
+            return []
+        forces = np.linalg.norm(self._spring_forces(), axis=1)
+        fractions = forces / np.maximum(self.contact_forces(), 1e-300)
+        return [
+            (
+                f"obstacle '{self.obstacles[i].name}'",
+                float(fractions[i]),
+                slides([(c, c.active) for c in self.contacts_of(i)]),
+            )
+            for i in np.flatnonzero(self.driven.any(axis=1))
+        ]
 
     def spring_energy(self) -> float:
         """Energy in the springs of ``hold`` [stress length^2]."""

@@ -1,21 +1,17 @@
 # SPDX-License-Identifier: MIT
 """Motions of obstacles that forces drive and active contact does not resist.
 
-A spring in the tangent regularizes them, as it does for floating bodies, see ``floating``: the
-residual has none, so that the converged solution is unaffected.
+A spring in the tangent regularizes them, see ``springs``.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from fenics_mortar.rigid.floating import HELD, LEAST_SPRING
 from fenics_mortar.rigid.motions import ObstacleMotions, in_words
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.rigid.springs import tangent_stiffness, unresisted
 from fenics_mortar.utils.arrays import Array
-
-# Smallest force along loose motions that counts as driving them, over the size of the forces [1]:
-# above rounding.
-DRIVEN = 1e-12
 
 
 def loose_motions(motions: ObstacleMotions) -> list[Array]:
@@ -24,9 +20,7 @@ def loose_motions(motions: ObstacleMotions) -> list[Array]:
     for number, driven in enumerate(motions.driven):
         basis = np.eye(3)[driven]
         closing = [c.gap_by_motions()[c.active] for c in motions.contacts_of(number)]
-        answers = np.concatenate([*closing, np.zeros((3, 3))]) @ basis.T
-        _, norms, combinations = np.linalg.svd(answers, full_matrices=False)
-        found.append(combinations[norms <= HELD] @ basis)
+        found.append(unresisted(basis @ np.concatenate([*closing, np.zeros((0, 3))]).T) @ basis)
     return found
 
 
@@ -47,8 +41,8 @@ def tangent_springs(
     total = np.zeros((motions.scales.size, motions.scales.size))
     for number, loose in enumerate(loose_motions(motions)):
         own = slice(3 * number, 3 * number + 3)
-        drive = float(np.linalg.norm(loose @ residual[number])) / max(force, 1e-300)
-        total[own, own] = stiffness * np.clip(drive, LEAST_SPRING, 1.0) * (loose.T @ loose)
+        relative = tangent_stiffness(loose @ residual[number], force)
+        total[own, own] = stiffness * relative * (loose.T @ loose)
     return total
 
 
@@ -65,6 +59,6 @@ def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> s
         motions.obstacles, loose_motions(motions), residual, strict=True
     ):
         drive = loose @ rest
-        if np.linalg.norm(drive) > DRIVEN * force:
+        if np.linalg.norm(drive) > RIGID.rounding * force:
             found.append(f"obstacle '{obstacle.name}' can {in_words(drive @ loose)}")
     return ", ".join(found)

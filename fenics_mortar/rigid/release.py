@@ -9,16 +9,18 @@ well and on no ridge. The last solve is without springs.
 
 Contact forces on facets have no exact potential, though: they act along averaged normals. A disk
 that may roll and slide is driven by what these err, and may have no equilibrium near by. Then the
-springs stay, if they are weak, and the record tells how weak.
+springs stay, if they are weak, and the record tells how weak. On a body that slides on all of its
+nodes with friction they may not stay: there they would end a steady slide.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from fenics_mortar.newton.loop import Equations, NewtonOptions, NewtonReport, after, solve
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
 
 # Travel in one solve that springs aim at, and that which ends them, in shortest facets.
@@ -31,36 +33,59 @@ STIFF_AFTER, STIFF_LESS, STIFF_MORE, STIFF_ITERATIONS = 2, 0.1, 3.0, 20
 MOST_SOLVES, MOST_FAILURES = 24, 5
 # Springs that stay are tied anew so often: what contact can carry it does then.
 REPEATS = 3
-# Springs may hold this part of the forces on a body, about what averaged normals err.
-MOST_HELD = 0.005
 # Accuracy of the solves with springs: the last one has that of the user.
 ROUGH = 1e-6
 
 
+class Remaining(NamedTuple):
+    """Forces that springs carry.
+
+    Attributes:
+        fraction: Largest force of springs over the contact force on a body or obstacle [1].
+        sliding: The largest on those that slide on all of their nodes with friction [1].
+        words: A sentence on each.
+    """
+
+    fraction: float
+    sliding: float
+    words: str
+
+
+class AnchoredSprings(Protocol):
+    """Springs that can hold bodies and obstacles; all collective."""
+
+    def hold(self, travel: float) -> None:
+        """Tie floating bodies and driven obstacles to where they are.
+
+        The forces that drive a body now, or a small fraction of all forces on it, would strain its
+        springs by ``travel`` shortest facets.
+        """
+
+    def let_go(self) -> None:
+        """Remove the springs."""
+
+    def stiff_travel(self) -> float:
+        """The travel at which springs are as stiff as the bodies, in shortest facets."""
+
+    def travel(self) -> float:
+        """Largest rigid motion since ``hold``, in shortest facets."""
+
+    def remaining(self) -> Remaining:
+        """Forces that springs carry over contact forces."""
+
+
 class Held(Equations, Protocol):
     """Equations with bodies or obstacles that springs can hold; all collective."""
+
+    @property
+    def springs(self) -> AnchoredSprings:
+        """The springs."""
 
     def state(self) -> Any:
         """Copy the present state."""
 
     def restore(self, state: Any) -> None:
         """Go back to a state."""
-
-    def hold(self, travel: float | None) -> None:
-        """Tie what floats or is driven to where it is by springs, or let it go (``None``).
-
-        What drives a body now, or a small part of all forces on it, would strain its springs by
-        ``travel`` shortest facets.
-        """
-
-    def stiff_travel(self) -> float:
-        """The travel at which springs are as stiff as the bodies, in shortest facets."""
-
-    def travel(self) -> float:
-        """How far bodies have moved since ``hold``, in shortest facets."""
-
-    def remaining(self) -> tuple[float, str]:
-        """Part of the forces that springs hold, and that in words."""
 
 
 def release_slowly(
@@ -81,7 +106,7 @@ def release_slowly(
     """
     report = _move_on_springs(equations, options, failed)
     arrived = equations.state()
-    equations.hold(None)
+    equations.springs.let_go()
     try:
         return after(report, partial(solve, equations, options))
     except NotConvergedError as error:
@@ -96,7 +121,7 @@ def hold_here(
     failed: NotConvergedError,
     *,
     repeats: int = 1,
-    most: float = MOST_HELD,
+    most: float = RIGID.negligible,
 ) -> NewtonReport:
     """Solve with weak springs that stay (collective).
 
@@ -105,7 +130,8 @@ def hold_here(
         options: Of the solves.
         failed: What a solve without springs ended with.
         repeats: How often springs are tied anew.
-        most: Part of the contact force on a body that springs may hold.
+        most: Largest force of springs over the contact force on a body [1]; on bodies that slide on
+            all of their nodes with friction ``RIGID.slight``.
 
     Returns:
         The record of all iterations, those of ``failed`` included.
@@ -115,12 +141,15 @@ def hold_here(
     """
     report = failed.report
     for _ in range(repeats):
-        equations.hold(TRAVEL)
+        equations.springs.hold(TRAVEL)
         report = after(report, partial(solve, equations, options))
-    part, words = equations.remaining()
-    if part > most:
+    held = equations.springs.remaining()
+    if held.fraction > most:
+        raise NotConvergedError(f"{failed}; {held.words}", report) from failed
+    if held.sliding > RIGID.slight:
+        words = f"{held.words}; all of its nodes slide at their friction limit"
         raise NotConvergedError(f"{failed}; {words}", report) from failed
-    report.notes.append(words)
+    report.notes.append(held.words)
     return report
 
 
@@ -132,7 +161,7 @@ def _move_on_springs(
     report, aim, failures, less, more = failed.report, TRAVEL, 0, LESS, MORE
     for _ in range(MOST_SOLVES):
         start = equations.state()
-        equations.hold(aim)
+        equations.springs.hold(aim)
         try:
             report = after(report, partial(solve, equations, rough))
         except NotConvergedError as error:
@@ -141,11 +170,11 @@ def _move_on_springs(
             if failures == MOST_FAILURES:
                 raise NotConvergedError(failed.report.reason, report) from error
             if failures == STIFF_AFTER and less == LESS:
-                aim, less, more = equations.stiff_travel(), STIFF_LESS, STIFF_MORE
+                aim, less, more = equations.springs.stiff_travel(), STIFF_LESS, STIFF_MORE
                 few = min(STIFF_ITERATIONS, options.max_iterations)
                 rough = replace(rough, max_iterations=few)
             continue
-        if equations.travel() < ARRIVED * aim / TRAVEL:
+        if equations.springs.travel() < ARRIVED * aim / TRAVEL:
             break
         aim, failures = min(more * aim, TRAVEL), 0
     return report

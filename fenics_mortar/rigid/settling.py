@@ -11,16 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fenics_mortar.rigid.floating import LARGEST_MOVE, LOADED, MOST_MOVES, TOUCH, closest_below
 from fenics_mortar.rigid.motions import ObstacleMotions, in_words, slip_by_motions
+from fenics_mortar.rigid.moves import closest_move
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
-
-# Relative singular-value cutoff of the least-squares fit to nodes that stick [1]: combinations of
-# motions that move them less than others, as rolling, are left to the solve.
-FOLLOWED = 0.5
-# Smallest advance along the push of a move that is worth taking, over the shortest facet [1].
-LEAST_WAY = 1e-3
 
 
 def follow(motions: ObstacleMotions) -> Array:
@@ -43,7 +38,9 @@ def follow(motions: ObstacleMotions) -> Array:
         sizes = np.linalg.norm(rows, axis=0)  # a turn has other units than a translation
         sizes[sizes == 0.0] = 1.0
         wanted = np.concatenate([-slip, np.zeros(slip.size)])
-        moves[number, driven] = np.linalg.lstsq(rows / sizes, wanted, rcond=FOLLOWED)[0] / sizes
+        moves[number, driven] = (
+            np.linalg.lstsq(rows / sizes, wanted, rcond=RIGID.followed)[0] / sizes
+        )
     return moves
 
 
@@ -61,7 +58,7 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
         MortarError: On all ranks, if nothing stops an obstacle.
     """
     moved = dict[str, None]()
-    for _ in range(MOST_MOVES):
+    for _ in range(RIGID.max_moves):
         evaluate()
         moves = np.array([_next_move(motions, i) for i in range(len(motions.obstacles))])
         moving = np.flatnonzero(moves.any(axis=1))
@@ -84,18 +81,15 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
     """
     contacts = motions.contacts_of(number)
     driven, push = motions.driven[number], motions.push()[number]
-    loaded = any((c.pressure > LOADED * c.stiffness).any() for c in contacts)
+    loaded = any((c.pressure > RIGID.rounding * c.stiffness).any() for c in contacts)
     if loaded or not push.any():
         return np.zeros(3)
     basis = np.eye(3)[driven]
     along = (basis @ push) / np.linalg.norm(push)
-    closing = np.concatenate([-contact.gap_by_motions() for contact in contacts])
-    room = [np.nan_to_num(c.gap) + TOUCH * c.nodal_lengths for c in contacts]
-    rows = np.vstack([closing @ basis.T, -along])
-    room.append(np.zeros(1))
-    wanted = LARGEST_MOVE * contacts[0].arm * along
-    move = closest_below(wanted, rows, np.maximum(np.concatenate(room), 0.0))
-    if move @ along > LEAST_WAY * motions.shortest_facet():
+    closing = [-contact.gap_by_motions() @ basis.T for contact in contacts]
+    wanted = RIGID.largest_move * contacts[0].arm * along
+    move = closest_move(wanted, closing, contacts, back=-along)
+    if move @ along > RIGID.least_advance * motions.shortest_facet():
         return move @ basis
     return np.zeros(3)
 

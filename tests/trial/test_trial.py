@@ -10,6 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+import fenics_mortar as fm
 from demos.studies.stability.limit_analysis import judge
 from demos.studies.stability.random_cases import objections, random_case
 from demos.studies.stability.random_held import hanging_case, held_case, rigid
@@ -17,6 +18,7 @@ from demos.studies.stability.random_shapes import FAMILIES, shape_case
 from demos.studies.stability.shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings
 from demos.studies.stability.trial import Worker, case_of, summary
 from demos.studies.stability.trial_judge import check_again, confirm, measure, run, wrongs
+from demos.studies.stability.trial_scene import build
 from fenics_mortar.utils.compat import input_nodes
 
 COMM = MPI.COMM_WORLD
@@ -256,3 +258,14 @@ def test_process_that_does_not_answer_or_dies_is_replaced():
         assert worker.run(6, 60.0)["outcome"] == "converged"
     finally:
         worker.stop()
+
+
+@pytest.mark.serial
+def test_springs_do_not_end_a_slide_at_the_friction_limit():
+    """One node of a jaw is guided and has no shear: the other nodes bear less than the load."""
+    scene = build(case_of(1_000_031), MPI.COMM_SELF)
+    scene.set_loads(1.0)
+    scene.problem.solve()
+    scene.set_loads(2.0)
+    with pytest.raises(fm.NotConvergedError, match="slide at their friction limit"):
+        scene.problem.solve()

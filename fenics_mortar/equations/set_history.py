@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""Active sets and residuals of the iterations of one solve, and ways out of cycles of sets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.laws import STICK
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.equations.diagnosis import WAVERING, Sets
+
+# Largest c_n after a cycle of the active set.
+LESS_WEIGHT = 1e-3
+# Sets are taken from the linearized problem so often in a solve: a guess, since walls and arches
+# need it once or a few times. Where there is no equilibrium, it only takes time.
+MAX_CALLS = 8
+
+
+class SetHistory:
+    """Sets of all pairs and residuals since a solve began (local).
+
+    Args:
+        contacts: The pairs.
+
+    Attributes:
+        residuals: Norms of all equations, one for each evaluation [stress length].
+    """
+
+    def __init__(self, contacts: Sequence[Contact | Tie]) -> None:
+        self._contacts = contacts
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the last solve."""
+        self.residuals: list[float] = []
+        self._sets: list[Sets] = []
+        self._changed = self._calls = 0
+
+    def record(self, residual: float, changed: int) -> None:
+        """Add the present sets, of which ``changed`` nodes have changed."""
+        self.residuals.append(residual)
+        self._sets.append([(c.active, c.branch) for c in self._contacts])
+        self._changed = changed
+
+    @property
+    def recent(self) -> list[Sets]:
+        """The sets of the last iterations, in which a node may waver."""
+        return self._sets[-WAVERING:]
+
+    @property
+    def is_unsettled(self) -> bool:
+        """Whether sets change, and would not settle by themselves.
+
+        A step that lowers the residual tenfold has settled them, but for nodes at rounding.
+        """
+        residuals = self.residuals
+        if not self._changed or len(residuals) < 2 or self._calls == MAX_CALLS:
+            return False
+        return not residuals[-1] < 0.1 * residuals[-2]
+
+    def count_call(self) -> None:
+        """Note that sets are taken from the linearized problem."""
+        self._calls += 1
+
+    def merge(self, period: int) -> str:
+        """Leave a cycle of the active set or of sticking and sliding nodes; return a remark.
+
+        All nodes that were active in it are so for one iteration, and gaps weigh less from then on,
+        in later solves too: a large c_n releases nodes for small gaps that a step leaves behind.
+        Nodes that did not always slide in one direction stick for that iteration.
+        """
+        wavering = 0
+        for i, contact in enumerate(self._contacts):
+            recent = [sets[i] for sets in self._sets[-period:]]
+            active, branches = (np.array(sets) for sets in zip(*recent, strict=True))
+            merged = active.any(axis=0) & contact.covered
+            wavers = merged & (branches != branches[-1]).any(axis=0)
+            contact.change(
+                active=merged,
+                c_n=min(contact.c_n, LESS_WEIGHT),
+                branch=np.where(wavers, STICK, contact.branch),
+            )
+            wavering += int(wavers.sum())
+        stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
+        return (
+            f"the active set does not settle (last {period} iterations); all nodes active in them "
+            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on{stuck}"
+        )

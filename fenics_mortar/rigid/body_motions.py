@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: MIT
+"""The floating bodies of a problem, their rigid motions, and the forces along these."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.bulk.bodies import (
+    FloatingBody,
+    centre_and_size,
+    find_floating_bodies,
+    join_bodies,
+    label_bodies,
+)
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.errors import place
+
+
+class BodyMotions:
+    """Bodies that Dirichlet conditions leave free, and where they are; all methods are collective.
+
+    Args:
+        bulk: The bodies.
+        contacts: The contacts and ties, bound to the same space.
+
+    Attributes:
+        bulk: The bodies.
+        contacts: The contacts, ties left out.
+        labels: Body of each local node, ghosts included. Tied ones are one body.
+        bodies: The floating ones, once they have been looked for.
+    """
+
+    def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
+        self.bulk = bulk
+        self.contacts = [contact for contact in contacts if not isinstance(contact, Tie)]
+        self._data: list[MeshData] = [contact.pair.data for contact in contacts]
+        self._surface_labels: dict[int, Array] = {}
+        self.labels, count = label_bodies(bulk.V)
+        links = [self._links(tie) for tie in contacts if isinstance(tie, Tie)]
+        self.labels, self._num_bodies = join_bodies(self.labels, count, links)
+        self._surface_labels.clear()  # those of bodies before ties joined them
+        self.bodies: list[FloatingBody] = []
+
+    def _links(self, tie: Tie) -> Indices:
+        """Pairs of bodies that a tie joins."""
+        slave, master = self.labels_of(tie.slave), self.labels_of(tie.master)
+        nodes = tie.M.tocoo()
+        return np.stack([slave[nodes.row], master[nodes.col]], axis=1).astype(np.int64)
+
+    def find(self) -> None:
+        """Look for floating bodies, with ``K`` as assembled."""
+        self.bodies = find_floating_bodies(self.bulk, self.labels, self._num_bodies)
+
+    # Nodes
+
+    def labels_of(self, surface: Surface) -> Array:
+        """Bodies of the nodes of a surface, shape (nodes,) (collective the first time)."""
+        if id(surface) not in self._surface_labels:
+            self._surface_labels[id(surface)] = surface.gather(self.bulk.space.spread(self.labels))[
+                :, 0
+            ]
+        return self._surface_labels[id(surface)]
+
+    def dofs_of(self, body: FloatingBody) -> Indices:
+        """Local dofs of the owned nodes of a body, shape (nodes, 2)."""
+        return self.bulk.space.owned_dofs[self._nodes_of(body)]
+
+    def _nodes_of(self, body: FloatingBody) -> Flags:
+        """Whether an owned node belongs to a body."""
+        return self.labels[: self.bulk.space.num_nodes] == body.label
+
+    def motions(self, body: FloatingBody) -> tuple[Indices, Array]:
+        """Dofs (nodes, 2) of a body's owned nodes, and its motions there, (motions, 2 * nodes)."""
+        x = self.bulk.positions()[: self.bulk.space.num_nodes][self._nodes_of(body)]
+        return self.dofs_of(body), body.displacement(x).reshape(len(body.motions), -1)
+
+    def shortest_facet(self) -> float:
+        """Shortest slave facet of all contacts, or without any the smallest body [length]."""
+        sizes = [float(contact.slave.lengths.min()) for contact in self.contacts]
+        return min(sizes or [body.size for body in self.bodies])
+
+    def extent(self) -> float:
+        """Diagonal of the box around all bodies [length]."""
+        x, comm = self.bulk.positions()[: self.bulk.space.num_nodes], self.bulk.comm
+        low = comm.allreduce(x.min(axis=0, initial=np.inf), np.minimum)
+        high = comm.allreduce(x.max(axis=0, initial=-np.inf), np.maximum)
+        return float(np.hypot(*(high - low)))
+
+    # Motions
+
+    def move(self, body: FloatingBody, coefficients: Array) -> None:
+        """Add a rigid motion; the rotation is finite, so it causes no strain.
+
+        Args:
+            body: The body.
+            coefficients: Factors of its motions, shape (motions,) [length].
+        """
+        x, y, turn = coefficients @ body.motions
+        angle = turn / body.size
+        mine = np.flatnonzero(self.labels == body.label)
+        arm = self.bulk.positions()[mine] - body.centre
+        cosine, sine = np.cos(angle) - 1.0, np.sin(angle)
+        turn = np.array([[cosine, -sine], [sine, cosine]])
+        self.bulk.u.x.array[self.bulk.space.dofs[mine]] += arm @ turn.T + np.array([x, y])
+
+    def rigid_fraction(self, body: FloatingBody, change: Array) -> Array:
+        """Coefficients of the body's motions in a displacement (owned part), shape (motions,)."""
+        dofs, motions = self.motions(body)
+        answer = motions @ change[dofs].ravel()
+        products = self.bulk.comm.allreduce(np.column_stack([motions @ motions.T, answer]))
+        return np.linalg.solve(products[:, :-1], products[:, -1])
+
+    # Forces
+
+    def resultant(self, body: FloatingBody, total: Array) -> Array:
+        """Resultant of the forces along the body's motions, shape (motions,) [stress length]."""
+        dofs, motions = self.motions(body)
+        return self.bulk.comm.allreduce(-motions @ total[dofs].ravel())
+
+    def contacts_of(self, body: FloatingBody) -> list[Contact]:
+        """The pairs that a body takes part in."""
+        return [contact for contact in self.contacts if self.at_body(contact, body).any()]
+
+    def at_body(self, contact: Contact, body: FloatingBody) -> Flags:
+        """Whether the force of a slave node may act on a body, shape (slave nodes,)."""
+        on_slave = self.labels_of(contact.slave) == body.label
+        return on_slave | bool((self.labels_of(contact.master) == body.label).any())
+
+    def contact_force(self, body: FloatingBody) -> float:
+        """Integral of the size of the pressure over all pairs of a body [stress length]."""
+        return sum(
+            float((c.operators.cover * np.abs(c.pressure))[self.at_body(c, body)].sum())
+            for c in self.contacts
+        )
+
+    def is_loaded(self, body: FloatingBody) -> bool:
+        """Whether any contact force acts on a body."""
+        return any(
+            (np.abs(c.pressure) > RIGID.rounding * c.stiffness)[self.at_body(c, body)].any()
+            for c in self.contacts
+        )
+
+    # Words
+
+    def name_of(self, label: int, labels: Indices | None = None) -> str:
+        """Name of a body from the cell tags, or its place; ``labels``: others than these."""
+        bulk, labels = self.bulk, self.labels if labels is None else labels
+        first = compat.dofmap(bulk.V)[:, 0]
+        for data in self._data:
+            if data.cell_tags is None:
+                continue
+            for name, tag in data.bodies.items():
+                found = labels[first[data.cell_tags.find(tag)]] == label
+                if bulk.comm.allreduce(bool(found.any()), MPI.LOR):
+                    return f"body '{name}'"
+        X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, :2]
+        mine = labels[: len(X)] == label
+        return f"the body around {place(centre_and_size(X[mine], bulk.comm)[0])}"
+
+    def names(self, bodies: Sequence[FloatingBody]) -> str:
+        """Names of bodies in words."""
+        return " and ".join(sorted({self.name_of(body.label) for body in bodies}))
+
+    def describe(self, loose: Sequence[FloatingBody]) -> str:
+        """The loose bodies and how they can move, in words."""
+        return ", ".join(
+            f"{self.name_of(body.label)} can {body.describe(motion)}"
+            for body in loose
+            for motion in np.eye(len(body.motions))
+        )

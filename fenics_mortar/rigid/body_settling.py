@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: MIT
+"""Moves of floating bodies before a solve, and a check of them after it; all is collective.
+
+A body that loads drive where active contact does not hold it is moved rigidly until contact stops
+it: each move is the one closest to the drive that opens no node more than a little beyond touching,
+a quadratic program in the few rigid motions. Limit analysis decides which bodies contact may hold;
+see ``holding``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fenics_mortar.bulk.bodies import FloatingBody
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.newton.loop import NewtonReport
+from fenics_mortar.rigid.body_motions import BodyMotions
+from fenics_mortar.rigid.holding import Touching, unresisted_motion
+from fenics_mortar.rigid.moves import closest_move
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.rigid.responses import closing, is_ahead, loose_bodies, opening, slipping
+from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.errors import MortarError, NotConvergedError
+
+# Bodies that move, and the coefficients of their motions, shapes (motions,) [length].
+Moves = list[tuple[FloatingBody, Array]]
+
+
+class BodySettling:
+    """Moves the floating bodies before a solve, and checks the state after it.
+
+    Args:
+        bodies: The floating bodies.
+
+    Attributes:
+        touched: The active sets of the contacts where ``settle`` began.
+    """
+
+    def __init__(self, bodies: BodyMotions) -> None:
+        self._bodies = bodies
+        self._unloaded: list[FloatingBody] = []
+        self._start: Array = bodies.bulk.u.x.array
+        self.touched: list[Flags] = []
+
+    def settle(self, evaluate: Callable[[], tuple[Array, Array]], min_drive: float) -> list[str]:
+        """Move the bodies that contact cannot hold rigidly, until it can.
+
+        Args:
+            evaluate: Evaluates the contacts at the present state; returns the forces of the bulk
+                and those of contact (owned parts).
+            min_drive: Smallest resultant that drives a body, over the forces on it [1].
+
+        Returns:
+            Sentences that name the bodies that were moved.
+
+        Raises:
+            NotConvergedError: On all ranks, if nothing stops a body.
+        """
+        bodies = self._bodies
+        self._unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
+        moved, creeping, extent = dict[int, float](), 0, bodies.extent()
+        for number in range(RIGID.max_moves):
+            forces = evaluate()
+            if number == 0:
+                self.touched = [contact.active.copy() for contact in bodies.contacts]
+            moves = self._next_moves(*forces, min_drive, begun=number > 0)
+            creeping = creeping + 1 if self._creeps(moves) else 0
+            if not moves or creeping > RIGID.max_creeping:
+                self._start = bodies.bulk.u.x.array.copy()
+                names = sorted(bodies.name_of(label) for label in sorted(moved))
+                return [f"{name} was moved rigidly until contact stopped it" for name in names]
+            for body, move in moves:
+                bodies.move(body, move)
+                moved[body.label] = moved.get(body.label, 0.0) + _length(body, move)
+            if all(
+                moved[body.label] > extent and self._is_gone(body, move) for body, move in moves
+            ):
+                break
+        body, move = moves[0]
+        words = (
+            f"{bodies.name_of(body.label)} can {body.describe(move)} freely: loads "
+            "drive it, and neither Dirichlet conditions nor contact stop it"
+        )
+        raise NotConvergedError(words, NewtonReport(reason=words))
+
+    def check(self) -> list[str]:
+        """Check the bodies that had no contact force before the solve and have none now.
+
+        Returns:
+            Sentences that name bodies that contact pushed towards something that may stop them.
+
+        Raises:
+            MortarError: On all ranks, if nothing is there to stop a body that gave way.
+        """
+        bodies, notes = self._bodies, []
+        for body in self._unloaded:
+            change = (bodies.bulk.u.x.array - self._start)[: bodies.bulk.num_owned]
+            motion = bodies.rigid_fraction(body, change)
+            is_at_rest = np.linalg.norm(motion) <= RIGID.motion_rounding * body.size
+            if is_at_rest or bodies.is_loaded(body):
+                continue
+            name = bodies.name_of(body.label)
+            if not any(is_ahead(bodies, contact, body, motion) for contact in bodies.contacts):
+                raise MortarError(
+                    f"{name} can {body.describe(motion)} freely: pushed "
+                    "by contact it gave way, since its Dirichlet conditions do not hold it"
+                )
+            notes.append(f"{name} was pushed along by contact without a force")
+        return notes
+
+    def _next_moves(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
+        """The next move of each body that is driven and not held; none of negligible length."""
+        driven = self._driven(bulk, contact, min_drive, begun=begun)
+        if not driven:
+            return []
+        bodies = self._bodies
+        wanted = np.concatenate([RIGID.largest_move * body.size * drive for body, drive in driven])
+        rates = [
+            np.vstack([closing(bodies, c, body) for body, _ in driven]).T for c in bodies.contacts
+        ]
+        move = closest_move(wanted, rates, bodies.contacts)
+        moves = np.split(move, np.cumsum([len(body.motions) for body, _ in driven])[:-1])
+        shortest = RIGID.overlap**2 * bodies.shortest_facet()
+        return [
+            (body, move)
+            for (body, _), move in zip(driven, moves, strict=True)
+            if np.linalg.norm(move) > shortest
+        ]
+
+    def _driven(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
+        """The bodies that loads drive and contact does not hold, and directions of size one.
+
+        A body that carries contact force moves only as active contact lets it. Without friction and
+        adhesion a facet holds a body that stands for a round one, which would roll on: there limit
+        analysis decides only on bodies that touch before they have moved or carried any force.
+        """
+        bodies = self._bodies
+        total, sizes = bulk + contact, np.abs(bulk) + np.abs(contact)
+        unloaded = [body for body in bodies.bodies if not bodies.is_loaded(body)]
+        labels = {body.label for body in unloaded}
+        loose = [b for b in loose_bodies(bodies, sticking=False) if b.label not in labels]
+        driven = [
+            (body, self._drive(body, total, sizes, min_drive)) for body in (*unloaded, *loose)
+        ]
+        driven = [(body, drive) for body, drive in driven if drive.any()]
+        laws = [contact.pair.law for contact in bodies.contacts]
+        if any(law.has_friction or law.has_adhesion for law in laws):
+            judged = {body.label for body, _ in driven}
+        else:
+            judged = set() if begun else labels
+        if driven and judged:
+            gone = self._not_held(bulk) | {body.label for body in bodies.bodies} - judged
+            driven = [(body, drive) for body, drive in driven if body.label in gone]
+        return driven
+
+    def _drive(self, body: FloatingBody, total: Array, sizes: Array, min_drive: float) -> Array:
+        """Direction in which the forces drive the body, of size one; zero if they do not."""
+        bodies = self._bodies
+        drive = bodies.resultant(body, total)
+        size = bodies.bulk.comm.allreduce(float(sizes[bodies.dofs_of(body)].sum()))
+        norm = float(np.linalg.norm(drive))
+        return drive / norm if norm > min_drive * size else np.zeros(len(drive))
+
+    def _not_held(self, bulk: Array) -> set[int]:
+        """Labels of the bodies that no contact force within the friction limits can hold.
+
+        Args:
+            bulk: Forces of the bulk, minus the loads (owned part).
+        """
+        bodies = self._bodies
+        if not bodies.contacts:
+            return {body.label for body in bodies.bodies}
+        loads = np.concatenate([bodies.resultant(body, bulk) for body in bodies.bodies])
+        size = float(np.abs(loads).sum())
+        weight = sum(float(c.operators.weight[c.active].sum()) for c in bodies.contacts)
+        pressure = size / weight if weight > 0.0 else 0.0
+        pairs = [self._touching(contact, pressure) for contact in bodies.contacts]
+        motion = unresisted_motion(loads, Touching(*map(np.concatenate, zip(*pairs, strict=True))))
+        ends = np.cumsum([len(body.motions) for body in bodies.bodies])[:-1]
+        moves = zip(bodies.bodies, np.split(motion, ends), strict=True)
+        return {body.label for body, move in moves if np.abs(move).max() > RIGID.resisted}
+
+    def _touching(self, contact: Contact, pressure: float) -> Touching:
+        """The active nodes of a pair as the floating bodies meet there; a typical pressure."""
+        bodies, on, weight = self._bodies, contact.active, contact.operators.weight
+        opens, slips = (
+            np.concatenate([rate(bodies, contact, body) for body in bodies.bodies]).T[on]
+            for rate in (opening, slipping)
+        )
+        slope, shear, adhesion = contact.now.strength(pressure)
+        return Touching(opens, slips, slope[on], (weight * shear)[on], (weight * adhesion)[on])
+
+    def _is_gone(self, body: FloatingBody, move: Array) -> bool:
+        """Whether no pair of a body that has moved far is ahead of it."""
+        bodies = self._bodies
+        return not any(is_ahead(bodies, c, body, move) for c in bodies.contacts_of(body))
+
+    def _creeps(self, moves: Moves) -> bool:
+        """Whether no body moves by more than it may overlap."""
+        longest = max((_length(body, move) for body, move in moves), default=0.0)
+        return longest <= RIGID.overlap * self._bodies.shortest_facet()
+
+
+def _length(body: FloatingBody, move: Array) -> float:
+    return float(np.linalg.norm(move @ body.motions))

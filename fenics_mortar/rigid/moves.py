@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: MIT
+"""One rigid move towards contact: the closest to the wanted one that no node resists."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import nnls
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.utils.arrays import Array
+
+
+def closest_move(
+    wanted: Array, closing: Sequence[Array], contacts: Sequence[Contact], back: Array | None = None
+) -> Array:
+    """The move closest to ``wanted`` that overlaps no node by more than touching (local).
+
+    Args:
+        wanted: Coefficients of the motions, shape (n,).
+        closing: Rates at which the gaps of each contact close, shapes (slave nodes, n).
+        contacts: The contacts, evaluated.
+        back: Direction, shape (n,), along which no move is taken; none by default.
+    """
+    room = [np.nan_to_num(c.gap) + RIGID.overlap * c.nodal_lengths for c in contacts]
+    rows = [np.empty((0, wanted.size)), *closing]
+    if back is not None:
+        room, rows = [*room, np.zeros(1)], [*rows, back[None]]
+    every = np.concatenate([np.empty(0), *room])
+    return closest_below(wanted, np.concatenate(rows), np.maximum(every, 0.0))
+
+
+def closest_below(wanted: Array, rows: Array, room: Array) -> Array:
+    """The vector closest to ``wanted`` with ``rows @ vector <= room``, where ``room >= 0``.
+
+    A least-distance problem, solved by nonnegative least squares (Lawson & Hanson 1974, ch. 23).
+
+    Args:
+        wanted: Shape (n,).
+        rows: Shape (m, n).
+        room: Shape (m,).
+    """
+    excess = rows @ wanted - room
+    if not (excess > 0.0).any():
+        return wanted
+    system = np.vstack([-rows.T, excess])
+    target = np.zeros(wanted.size + 1)
+    target[-1] = 1.0
+    multipliers, _ = nnls(system, target)
+    *change, last = system @ multipliers - target
+    return wanted - np.array(change) / last

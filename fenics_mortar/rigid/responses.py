@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: MIT
+"""Response of contacts to rigid motions of bodies: gaps, slip, loose motions (collective)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fenics_mortar.bulk.bodies import FloatingBody
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.directions import gap_rate, opening_rate, slip_rate
+from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.rigid.body_motions import BodyMotions
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.rigid.springs import unresisted
+from fenics_mortar.utils.arrays import Array
+
+
+def closing(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
+    """Change of the mean gaps by the free motions, closing positive: (motions, slave nodes)."""
+    return -_responses(bodies, contact, body, gap_rate)
+
+
+def slipping(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
+    """Slip of the nodes by the free motions, shape (motions, slave nodes)."""
+    return _responses(bodies, contact, body, slip_rate)
+
+
+def opening(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
+    """Opening of the nodes along n by the free motions, shape (motions, slave nodes)."""
+    return _responses(bodies, contact, body, opening_rate)
+
+
+def is_ahead(bodies: BodyMotions, contact: Contact, body: FloatingBody, motion: Array) -> bool:
+    """Whether a motion (motions,) of the body closes a gap: it opens those behind the body."""
+    rates = motion @ closing(bodies, contact, body)
+    return bool((rates > RIGID.resisted * np.linalg.norm(motion)).any())
+
+
+def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[FloatingBody]:
+    """The bodies with the motions that active contact does not resist.
+
+    Args:
+        bodies: The floating bodies.
+        sticking: Whether sticking nodes resist slip.
+    """
+    found = []
+    for body in bodies.bodies:
+        contacts = bodies.contacts_of(body)
+        held = [closing(bodies, c, body)[:, c.active] for c in contacts]
+        if sticking:
+            rubbing = [c for c in contacts if c.sticking.any()]
+            held += [slipping(bodies, c, body)[:, c.sticking] for c in rubbing]
+        free = unresisted(np.hstack([np.zeros((len(body.motions), 0)), *held]))
+        if len(free):
+            found.append(replace(body, motions=free @ body.motions))
+    return found
+
+
+def _responses(
+    bodies: BodyMotions,
+    contact: Contact,
+    body: FloatingBody,
+    response: Callable[[ContactFields, Array, Array], Array],
+) -> Array:
+    """Response of a pair to each free motion of a body, shape (motions, slave nodes).
+
+    Args:
+        bodies: The floating bodies.
+        contact: The pair.
+        body: The body.
+        response: Function of fields and displacements of slave and master nodes.
+    """
+    found = np.zeros((len(body.motions), contact.slave.num_nodes))
+    o = contact.operators
+    sides = (contact.slave, o.x), (contact.master, o.m)
+    mine = [bodies.labels_of(surface) == body.label for surface, _ in sides]
+    if any(side.any() for side in mine):
+        on_slave, on_master = (
+            body.displacement(x) * on[:, None] for on, (_, x) in zip(mine, sides, strict=True)
+        )
+        for i, motion in enumerate(zip(on_slave, on_master, strict=True)):
+            found[i] = response(contact.now, *motion)
+    return found
