@@ -11,10 +11,10 @@ from typing import Any
 from unittest.mock import patch
 
 from demos.studies.stability.whole_facet import whole_facet_basis
-from fenics_mortar import problem
 from fenics_mortar.bulk import residual as bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import Coulomb, Nodal
+from fenics_mortar.equations import solver
 from fenics_mortar.newton import loop as newton
 from fenics_mortar.rigid.floating import FloatingBodies
 
@@ -175,14 +175,14 @@ REMEDIES = {
         "falling_wheel",
         "1",
         "plain",
-        Method("not held", adaptive=False, override=without((problem, "release_slowly", give_up))),
+        Method("not held", adaptive=False, override=without((solver, "release_slowly", give_up))),
     ),
     "no_holding": Remedy(
         "springs hold rigid tools that roll, and let go",
         "rigid_tool",
         "free egg, 0.01",
         "default",
-        Method("not held", override=without((problem, "release_slowly", give_up))),
+        Method("not held", override=without((solver, "release_slowly", give_up))),
     ),
     "meshed_gaps": Remedy(
         "gaps can be set, whatever the facets leave",
