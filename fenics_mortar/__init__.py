@@ -22,7 +22,8 @@ from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.models.adequacy import AdequacyCheck
 from fenics_mortar.models.elastic_obstacle import ElasticObstacle
 from fenics_mortar.models.report import AdequacyReport
-from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
+from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
 from fenics_mortar.obstacles.shapes import Circle, Plane, Polygon, Spline
 from fenics_mortar.path.options import SteppingOptions

@@ -35,7 +35,8 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm, system_of
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.newton.loop import NewtonOptions, NewtonReport
+from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
@@ -49,6 +50,9 @@ from fenics_mortar.verify.tangent import TangentCheck, check_tangent
 
 class ContactProblem:
     """Quasi-static equilibrium of bodies in contact.
+
+    All that users do with a problem is here, and nothing else: longer than other modules by its
+    documentation, with more than 20 attributes.
 
     Args:
         residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``.

@@ -7,17 +7,8 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from fenics_mortar.newton.loop import (
-    LOOSEST,
-    Iteration,
-    NewtonReport,
-    Status,
-    Step,
-    forcing,
-    once,
-    period_of,
-    solve,
-)
+from fenics_mortar.newton.loop import LOOSEST, Status, Step, forcing, period_of, solve
+from fenics_mortar.newton.report import Iteration, NewtonReport, once
 from fenics_mortar.rigid import release
 
 

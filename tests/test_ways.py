@@ -7,7 +7,7 @@ from scenes import rotation
 from test_crossing_kernels import circle, outline, rectangle
 
 import fenics_mortar as fm
-from fenics_mortar.kernels import crossing
+from fenics_mortar.kernels import passage
 from fenics_mortar.verify.ways import Motions, own_frame, went_through
 
 
@@ -16,19 +16,19 @@ def count_passages(x0, x1, segments, after, before, bodies):
     motions, of_segments = Motions(x0, x1, bodies), bodies[segments[:, 0]]
     everything = np.ones(len(segments), bool)
     looks = [
-        (np.array([x0, x1]), crossing.OTHERS, everything),
-        (np.array([motions.carried(), x1]), crossing.OWN, everything),
+        (np.array([x0, x1]), passage.OTHERS, everything),
+        (np.array([motions.carried(), x1]), passage.OWN, everything),
     ]
     if not motions.are_small:
         looks = [
-            (Motions(motions.seen_from(i), x1, bodies).ways(), crossing.ALL, of_segments == body)
+            (Motions(motions.seen_from(i), x1, bodies).ways(), passage.ALL, of_segments == body)
             for i, body in enumerate(motions.labels)
         ]
     lengths, count = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T), 0
     for along, which, marked in looks:
         at, events = np.flatnonzero(marked), []
         for k in range(len(along) - 1):
-            rows = crossing.find_events(
+            rows = passage.find_events(
                 along[k], along[k + 1], segments[at], of_segments[at], bodies, which
             )
             rows[:, 1], rows[:, 2] = at[rows[:, 1].astype(int)], rows[:, 2] + k
@@ -36,7 +36,7 @@ def count_passages(x0, x1, segments, after, before, bodies):
         every = np.concatenate(events)
         body = of_segments[every[:, 1].astype(int)]
         every = every[np.lexsort((every[:, 2], body, every[:, 0]))]
-        rows = crossing.find_passages(
+        rows = passage.find_passages(
             along[0], x1, segments, after, before, lengths, of_segments, every
         )
         count += int((rows[:, 2] >= 0).sum())

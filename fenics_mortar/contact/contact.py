@@ -70,6 +70,7 @@ class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
     Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
+    More than 20 methods, as an ``Interface``; all that computes is in other modules.
 
     Attributes:
         integration: Evaluates the operators.

@@ -38,6 +38,9 @@ class Interface(ABC):
     The state is a value and is replaced by ``put`` only. ``now`` has the fields computed from state
     and operators; frequently used ones are read-only attributes.
 
+    More than 20 methods, most of a line or two: this is all that equations, linear algebra and
+    certificate need of a pair, whatever its law.
+
     Attributes:
         slave, master: The surfaces.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).

@@ -95,6 +95,8 @@ class TiedFields(InterfaceFields):
 class Tie(Interface):
     """One tied pair bound to a displacement space; replicated.
 
+    More than 20 methods, as an ``Interface``.
+
     Attributes:
         D: Slave matrix, rows of multiplier nodes only, (slave nodes, slave nodes) [length].
         M: Master matrix, rows of multiplier nodes only, (slave nodes, master nodes) [length].

@@ -14,7 +14,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class PairView:
-    """Results on a contact or tied pair of a problem, ``problem.contacts[i]``.
+    """Results on a contact or tied pair of a problem, ``problem.contacts[i]``; properties only.
 
     All arrays are equal on all ranks. Nodal arrays follow the slave nodes along the surface, at the
     present multipliers and the last evaluated displacement; after a solve this is the solution. All

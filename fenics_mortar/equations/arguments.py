@@ -14,7 +14,7 @@ from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la.choice import Algorithm
 from fenics_mortar.la.options import Solver
-from fenics_mortar.newton.loop import NewtonOptions
+from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 
 

@@ -25,24 +25,21 @@ from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact
+from fenics_mortar.equations.measures import check_alike, rounding_of
 from fenics_mortar.equations.set_history import SetHistory
 from fenics_mortar.equations.springs import HoldingSprings
 from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.newton.loop import NewtonOptions, Status, Step, forcing
+from fenics_mortar.newton.loop import Status, Step, forcing
+from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
-from fenics_mortar.utils.errors import MortarError, together
-from fenics_mortar.utils.rounding import EPSILON
+from fenics_mortar.utils.errors import together
 from fenics_mortar.verify.crossing import Crossings
-
-# Squared norms of what all ranks know may differ by this part; a spread that is found as the root
-# of a difference of squares has the root of rounding.
-ALIKE = 1e-6
 
 
 class Increment(NamedTuple):
@@ -63,6 +60,8 @@ class Increment(NamedTuple):
 
 class ContactEquations:
     """Bodies, contacts and driven obstacles together; all methods are collective.
+
+    More than 20 methods: the protocols of Newton's method, damping, springs and load paths.
 
     Args:
         bulk: Bulk residual and tangent.
@@ -186,18 +185,12 @@ class ContactEquations:
         sums = self.comm.allreduce(np.array([*mine, rows, rows**2]))
         free2, contact2, reaction2 = sums[:3]
         force2 = max(contact2, reaction2)
-        _check_alike(float(sums[3]), float(sums[4]), force2, self.comm.size)
+        check_alike(float(sums[3]), float(sums[4]), force2, self.comm.size)
         return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
 
     def noise(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
-        num_dofs = self.bulk.r.getSize()
-        bulk = np.sqrt(num_dofs) * self._largest_displacement()
-        noise = self.stiffest * bulk
-        for c in self.contacts:
-            steepest = max(self.stiffest, c.steepness)
-            noise += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
-        return 4.0 * EPSILON * float(noise)
+        return rounding_of(self.bulk, self.contacts, self._largest_displacement(), self.stiffest)
 
     def _largest_displacement(self) -> float:
         return max(self.bulk.largest(self.bulk.u.x.array), self.motions.largest())
@@ -352,24 +345,3 @@ class ContactEquations:
         sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
         motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]
         return float(max(motions, default=0.0))
-
-
-def _check_alike(total: float, squares: float, force2: float, num_ranks: int) -> None:
-    """Refuse contact rows, known on all ranks, that differ between ranks (local).
-
-    Args:
-        total: Sum over the ranks of the squared norm of these rows.
-        squares: Sum of the squares of that norm.
-        force2: Squared force that they are compared with.
-        num_ranks: Number of ranks.
-
-    Raises:
-        MortarError: On all ranks.
-    """
-    mean = total / num_ranks
-    spread = np.sqrt(max(squares / num_ranks - mean**2, 0.0))
-    if spread > ALIKE * max(mean, force2):
-        raise MortarError(
-            "the equations of contact are not the same on all ranks: a law, a distance or "
-            "something set of a contact or obstacle is another one on some of them"
-        )

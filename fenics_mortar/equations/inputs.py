@@ -21,7 +21,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import Law
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.integrals import evaluate_normals
-from fenics_mortar.newton.loop import NewtonOptions
+from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_flag, check_kind, check_lengths, check_number

@@ -15,7 +15,8 @@ from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.damping import Damped
-from fenics_mortar.newton.loop import NewtonReport, once, solve
+from fenics_mortar.newton.loop import solve
+from fenics_mortar.newton.report import NewtonReport, once
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.release import hold_here, release_slowly
 from fenics_mortar.utils.clock import clock

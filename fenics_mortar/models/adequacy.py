@@ -47,7 +47,7 @@ from fenics_mortar.models.model_error import (
     sliding_little,
 )
 from fenics_mortar.models.report import AdequacyReport, Assumption
-from fenics_mortar.newton.loop import NewtonReport
+from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_flag, check_kind, check_number
 from fenics_mortar.utils.arrays import Array

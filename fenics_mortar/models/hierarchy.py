@@ -36,7 +36,7 @@ from fenics_mortar.models.model_error import (
     relative,
     sliding_little,
 )
-from fenics_mortar.newton.loop import NewtonReport
+from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import going_on

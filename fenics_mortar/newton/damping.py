@@ -12,7 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, Protocol
 
-from fenics_mortar.newton.loop import Equations, NewtonOptions, Status, Step
+from fenics_mortar.newton.loop import Equations, Status, Step
+from fenics_mortar.newton.options import NewtonOptions
 
 # Smallest fraction of a step at which the line search halves it again [1].
 SHORTEST = 0.1

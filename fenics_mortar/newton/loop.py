@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from fenics_mortar.utils.arguments import check_flag, check_number
+from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.newton.report import Iteration, NewtonReport, once
 from fenics_mortar.utils.errors import (
     MortarError,
     NotConvergedError,
@@ -24,8 +24,6 @@ UNSETTLED = 12
 # Largest relative residual of a linear solve [1]; from 1e-4 the additional Newton iterations cost
 # more than the linear ones saved (measured).
 LOOSEST = 5e-6
-# Start of a note, and its end if it stands for several.
-ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
 
 
 @dataclass(frozen=True)
@@ -81,149 +79,6 @@ class Equations(Protocol):
 
     def diagnose(self) -> str:
         """Message on defects of the state; "" if none are found (collective)."""
-
-
-@dataclass(frozen=True)
-class NewtonOptions:
-    """Tolerances and limits of Newton's method; all are relative and independent of units.
-
-    Attributes:
-        max_iterations: Largest number of linear systems.
-        residual_tolerance: Residual over the largest force so far [1].
-        increment_tolerance: Largest displacement increment over the largest displacement [1].
-        line_search: Halve steps that raise the residual; see ``damping``.
-        max_motion: Largest motion of a surface in one iteration over its shortest facet [1].
-        tentative: Fail at once instead of trying fallbacks; the caller has another initial guess.
-        max_remaining: Largest residual after the first iteration over the initial one [1]; fail
-            above it.
-
-    Raises:
-        ValueError: If an option has a value that is not allowed.
-    """
-
-    max_iterations: int = 30
-    residual_tolerance: float = 1e-10
-    increment_tolerance: float = 1e-6
-    line_search: bool = False
-    max_motion: float = np.inf
-    tentative: bool = False
-    max_remaining: float = np.inf
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        expected = "a whole number, at least 1"
-        check_number("max_iterations", self.max_iterations, expected, lambda n: n >= 1, whole=True)
-        for what in ("residual_tolerance", "increment_tolerance"):
-            value = getattr(self, what)
-            check_number(what, value, "a positive number", lambda number: 0.0 < number < np.inf)
-        expected = "a positive number"
-        check_number("max_remaining", self.max_remaining, expected, lambda number: number > 0.0)
-        expected = "a positive number of facets"
-        check_number("max_motion", self.max_motion, expected, lambda number: number > 0.0)
-        for what in ("line_search", "tentative"):
-            check_flag(what, getattr(self, what))
-
-    @property
-    def damped(self) -> bool:
-        """Whether steps are damped by ``line_search`` or ``max_motion``."""
-        return self.line_search or bool(np.isfinite(self.max_motion))
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """Measures of one Newton iteration, equal on all ranks (seconds: those of the slowest)."""
-
-    residual: float
-    gap: float
-    increment: float
-    fraction: float
-    num_active: int
-    num_changed: int
-    seconds: dict[str, float]
-
-
-@dataclass
-class NewtonReport:
-    """Record of one solve, complete on success and on failure; prints as a Markdown table.
-
-    Attributes:
-        iterations: One row per iteration; row 0 is the state before the first linear system.
-        notes: Messages on all deviations from plain Newton steps.
-        certificate: Measured defects of a converged state, a ``Certificate``.
-        adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
-        force: Reference force of the residuals [stress length].
-        converged: Whether the solve converged.
-        reason: Outcome in words.
-    """
-
-    iterations: list[Iteration] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    certificate: Any = None
-    adequacy: Any = None
-    force: float = 0.0
-    converged: bool = False
-    reason: str = "not started"
-
-    @property
-    def num_iterations(self) -> int:
-        """Linear systems solved."""
-        return max(len(self.iterations) - 1, 0)
-
-    @property
-    def residuals(self) -> list[float]:
-        """Residuals of all rows [force]."""
-        return [iteration.residual for iteration in self.iterations]
-
-    def followed_by(self, other: NewtonReport) -> NewtonReport:
-        """The record of two solves in a row, with the outcome of the second."""
-        return replace(
-            other,
-            iterations=self.iterations + other.iterations[1:],
-            notes=once([*self.notes, *other.notes]),
-        )
-
-    def total_seconds(self) -> dict[str, float]:
-        """Seconds of all iterations, by phase."""
-        phases = {name: 0.0 for it in self.iterations for name in it.seconds}
-        return {name: sum(it.seconds.get(name, 0.0) for it in self.iterations) for name in phases}
-
-    def table(self) -> str:
-        """Markdown table, one row per iteration, and a line with the outcome."""
-        phases = list(self.total_seconds())
-        titles = ["it", "residual", "gap", "increment", "active", "changed"]
-        lines = ["| " + " | ".join(titles + [f"{name} [s]" for name in phases]) + " |"]
-        lines.append("|" + "---:|" * (len(titles) + len(phases)))
-        for number, it in enumerate(self.iterations):
-            cells = [str(number), f"{it.residual:.2e}", f"{it.gap:.1e}"]
-            cells.append("–" if number == 0 else f"{it.increment:.1e}" + _shortened(it.fraction))
-            cells += [str(it.num_active), str(it.num_changed)]
-            cells += [f"{it.seconds.get(name, 0.0):.4f}" for name in phases]
-            lines.append("| " + " | ".join(cells) + " |")
-        sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
-        lines.append("| " + " | ".join(["sum", *[""] * (len(titles) - 1), *sums]) + " |")
-        lines += ["", *self.notes] if self.notes else []
-        lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
-        return "\n".join(lines)
-
-    def __str__(self) -> str:
-        """The table."""
-        return self.table()
-
-
-def once(notes: Sequence[str]) -> list[str]:
-    """Merge notes that differ in the iteration only; their number is appended."""
-    first, counts = dict[str, str](), dict[str, int]()
-    for note in notes:
-        text, times = ITERATION.sub("", note), 1
-        repeated = TIMES.search(text)
-        if repeated:
-            text, times = text[: repeated.start()], int(repeated[1])
-        first.setdefault(text, TIMES.sub("", note))
-        counts[text] = counts.get(text, 0) + times
-    return [
-        note if counts[text] == 1 else f"{note} ({counts[text]} times)"
-        for text, note in first.items()
-    ]
 
 
 def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
@@ -296,14 +151,6 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
     raise _failure(equations, report, reason)
 
 
-def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
-    """The record followed by that of one more solve; an error has the joint record as well."""
-    try:
-        return report.followed_by(solve())
-    except NotConvergedError as error:
-        raise NotConvergedError(str(error), report.followed_by(error.report)) from None
-
-
 def _is_near(residuals: Sequence[float], max_remaining: float) -> bool:
     """Whether the first iteration reduced the residual enough."""
     return np.isinf(max_remaining) or residuals[1] <= max_remaining * residuals[0]
@@ -347,11 +194,6 @@ def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConv
     """Complete the record and return the error to raise (collective)."""
     report.reason = "; ".join(filter(None, (reason, equations.diagnose())))
     return NotConvergedError(report.reason, report)
-
-
-def _shortened(fraction: float) -> str:
-    """Mark of a damped step in the table."""
-    return "" if fraction == 1.0 else f" × {fraction:.2g}"
 
 
 def _is_solved(status: Status, step: Step, force: float, options: NewtonOptions) -> bool:

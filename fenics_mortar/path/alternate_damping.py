@@ -8,7 +8,8 @@ from functools import partial
 from typing import Any
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.newton.loop import NewtonOptions, NewtonReport, after
+from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.newton.report import NewtonReport, after
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.errors import NotConvergedError
 

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.state import State
-from fenics_mortar.newton.loop import NewtonReport, after
+from fenics_mortar.newton.report import NewtonReport, after
 from fenics_mortar.path.moving_frame import MovingFrame
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array

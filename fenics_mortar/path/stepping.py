@@ -13,7 +13,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import MIN_FRACTION
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.undo import Before
-from fenics_mortar.newton.loop import NewtonReport
+from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
 from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends
 from fenics_mortar.path.options import SteppingOptions

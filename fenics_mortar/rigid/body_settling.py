@@ -15,7 +15,7 @@ import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.newton.loop import NewtonReport
+from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.holding import Touching, unresisted_motion
 from fenics_mortar.rigid.moves import closest_move

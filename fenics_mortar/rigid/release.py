@@ -19,7 +19,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
-from fenics_mortar.newton.loop import Equations, NewtonOptions, NewtonReport, after, solve
+from fenics_mortar.newton.loop import Equations, solve
+from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.newton.report import NewtonReport, after
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
 

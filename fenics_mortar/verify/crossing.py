@@ -36,14 +36,8 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.outline import Outline, extract_outline
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.crossing import (
-    ALL,
-    OTHERS,
-    OWN,
-    find_crossings,
-    find_events,
-    find_passages,
-)
+from fenics_mortar.kernels.crossing import find_crossings
+from fenics_mortar.kernels.passage import ALL, OTHERS, OWN, find_events, find_passages
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import call_together, place

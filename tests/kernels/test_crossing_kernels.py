@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from fenics_mortar.kernels import crossing
+from fenics_mortar.kernels import crossing, passage, plane
 
 
 def outline(*loops):
@@ -49,10 +49,10 @@ def passages(start, end):
     """Rows for loops that go from ``start`` to ``end`` in one step on straight lines."""
     x0, segments, after, before, bodies = outline(*start)
     x1 = outline(*end)[0]
-    events = crossing.find_events(x0, x1, segments, bodies, bodies, crossing.OTHERS)
+    events = passage.find_events(x0, x1, segments, bodies, bodies, passage.OTHERS)
     order = np.lexsort((events[:, 2], bodies[events[:, 1].astype(int)], events[:, 0]))
     lengths = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T)
-    return crossing.find_passages(x0, x1, segments, after, before, lengths, bodies, events[order])
+    return passage.find_passages(x0, x1, segments, after, before, lengths, bodies, events[order])
 
 
 def exactly_cross(a, b, c, d):
@@ -99,7 +99,7 @@ def test_events_are_those_that_fine_steps_see(seed):
     ]
     x0, segments, _, _, bodies = outline(*start)
     x1 = outline(*end)[0]
-    found = crossing.find_events(x0, x1, segments, bodies, bodies, crossing.OTHERS)
+    found = passage.find_events(x0, x1, segments, bodies, bodies, passage.OTHERS)
     t = np.linspace(0.0, 1.0, 20001)[:, None]
     expected = []
     for p in range(len(x0)):
@@ -246,9 +246,9 @@ def test_segments_in_a_line_but_for_rounding_do_not_cross():
     """The tops of two blocks that stick to each other, at their corner."""
     x = np.array([(4e-17, 0.0), (-1 / 3, -1.1e-16), (0.25, -2.2e-16), (4e-19, 0.0)])
     one, other = np.array([0, 1]), np.array([2, 3])
-    assert not crossing.cross_properly(x, one, other)
+    assert not plane.cross_properly(x, one, other)
     x[2:] += [(0.0, 0.1), (-0.3, -0.1)]
-    assert crossing.cross_properly(x, one, other)
+    assert plane.cross_properly(x, one, other)
 
 
 def test_place_on_a_segment_is_that_of_the_foot_of_the_perpendicular():
@@ -257,4 +257,4 @@ def test_place_on_a_segment_is_that_of_the_foot_of_the_perpendicular():
     for place, expected in ((-0.5, 0.0), (0.25, 0.25), (0.9, 0.9), (1.5, 1.0)):
         for side in (-2.0, 0.3):
             p = x[0] + place * along + side * across
-            assert crossing.place_on(x, np.array([0, 1]), p) == pytest.approx(expected, abs=1e-14)
+            assert passage.place_on(x, np.array([0, 1]), p) == pytest.approx(expected, abs=1e-14)

@@ -23,7 +23,7 @@ import numpy as np
 from demos.studies.stability.families import scene_of
 from demos.studies.stability.methods import ALL_METHODS, Method
 from demos.studies.stability.model import Posed, Scene, fm, pose_problem
-from fenics_mortar.newton.loop import NewtonReport
+from fenics_mortar.newton.report import NewtonReport
 
 # Linear systems after which a contrast method is given up: so many, and more for each of the
 # scene's steps. Those that get through need less.

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: MIT
+"""Paths of nodes through segments in a step; for symbols see ``crossing``.
+
+With nodes on straight lines, a point p is on the line of a segment a b at the roots of
+
+    c(t) = (b - a) x (p - a) = c0 + c1 t + c2 t^2,
+
+and on the segment if its coordinate s is in [0, 1]. The body is on the side c > 0: p enters where c
+increases, and leaves where it decreases.
+"""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+from fenics_mortar.kernels.plane import cross, grown, nearest_on_piece
+from fenics_mortar.kernels.tree import build_tree, query_tree
+
+# Tolerance of s in [0, 1] for rounding: no hole between neighbouring segments.
+BEYOND = 1e-12
+# Cosine between outward normals at entry and exit [1] below which a path passes through a body: 100
+# degrees, so that a path round the corner of a block does not.
+OPPOSITE = -0.17
+# Segments to check for a node: of other bodies, of its own, of all
+OTHERS, OWN, ALL = 0, 1, 2
+
+
+@kernel
+def roots_in_step(c0, c1, c2):
+    """Roots of c0 + c1 t + c2 t^2 in [0, 1], nan for none: (t, t)."""
+    square = c1 * c1 - 4.0 * c2 * c0
+    if not square >= 0.0:
+        return np.nan, np.nan
+    q = -0.5 * (c1 + (np.sqrt(square) if c1 >= 0.0 else -np.sqrt(square)))
+    first = q / c2 if c2 != 0.0 else np.nan
+    second = c0 / q if q != 0.0 else np.nan
+    first = first if 0.0 <= first <= 1.0 else np.nan
+    second = second if 0.0 <= second <= 1.0 else np.nan
+    return first, second
+
+
+@kernel
+def find_events(x0, x1, segments, bodies, node_bodies, which):
+    """Find intersections of nodes and segments that move from x0 to x1.
+
+    ``which``: segments of OTHERS, of the node's OWN body, or ALL, without those that end at it.
+    Returns rows (node, segment, t, 1 for entry or -1 for exit, outward normal, coordinate).
+    """
+    size = x0.shape[0]
+    both = np.concatenate((x0, x1))
+    boxes = build_tree(both, np.concatenate((segments, segments + size), axis=1))
+    stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
+    box = np.empty(4)
+    rows, count = np.empty((64, 7)), 0
+    for p in range(size):
+        for d in range(2):
+            box[d], box[2 + d] = min(x0[p, d], x1[p, d]), max(x0[p, d], x1[p, d])
+        found = query_tree(boxes, box, None, stack, hits)
+        for e in hits[:found]:
+            a, b = segments[e]
+            if which != ALL and (bodies[e] == node_bodies[p]) != (which == OWN):
+                continue
+            if p == a or p == b:
+                continue
+            ex, ey = x0[b, 0] - x0[a, 0], x0[b, 1] - x0[a, 1]
+            gx, gy = x1[b, 0] - x1[a, 0] - ex, x1[b, 1] - x1[a, 1] - ey
+            qx, qy = x0[p, 0] - x0[a, 0], x0[p, 1] - x0[a, 1]
+            rx, ry = x1[p, 0] - x1[a, 0] - qx, x1[p, 1] - x1[a, 1] - qy
+            c0, c2 = cross(ex, ey, qx, qy), cross(gx, gy, rx, ry)
+            c1 = cross(ex, ey, rx, ry) + cross(gx, gy, qx, qy)
+            for t in roots_in_step(c0, c1, c2):
+                tx, ty = ex + t * gx, ey + t * gy
+                square, slope = tx * tx + ty * ty, c1 + 2.0 * c2 * t
+                s = ((qx + t * rx) * tx + (qy + t * ry) * ty) / square
+                if not (-BEYOND <= s <= 1.0 + BEYOND) or slope == 0.0:
+                    continue
+                rows = grown(rows, count)
+                length = np.sqrt(square)
+                rows[count] = float(p), float(e), t, np.sign(slope), ty / length, -tx / length, s
+                count += 1
+    return rows[:count].copy()
+
+
+@kernel
+def nearest_segment(x, segments, bodies, body, p, node):
+    """Squared distance and nearest segment of a body to p, without those at ``node``."""
+    best, nearest = np.inf, -1
+    for e in range(segments.shape[0]):
+        if bodies[e] != body or segments[e, 0] == node or segments[e, 1] == node:
+            continue
+        distance, _ = nearest_on_piece(p, x[segments[e, 0]], x[segments[e, 1]])
+        if distance < best:
+            best, nearest = distance, e
+    return best, nearest
+
+
+@kernel
+def normal_of(x, segment):
+    """Outward unit normal of a segment: (nx, ny)."""
+    tx, ty = x[segment[1], 0] - x[segment[0], 0], x[segment[1], 1] - x[segment[0], 1]
+    length = np.sqrt(tx * tx + ty * ty)
+    return ty / length, -tx / length
+
+
+@kernel
+def is_beside(x, segments, links, places, max_distance):
+    """Whether the outline between two points, in either direction, is close to their chord.
+
+    ``places``: two segments and coordinates on them, 0 to 1. All nodes in between must be within
+    ``max_distance`` of the chord: a path along it slid along the surface, or round a tip.
+    """
+    e, f, s_e, s_f = places
+    if e == f:
+        return True
+    chord = np.empty((2, 2))
+    for d in range(2):
+        chord[0, d] = x[segments[e, 0], d] + s_e * (x[segments[e, 1], d] - x[segments[e, 0], d])
+        chord[1, d] = x[segments[f, 0], d] + s_f * (x[segments[f, 1], d] - x[segments[f, 0], d])
+    for next_, end in ((links[0], 1), (links[1], 0)):
+        g = e
+        while True:
+            square, _ = nearest_on_piece(x[segments[g, end]], chord[0], chord[1])
+            g = next_[g]
+            if not square <= max_distance * max_distance or g < 0 or g == e:
+                break
+            if g == f:
+                return True
+    return False
+
+
+@kernel
+def place_on(x, segment, p):
+    """Coordinate of the projection of p on a segment, 0 to 1."""
+    ax, ay = x[segment[0]]
+    dx, dy = x[segment[1], 0] - ax, x[segment[1], 1] - ay
+    s = ((p[0] - ax) * dx + (p[1] - ay) * dy) / (dx * dx + dy * dy)
+    return min(max(s, 0.0), 1.0)
+
+
+@kernel
+def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
+    """Find paths that pass through a body or end inside one.
+
+    ``events``: rows of ``find_events``, sorted by node, body of the segment and time; x0, x1:
+    positions at start and end. Returns rows (node, segment of entry, segment of exit, distance of
+    the node from the first). For a path that ends inside, the exit is -1 and the first segment is
+    the nearest one.
+    """
+    rows, count = np.empty((16, 4)), 0
+    i = 0
+    while i < events.shape[0]:
+        p, body = int(events[i, 0]), bodies[int(events[i, 1])]
+        entry, nx, ny, s, fresh = -1, 0.0, 0.0, 0.0, True
+        while i < events.shape[0] and events[i, 0] == p and bodies[int(events[i, 1])] == body:
+            e = int(events[i, 1])
+            if events[i, 3] > 0.0:
+                if entry < 0:
+                    entry, nx, ny, s = e, events[i, 4], events[i, 5], events[i, 6]
+            else:
+                if entry < 0 and fresh:  # starts inside: in contact, or overlapping
+                    _, entry = nearest_segment(x0, segments, bodies, body, x0[p], p)
+                    if entry >= 0:
+                        nx, ny = normal_of(x0, segments[entry])
+                        s = place_on(x0, segments[entry], x0[p])
+                if entry >= 0:
+                    mx, my = normal_of(x1, segments[entry])
+                    kx, ky = normal_of(x1, segments[e])
+                    opposed = nx * events[i, 4] + ny * events[i, 5] < OPPOSITE
+                    opposed = opposed and mx * kx + my * ky < OPPOSITE
+                    facet = max(lengths[entry], lengths[e])
+                    places = (entry, e, s, events[i, 6])
+                    if opposed and not is_beside(x1, segments, (after, before), places, facet):
+                        a, b = x1[segments[entry, 0]], x1[segments[entry, 1]]
+                        square, _ = nearest_on_piece(x1[p], a, b)
+                        rows = grown(rows, count)
+                        rows[count] = float(p), float(entry), float(e), np.sqrt(square)
+                        count += 1
+                entry = -1
+            fresh = False
+            i += 1
+        if entry >= 0:
+            square, nearest = nearest_segment(x1, segments, bodies, body, x1[p], p)
+            rows = grown(rows, count)
+            rows[count] = float(p), float(nearest), -1.0, np.sqrt(square)
+            count += 1
+    return rows[:count].copy()

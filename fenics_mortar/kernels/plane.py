@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: MIT
+"""Points and segments of the plane: products, sides, crossings."""
+
+import numpy as np
+
+from fenics_mortar.kernels import kernel
+
+# Distance [facets] up to which two outlines meet, or segments are collinear: rounding.
+MET = 1e-9
+
+
+@kernel
+def cross(ax, ay, bx, by):
+    """The z component of the product of two plane vectors."""
+    return ax * by - ay * bx
+
+
+@kernel
+def side(a, b, p):
+    """Twice the area of the triangle a, b, p: positive if p is on the left of a b."""
+    return cross(b[0] - a[0], b[1] - a[1], p[0] - a[0], p[1] - a[1])
+
+
+@kernel
+def distance_of(a, b):
+    """Distance of two points."""
+    return np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
+
+
+@kernel
+def share_node(e, f):
+    """Whether two segments share a node."""
+    return e[0] == f[0] or e[0] == f[1] or e[1] == f[0] or e[1] == f[1]
+
+
+@kernel
+def cross_properly(x, e, f):
+    """Whether two segments cross at inner points of both and are not collinear."""
+    a, b, c, d = x[e[0]], x[e[1]], x[f[0]], x[f[1]]
+    of_c, of_d = side(a, b, c), side(a, b, d)
+    if not of_c * of_d < 0.0:
+        return False
+    of_a, of_b = side(c, d, a), side(c, d, b)
+    if not of_a * of_b < 0.0:
+        return False
+    one, two = distance_of(a, b), distance_of(c, d)
+    rounding = MET * max(one, two)
+    return max(abs(of_c), abs(of_d)) > rounding * one and max(abs(of_a), abs(of_b)) > rounding * two
+
+
+@kernel
+def crossing_point(x, e, f):
+    """Crossing point of two segments, shape (2,)."""
+    a, b, c, d = x[e[0]], x[e[1]], x[f[0]], x[f[1]]
+    to_a, to_b = side(c, d, a), side(c, d, b)
+    return a + to_a / (to_a - to_b) * (b - a)
+
+
+@kernel
+def is_at_end(x, e, P, rounding):
+    """Whether P is an end of a segment up to the length ``rounding``."""
+    return min(distance_of(x[e[0]], P), distance_of(x[e[1]], P)) <= rounding
+
+
+@kernel
+def grown(rows, count):
+    """``rows`` with room for row ``count``."""
+    if count < rows.shape[0]:
+        return rows
+    longer = np.empty((2 * count, rows.shape[1]))
+    longer[:count] = rows
+    return longer
+
+
+@kernel
+def nearest_on_piece(p, a, b):
+    """Squared distance of p from the segment from a to b, and the nearest coordinate, 0 to 1."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    square = dx * dx + dy * dy
+    px, py = p[0] - a[0], p[1] - a[1]
+    s = min(max((px * dx + py * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    px, py = px - s * dx, py - s * dy
+    return px * px + py * py, s

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: MIT
+"""The report of a solve: one row for each Newton iteration, notes, and the outcome."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from fenics_mortar.utils.errors import NotConvergedError
+
+# Start of a note, and its end if it stands for several.
+ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """Measures of one Newton iteration, equal on all ranks (seconds: those of the slowest)."""
+
+    residual: float
+    gap: float
+    increment: float
+    fraction: float
+    num_active: int
+    num_changed: int
+    seconds: dict[str, float]
+
+
+@dataclass
+class NewtonReport:
+    """Record of one solve, complete on success and on failure; prints as a Markdown table.
+
+    Attributes:
+        iterations: One row per iteration; row 0 is the state before the first linear system.
+        notes: Messages on all deviations from plain Newton steps.
+        certificate: Measured defects of a converged state, a ``Certificate``.
+        adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
+        force: Reference force of the residuals [stress length].
+        converged: Whether the solve converged.
+        reason: Outcome in words.
+    """
+
+    iterations: list[Iteration] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    certificate: Any = None
+    adequacy: Any = None
+    force: float = 0.0
+    converged: bool = False
+    reason: str = "not started"
+
+    @property
+    def num_iterations(self) -> int:
+        """Linear systems solved."""
+        return max(len(self.iterations) - 1, 0)
+
+    @property
+    def residuals(self) -> list[float]:
+        """Residuals of all rows [force]."""
+        return [iteration.residual for iteration in self.iterations]
+
+    def followed_by(self, other: NewtonReport) -> NewtonReport:
+        """The record of two solves in a row, with the outcome of the second."""
+        return replace(
+            other,
+            iterations=self.iterations + other.iterations[1:],
+            notes=once([*self.notes, *other.notes]),
+        )
+
+    def total_seconds(self) -> dict[str, float]:
+        """Seconds of all iterations, by phase."""
+        phases = {name: 0.0 for it in self.iterations for name in it.seconds}
+        return {name: sum(it.seconds.get(name, 0.0) for it in self.iterations) for name in phases}
+
+    def table(self) -> str:
+        """Markdown table, one row per iteration, and a line with the outcome."""
+        phases = list(self.total_seconds())
+        titles = ["it", "residual", "gap", "increment", "active", "changed"]
+        lines = ["| " + " | ".join(titles + [f"{name} [s]" for name in phases]) + " |"]
+        lines.append("|" + "---:|" * (len(titles) + len(phases)))
+        for number, it in enumerate(self.iterations):
+            cells = [str(number), f"{it.residual:.2e}", f"{it.gap:.1e}"]
+            cells.append("–" if number == 0 else f"{it.increment:.1e}" + _shortened(it.fraction))
+            cells += [str(it.num_active), str(it.num_changed)]
+            cells += [f"{it.seconds.get(name, 0.0):.4f}" for name in phases]
+            lines.append("| " + " | ".join(cells) + " |")
+        sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
+        lines.append("| " + " | ".join(["sum", *[""] * (len(titles) - 1), *sums]) + " |")
+        lines += ["", *self.notes] if self.notes else []
+        lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        """The table."""
+        return self.table()
+
+
+def once(notes: Sequence[str]) -> list[str]:
+    """Merge notes that differ in the iteration only; their number is appended."""
+    first, counts = dict[str, str](), dict[str, int]()
+    for note in notes:
+        text, times = ITERATION.sub("", note), 1
+        repeated = TIMES.search(text)
+        if repeated:
+            text, times = text[: repeated.start()], int(repeated[1])
+        first.setdefault(text, TIMES.sub("", note))
+        counts[text] = counts.get(text, 0) + times
+    return [
+        note if counts[text] == 1 else f"{note} ({counts[text]} times)"
+        for text, note in first.items()
+    ]
+
+
+def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
+    """The record followed by that of one more solve; an error has the joint record as well."""
+    try:
+        return report.followed_by(solve())
+    except NotConvergedError as error:
+        raise NotConvergedError(str(error), report.followed_by(error.report)) from None
+
+
+def _shortened(fraction: float) -> str:
+    """Mark of a damped step in the table."""
+    return "" if fraction == 1.0 else f" × {fraction:.2g}"
