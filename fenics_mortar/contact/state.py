@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from fenics_mortar.contact.laws import Branches
 from fenics_mortar.utils.arrays import Array, Flags, freeze
+
+# Parts of a state that follow from the others at the end of a solve: files have none of them.
+DERIVED = {"derived": True}
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +42,18 @@ class InterfaceState:
     active: Flags
     branch: Branches
     multiplier_nodes: Flags
-    redundant: Flags
-    partners: Any = None
-    accepted: Any = None
+    redundant: Flags = field(metadata=DERIVED)
+    partners: Any = field(default=None, metadata=DERIVED)
+    accepted: Any = field(default=None, metadata=DERIVED)
     c_n: float = 1.0
     offset: Any = 0.0
-    reference: Any = None
-    borne: tuple[Flags, Array] | None = None
+    reference: Any = field(default=None, metadata=DERIVED)
+    borne: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
 
     def __post_init__(self) -> None:
         """Take copies of arrays that can be written to."""
         freeze(self)
+
+
+# Names of the parts that determine all others.
+INDEPENDENT = tuple(part.name for part in fields(InterfaceState) if not part.metadata)

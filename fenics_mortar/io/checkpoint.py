@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError, place
@@ -32,7 +33,7 @@ from fenics_mortar.utils.rounding import ROUNDING
 
 Arrays = dict[str, npt.NDArray[Any]]
 # Attributes of a contact in the file.
-KEPT = ("z", "active", "multiplier_nodes", "branch", "c_n", "offset", "reference_place")
+KEPT = (*INDEPENDENT, "reference_place")
 # Arrays that have to be finite.
 FINITE = ("u", "x", "places", "z", "c_n", "offset")
 
@@ -82,11 +83,10 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
         name: [data[f"{name}{i}"] for i in range(len(problem.equations.contacts))] for name in KEPT
     }
     for i, contact in enumerate(problem.equations.contacts):
-        contact.change(c_n=float(kept["c_n"][i]), offset=kept["offset"][i])
         if isinstance(contact, Contact):
             contact.refer_to(kept["reference_place"][i], kept["multiplier_nodes"][i])
-        sets = {name: kept[name][i] for name in ("z", "active", "multiplier_nodes", "branch")}
-        contact.change(**sets)
+        values = {name: kept[name][i] for name in INDEPENDENT}
+        contact.change(**{name: value[()] for name, value in values.items()})  # numbers as such
     here = problem.state()
     problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
     problem.accept()
