@@ -441,7 +441,7 @@ def test_input_that_differs_on_one_rank_is_refused_by_all(what):
         if what == "a prescribed displacement":
             scene.loads["push"].value[1] = -0.01 * wrong
         elif wrong:
-            contact.offset[1] = 0.01 if what == "offset of" else np.nan
+            contact.change(offset=np.full(5, 0.01 if what == "offset of" else np.nan))
     last = COMM.size - 1
     with refused(fm.MortarError, what.removeprefix("nan in "), f"on rank 0 and .* on rank {last}"):
         problem.solve()
