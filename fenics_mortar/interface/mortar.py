@@ -71,6 +71,8 @@ LINEARIZATIONS = {
 class MortarOperators:
     """D, M, weighted gap and normals at given positions, with their derivatives.
 
+    More than 20 methods: one for each quantity and one for its derivative.
+
     Attributes:
         slave, master: The two surfaces.
         x, m: Current positions of their nodes, shapes (slave nodes, 2), (master nodes, 2).

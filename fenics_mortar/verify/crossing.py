@@ -87,6 +87,8 @@ class Standing:
 class Crossings:
     """Finds crossings and passages; all methods are collective.
 
+    More than 20 methods: crossings of a state and passages of a step share the outlines.
+
     Args:
         bulk: The bulk equations.
         contacts: All pairs.
