@@ -89,10 +89,11 @@ def test_pip_installs_the_package_beside_debians_dolfinx(tmp_path):
     installed = run(*pip, source, cwd=tmp_path)
     assert installed.returncode == 0, installed.stdout + installed.stderr
 
-    code = "import fenics_mortar as fm; print(fm.__version__, fm.__file__)"
+    code = "import fenics_mortar as fm; print('found', fm.__version__, fm.__file__)"
     imported = run(venv / "bin/python", "-c", code, cwd=tmp_path)
     assert imported.returncode == 0, imported.stderr
-    version, file = imported.stdout.split()
+    # MPI may print warnings of its own.
+    version, file = re.search(r"^found (\S+) (\S+)$", imported.stdout, re.M).groups()
     shown = run(venv / "bin/python", "-m", "pip", "show", "fenics_mortar", cwd=tmp_path).stdout
     assert f"Version: {version}\n" in shown
     folder = Path(file).parent
