@@ -111,10 +111,16 @@ class LinearizedContact:
 
     @property
     def can_say(self) -> bool:
-        """Whether nodes are few, and laws piecewise linear as Coulomb's."""
+        """Whether nodes are few, and laws piecewise linear as Coulomb's, with friction somewhere.
+
+        Without friction a round body on facets may have no equilibrium near by, and sets of the
+        linearized problem let it roll on.
+        """
         if sum(int(_may_touch(contact).sum()) for contact in self._contacts) > MOST_NODES:
             return False
         laws = [contact.pair.law for contact in self._contacts]
+        if not any(law.has_friction for law in laws):
+            return False
         pressure = self._typical_pressure()
         return all(
             isinstance(law, Coulomb | Frictionless) and not law.has_adhesion for law in laws

@@ -33,6 +33,9 @@ class Limits:
         of_friction: With friction, remark on forces misdirected at corners from this fraction of
             the friction on. Measured on wedges of 90 to 150 degrees: where the error of the ratio
             of shear and normal force is 5 %, the estimate is 3.5 to 6 %.
+        excess_shear: A sticking corner of the slave violates the friction law if the shear along a
+            flat master exceeds the friction limit by this fraction: above the error of the
+            estimate, which is a few per cent of the limit.
         corner: Turn of the facets at a node above which it is a corner, not a curve [radian].
         around_corner: Facets beside a corner that define the direction of the opposite surface.
         end_pressure: Remark where the pressure beside clamped slave nodes is this multiple of that
@@ -51,6 +54,7 @@ class Limits:
     coarse_distance: float = 0.05
     oblique: float = 0.1
     of_friction: float = 0.04
+    excess_shear: float = 0.1
     corner: float = 0.3
     around_corner: int = 3
     end_pressure: float = 2.0

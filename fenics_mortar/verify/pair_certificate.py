@@ -110,7 +110,7 @@ class PairCertificate:
             )
         if not self.distance <= penetration:
             yield f"{self.pair}: a force acts, but the sides are {self.distance:.2f} facets apart"
-        if not self.excess_shear <= LIMITS.of_friction:
+        if not self.excess_shear <= LIMITS.excess_shear:
             slave, _, master = self.pair.partition(" - ")
             yield (
                 f"{self.pair}: a corner of the slave sticks at {self.excess_shear_at}, but the "
