@@ -563,7 +563,7 @@ def test_multipliers_of_another_kind_are_refused(value):
 def test_state_of_another_problem_is_refused_and_nothing_changes():
     scene, other = small_blocks(), small_blocks(degree=2)
     before = scene.u.x.array.copy()
-    with refused(fm.MortarError, "the state is one of another problem"):
+    with refused(fm.MortarError, "the state belongs to another problem"):
         scene.problem.restore(other.problem.state())
     with refused(ValueError, r"state=None: expected what state\(\) of the same problem returned"):
         scene.problem.restore(None)
@@ -1047,8 +1047,8 @@ def test_argument_of_a_wrong_kind_is_refused_in_words(call, words):
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({"petsc_options": {3: 1}}, "petsc_options with 3: right is e.g. 'ksp_rtol'"),
-        ({"petsc_options": {"-ksp_rtol": 1}}, "petsc_options with '-ksp_rtol': right is"),
+        ({"petsc_options": {3: 1}}, "petsc_options with 3: expected a name such as 'ksp_rtol'"),
+        ({"petsc_options": {"-ksp_rtol": 1}}, "petsc_options with '-ksp_rtol': expected a name"),
         ({"displacement": "u"}, "displacement='u': expected the number of a sub-space"),
         ({"displacement": 3}, "displacement=3: the function u is not mixed"),
         ({"adequacy": fm.AdequacyCheck}, "adequacy=.*: expected an instance of AdequacyCheck"),

@@ -24,11 +24,11 @@ def check_arguments(residual: Any, u: Any, pairs: Any, bcs: Any, jacobian: Any) 
     if not isinstance(pairs, Sequence) or not all(
         isinstance(p, (ContactPair, TiedPair)) for p in pairs
     ):
-        raise ValueError(f"pairs={pairs!r}: right is a list of ContactPair and TiedPair")
+        raise ValueError(f"pairs={pairs!r}: expected a list of ContactPair and TiedPair")
     if not isinstance(bcs, Sequence):
-        raise ValueError(f"bcs is a {type(bcs).__name__}: right is a list of Dirichlet conditions")
+        raise ValueError(f"bcs is a {type(bcs).__name__}: expected a list of Dirichlet conditions")
     if not all(hasattr(bc, "function_space") for bc in bcs):
-        raise ValueError(f"bcs={bcs!r}: right is a list of Dirichlet conditions")
+        raise ValueError(f"bcs={bcs!r}: expected a list of Dirichlet conditions")
     for pair in pairs:
         pair.check()
     check_residual("residual", residual, u)
@@ -50,21 +50,21 @@ def check_options(
 ) -> None:
     """Refuse options of a wrong kind (local)."""
     check_kind("petsc_options_prefix", petsc_options_prefix, str, "a text, as 'blocks_'")
-    for name, value, kind, right in (
+    for name, value, kind, expected in (
         ("petsc_options", petsc_options, dict, "a dictionary, or None"),
         ("newton", newton, NewtonOptions, "an instance of NewtonOptions, or None"),
         ("linear_bulk", linear_bulk, bool, "True, False or None"),
     ):
         if value is not None:
-            check_kind(name, value, kind, right)
+            check_kind(name, value, kind, expected)
     for name in petsc_options or {}:
         if not isinstance(name, str) or name.startswith("-"):
-            raise ValueError(f"petsc_options with {name!r}: right is e.g. 'ksp_rtol'")
+            raise ValueError(f"petsc_options with {name!r}: expected a name such as 'ksp_rtol'")
     check_choice("linearization", linearization, LINEARIZATIONS)
     check_choice("solver", solver, get_args(Solver))
     if algorithm is not None:
         check_choice("algorithm", algorithm, get_args(Algorithm))
-    right = "the number of a sub-space"
-    check_number("displacement", displacement, right, lambda part: part >= 0, whole=True)
+    expected = "the number of a sub-space"
+    check_number("displacement", displacement, expected, lambda part: part >= 0, whole=True)
     if adequacy is not None and (isinstance(adequacy, type) or not hasattr(adequacy, "prepare")):
         raise ValueError(f"adequacy={adequacy!r}: expected an instance of AdequacyCheck, or None")

@@ -12,8 +12,8 @@ The compliance of a floating body is that of the elastic body on springs, with t
 rigid motions exchanged for weaker ones: a body by itself may be unstable under its loads, as a
 pendulum upside down, and on weak springs its stiffness would not be positive definite.
 
-It takes a linear solve for each component of a multiplier, so that this is done only where bodies
-float and sets do not settle by themselves.
+It takes a linear solve for each component of a multiplier of a node that may touch, so that this is
+done only where bodies float and sets do not settle by themselves.
 """
 
 from __future__ import annotations
@@ -116,7 +116,9 @@ class LinearizedContact:
         Without friction a round body on facets may have no equilibrium near by, and sets of the
         linearized problem let it roll on.
         """
-        if sum(int(_may_touch(contact).sum()) for contact in self._contacts) > MOST_NODES:
+        touching = [_may_touch(contact) for contact in self._contacts]
+        tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
+        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MOST_NODES:
             return False
         laws = [contact.pair.law for contact in self._contacts]
         if not any(law.has_friction for law in laws):
@@ -200,9 +202,11 @@ class LinearizedContact:
 
     def _problem_of(self, nodes: Sequence[Indices]) -> FrictionProblem:
         """The problem of some nodes, active and sticking at present."""
-        V, y = self._gaps()
         E, ties = self._directions(nodes), self._tied()
         A = np.concatenate([E, ties])
+        used = np.flatnonzero(A.any(axis=0))
+        V, y = self._gaps(used)
+        A = A[:, used]
         V, y = A @ V @ A.T, A @ y
         if len(ties):
             c, t = slice(0, len(E)), slice(len(E), None)
@@ -224,8 +228,12 @@ class LinearizedContact:
         soft = min(float(contact.stiffness.min()) for contact in self._contacts)
         return max(float(borne.mean()) if borne.size else 0.0, SPRING * RIGID.weakest_spring * soft)
 
-    def _gaps(self) -> tuple[Array, Array]:
-        """Rows of all multipliers, y + V zeta, on all ranks: compliance, and those without any."""
+    def _gaps(self, used: Indices) -> tuple[Array, Array]:
+        """Rows y + V zeta of multiplier components, on all ranks.
+
+        Args:
+            used: Their numbers; the others are zero.
+        """
         system, bulk, comm = self._system, self._bulk, self._bulk.comm
         laws = [contact.rows() for contact in system.contacts]
         size = 2 * system.num_multipliers
@@ -236,20 +244,20 @@ class LinearizedContact:
         moved.array[bulk.held] = bulk.distance_to_prescribed()
         bulk.K.mult(moved, force)
         rest = -(force.array_r + bulk.r.array_r[: bulk.num_owned])
-        count = B_T.getSize()[1]
-        forces = _columns(B_T, count)
+        forces = _columns(B_T, used)
         answers = bodies.to(np.column_stack([forces, rest]))
         answers[:, -1] += moved.array_r
-        rows = comm.allreduce(_columns(C.transpose(), count).T @ answers)
-        V, y = -rows[:, :-1], rows[:, -1]
+        rows = comm.allreduce(_columns(C.transpose(), used).T @ answers)
+        rhs = np.zeros(2 * sum(place.size for place in system.places))
         for law, place in zip(laws, system.places, strict=True):
-            y[2 * place[:, None] + np.arange(2)] -= law.rhs
-        self._let_tools_move(V, y)
+            rhs[2 * place[:, None] + np.arange(2)] = law.rhs
+        V, y = -rows[:, :-1], rows[:, -1] - rhs[used]
+        self._let_tools_move(V, y, used)
         for matrix in (B_T, C, moved, force):
             matrix.destroy()
         return V, y
 
-    def _let_tools_move(self, V: Array, y: Array) -> None:
+    def _let_tools_move(self, V: Array, y: Array, used: Indices) -> None:
         """Let obstacles move as forces drive them, on weak springs; changes both arrays."""
         motions, system = self._tools, self._system
         driven = motions.driven
@@ -258,7 +266,8 @@ class LinearizedContact:
         weak = RIGID.weakest_spring * max(
             float(contact.stiffness.max()) for contact in self._contacts
         )
-        by_motion = np.zeros((*driven.shape, y.size))
+        size = 2 * sum(place.size for place in system.places)
+        by_motion = np.zeros((*driven.shape, size))
         by_pressure = np.zeros_like(by_motion)
         for contact, place in system.numbered():
             if not isinstance(contact, Contact) or contact.obstacle is None:
@@ -270,8 +279,8 @@ class LinearizedContact:
             )
             by_motion[number][:, columns] = np.moveaxis(rows, 2, 0)
             by_pressure[number][:, columns] = M_q * system.scale(contact)[:, None]
-        by_motion = by_motion[driven] / weak
-        V -= by_motion.T @ by_pressure[driven]
+        by_motion = by_motion[driven][:, used] / weak
+        V -= by_motion.T @ by_pressure[driven][:, used]
         y += (motions.forces() - motions.residual())[driven] @ by_motion
 
     def _directions(self, nodes: Sequence[Indices]) -> Array:
@@ -304,11 +313,15 @@ def _may_touch(contact: Contact) -> Flags:
     return contact.active | (gap <= contact.nodal_lengths)
 
 
-def _columns(matrix: PETSc.Mat, count: int) -> Array:
-    """Owned rows of a matrix with ``count`` columns, dense."""
+def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
+    """Owned rows and some columns, ascending, of a matrix, dense."""
     starts, columns, values = matrix.getValuesCSR()
-    dense = np.zeros((starts.size - 1, count))
-    dense[np.repeat(np.arange(starts.size - 1), np.diff(starts)), columns] = values
+    rows = np.repeat(np.arange(starts.size - 1), np.diff(starts))
+    place = np.full(matrix.getSize()[1], -1)
+    place[used] = np.arange(used.size)
+    kept = place[columns] >= 0
+    dense = np.zeros((starts.size - 1, used.size))
+    dense[rows[kept], place[columns[kept]]] = values[kept]
     return dense
 
 

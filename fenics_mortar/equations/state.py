@@ -87,4 +87,6 @@ def check_state(state: Any, shape: tuple[int, ...], pairs: Sequence[tuple[int, .
     check_kind("state", state, State, "what state() of the same problem returned")
     found = [interface.z.shape for interface in state.interfaces]
     if state.u.shape != shape or found != list(pairs):
-        raise MortarError("the state is one of another problem: right is what state() returned")
+        raise MortarError(
+            "the state belongs to another problem: expected a result of state() of this one"
+        )
