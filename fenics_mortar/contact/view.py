@@ -16,7 +16,8 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 class PairView:
     """Results on a contact or tied pair of a problem, ``problem.contacts[i]``; properties only.
 
-    All arrays are equal on all ranks. Nodal arrays follow the slave nodes along the surface, at the
+    All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
+    surface, at the
     present multipliers and the last evaluated displacement; after a solve this is the solution. All
     attributes but ``forces`` are local.
     """
@@ -41,27 +42,27 @@ class PairView:
     @property
     def nodes(self) -> Indices:
         """Global numbers of the slave nodes, shape (slave nodes,)."""
-        return self._interface.slave.nodes
+        return self._interface.slave.nodes.copy()
 
     @property
     def positions(self) -> Array:
         """Present positions of the slave nodes, shape (slave nodes, 2) [length]."""
-        return self._interface.operators.x
+        return self._interface.operators.x.copy()
 
     @property
     def normals(self) -> Array:
         """Outward unit normals of the slave nodes, shape (slave nodes, 2)."""
-        return self._interface.operators.n
+        return self._interface.operators.n.copy()
 
     @property
     def lengths(self) -> Array:
         """Tributary length of each node, undeformed, shape (slave nodes,) [length]."""
-        return self._interface.nodal_lengths
+        return self._interface.nodal_lengths.copy()
 
     @property
     def tractions(self) -> Array:
         """Multipliers z, minus the tractions on the slave, shape (slave nodes, 2) [stress]."""
-        return self._interface.z
+        return self._interface.z.copy()
 
     @property
     def pressure(self) -> Array:
@@ -71,22 +72,22 @@ class PairView:
     @property
     def shear(self) -> Array:
         """Shear z_tau along the tangent, shape (slave nodes,) [stress]."""
-        return self._interface.z_tau
+        return self._interface.z_tau.copy()
 
     @property
     def gap(self) -> Array:
         """Mean gap g_j / w_j, nan at nodes without partner, shape (slave nodes,) [length]."""
-        return self._interface.gap
+        return self._interface.gap.copy()
 
     @property
     def slip(self) -> Array:
         """Slip along the tangent since the accepted state, shape (slave nodes,) [length]."""
-        return self._interface.slip
+        return self._interface.slip.copy()
 
     @property
     def active(self) -> Flags:
         """Active set: nodes whose gap is closed, shape (slave nodes,), bool."""
-        return self._interface.active
+        return self._interface.active.copy()
 
     @property
     def sticking(self) -> Flags:

@@ -111,13 +111,7 @@ class PairCertificate:
         if not self.distance <= penetration:
             yield f"{self.pair}: a force acts, but the sides are {self.distance:.2f} facets apart"
         if not self.excess_shear <= LIMITS.excess_shear:
-            slave, _, master = self.pair.partition(" - ")
-            yield (
-                f"{self.pair}: a corner of the slave sticks at {self.excess_shear_at}, but the "
-                f"shear along '{master}' is {self.excess_shear:.1%} above the friction limit: the "
-                "direction of the force on a corner, that of its averaged normal, is not resolved; "
-                f"take '{master}' as slave and '{slave}' as master, or round the corner"
-            )
+            yield self._sticking_corner()
         if self.unpaired:
             yield (
                 f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "
@@ -138,6 +132,8 @@ class PairCertificate:
                 "finer facets of the slave reduce the distance"
             )
         yield from self._remarks_on_corners()
+        if LIMITS.of_friction < self.excess_shear <= LIMITS.excess_shear:
+            yield self._sticking_corner()
         if self.outside > LIMITS.coarse_distance:
             yield self._resultant_outside()
         if self.end_pressure > LIMITS.end_pressure:
@@ -158,6 +154,16 @@ class PairCertificate:
                 "the multiplier is passed to or from the neighbouring node: there may be two "
                 "solutions, with and without it; other steps may find the other one"
             )
+
+    def _sticking_corner(self) -> str:
+        """Describe a corner of the slave that sticks beyond the friction limit."""
+        slave, _, master = self.pair.partition(" - ")
+        return (
+            f"{self.pair}: a corner of the slave sticks at {self.excess_shear_at}, but the "
+            f"shear along '{master}' is {self.excess_shear:.1%} above the friction limit: the "
+            "direction of the force on a corner, that of its averaged normal, is not resolved; "
+            f"take '{master}' as slave and '{slave}' as master, or round the corner"
+        )
 
     def _resultant_outside(self) -> str:
         """Describe a resultant outside of the part where the sides meet."""
