@@ -17,9 +17,8 @@ class PairView:
     """Results on a contact or tied pair of a problem, ``problem.contacts[i]``; properties only.
 
     All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
-    surface, at the
-    present multipliers and the last evaluated displacement; after a solve this is the solution. All
-    attributes but ``forces`` are local.
+    surface, at the present multipliers and the last evaluated displacement; after a solve this is
+    the solution. All attributes but ``forces`` are local.
     """
 
     def __init__(self, interface: Interface) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fenics_mortar.rigid.options import RIGID
+
 # Half a facet [facet lengths]: a mesh resolves positions no better. Deeper overlaps and wider gaps
 # between the nodes are errors, nodes deeper inside another body need a partner, and contact that
 # moves less along a body leaves its nodes in contact.
@@ -46,7 +48,7 @@ class Limits:
 
     tolerance: float = 1e-6
     penetration: float = HALF_FACET
-    negligible: float = 0.005
+    negligible: float = RIGID.negligible
     min_pressure: float = 1e-6
     min_force: float = 1e-4
     min_motion: float = 1e-5

@@ -23,6 +23,7 @@ from demos.studies.stability.limit_analysis import (
     touching_lines,
     touching_plane,
 )
+from demos.studies.stability.placement import draw_placement
 from demos.studies.stability.random_bodies import Array, Body, draw_cells, split
 from demos.studies.stability.random_cases import Case, Held
 from demos.studies.stability.user_laws import Rule
@@ -504,41 +505,27 @@ def _loaded(rng: np.random.Generator, case: HeldCase) -> HeldCase:
 
 def _placed(rng: np.random.Generator, case: HeldCase) -> HeldCase:
     """Turn, move and scale a scene; guides need directions along the axes."""
-    guided = any(held.component is not None for held in case.held)
-    angle = rng.integers(4) * np.pi / 2 if guided else rng.uniform(-np.pi, np.pi)
-    if rng.random() < 0.3:
-        angle = 0.0
-    length, stress = 10.0 ** rng.uniform(-4.0, 4.0, 2)
-    offset = rng.uniform(-3.0, 3.0, 2)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    if guided:
-        turn = np.round(turn)
-
-    def to_place(x: Array) -> Array:
-        return length * (x @ turn.T + offset)
-
-    bodies = [
-        replace(b, x=to_place(b.x), E=stress * b.E, thickness=length * b.thickness)
-        for b in case.bodies
-    ]
+    placement = draw_placement(rng, guided=any(held.component is not None for held in case.held))
+    turn, length, stress = placement.turn, placement.length, placement.stress
+    bodies = list(map(placement.body, case.bodies))
     held = [
         h
         if h.component is None
         else replace(h, component=int(np.abs(turn[:, h.component]).argmax()))
         for h in case.held
     ]
-    planes = {name: (to_place(x), n @ turn.T) for name, (x, n) in case.planes.items()}
+    planes = {name: (placement.points(x), n @ turn.T) for name, (x, n) in case.planes.items()}
     loads = stress * length * case.loads
     loads[..., :2] = loads[..., :2] @ turn.T
     loads[..., 2] *= length
-    about = case.about | {
-        "angle": float(angle),
-        "length": float(length),
-        "stress": float(stress),
-        "cells": "triangles" if case.bodies[0].cells.shape[1] == 3 else "quads",
-        "bodies": len(bodies),
-        "dofs": 2 * len(case.x),
-    }
+    about = (
+        case.about
+        | placement.about(bodies)
+        | {
+            "bodies": len(bodies),
+            "dofs": 2 * len(case.x),
+        }
+    )
     return replace(
         case, bodies=bodies, held=held, planes=planes, loads=loads,
         pulls=[stress * pull for pull in case.pulls], fade=length * case.fade,

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from demos.studies.stability.placement import draw_placement
 from demos.studies.stability.random_bodies import Array, draw_cells
 from demos.studies.stability.random_cases import Case, Held
 from demos.studies.stability.shapes import Shape, box, mapped, strip
@@ -392,23 +393,9 @@ def _shape_case(
 
 def _placed(rng: np.random.Generator, case: ShapeCase) -> ShapeCase:
     """Turn, move and scale a scene; guides need directions along the axes."""
-    guided = any(held.component is not None for held in case.held)
-    angle = rng.integers(4) * np.pi / 2 if guided else rng.uniform(-np.pi, np.pi)
-    if rng.random() < 0.3:
-        angle = 0.0
-    length, stress = 10.0 ** rng.uniform(-4.0, 4.0, 2)
-    offset = rng.uniform(-3.0, 3.0, 2)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    if guided:
-        turn = np.round(turn)
-
-    def to_place(x: Array) -> Array:
-        return length * (x @ turn.T + offset)
-
-    bodies = [
-        replace(b, x=to_place(b.x), E=stress * b.E, thickness=length * b.thickness)
-        for b in case.bodies
-    ]
+    placement = draw_placement(rng, guided=any(held.component is not None for held in case.held))
+    turn, length, stress = placement.turn, placement.length, placement.stress
+    bodies = list(map(placement.body, case.bodies))
     held = [
         replace(
             h,
@@ -417,18 +404,18 @@ def _placed(rng: np.random.Generator, case: ShapeCase) -> ShapeCase:
         )
         for h in case.held
     ]
-    about = case.about | {
-        "angle": float(angle),
-        "length": float(length),
-        "stress": float(stress),
-        "cells": "triangles" if case.bodies[0].cells.shape[1] == 3 else "quads",
-        "dofs": 2 * len(case.x),
-    }
+    about = (
+        case.about
+        | placement.about(bodies)
+        | {
+            "dofs": 2 * len(case.x),
+        }
+    )
     return replace(
         case,
         bodies=bodies,
         held=held,
-        planes={name: (to_place(x), n @ turn.T) for name, (x, n) in case.planes.items()},
+        planes={name: (placement.points(x), n @ turn.T) for name, (x, n) in case.planes.items()},
         rules=[rule.scaled(length, stress) for rule in case.rules],
         pressure=None if case.pressure is None else stress * case.pressure,
         about=about,
