@@ -210,13 +210,7 @@ class LinearSystem(ABC):
 
     def _solve(self, rhs: Array, *, transpose: bool = False) -> Array:
         """Solve with ``matrix``, or its transpose; arrays of this rank's rows (collective)."""
-        vector = self.matrix.createVecLeft()
-        vector.array[:] = rhs
-        solution = self.solver.solve(self.matrix, vector, transpose=transpose)
-        values = solution.array_r.copy()
-        vector.destroy()
-        solution.destroy()
-        return values
+        return self.solver.solve(self.matrix, rhs, transpose=transpose)
 
 
 def components(nodes: Indices) -> Indices:
