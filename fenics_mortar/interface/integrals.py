@@ -142,17 +142,16 @@ def _integrate(
         slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
     weights = hand_over(multiplier_nodes[nodes])
-    values = _empty_values(s, nodes.shape[1])
-    facets.tabulate_facets(
+    size = nodes.shape[1]
+    D, dD, M, dM, g, dg, cover = _empty_values(s, size)
+    facets.integrate_facets(
         geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
-        s.pair_offsets, s.rule, (*options.kinds, move_ends), values,
+        s.pair_offsets, s.rule, (*options.kinds, move_ends), (D, M, g, cover), (dD, dM, dg),
     )  # fmt: skip
     if options.integration == "nodes":
-        values[0][weights == 0.0] = 0.0  # but for rounding
-    D, dD, M, dM, *others = values
-    size = nodes.shape[1]
-    dD, dM = (array.reshape(len(array), size, size, array.shape[2]) for array in (dD, dM))
-    return D, dD, M, dM, *others
+        D[weights == 0.0] = 0.0  # but for rounding
+    shape = size, size, dD.shape[2]
+    return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
 
 
 def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
