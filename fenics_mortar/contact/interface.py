@@ -23,6 +23,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
+NO_PAIRS: tuple[Indices, Indices] = (np.empty(0, np.int64), np.empty(0, np.int64))
 # Default number of Gauss points per segment, or between two neighbouring nodes of a facet
 POINTS = 5
 
@@ -230,7 +231,7 @@ class Interface(ABC):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them in addition to M, each (k,)."""
-        return np.empty(0, np.int64), np.empty(0, np.int64)
+        return NO_PAIRS
 
     @property
     def nodal_lengths(self) -> Array:
@@ -273,5 +274,5 @@ class Interface(ABC):
         j = np.broadcast_to(j[:, :, None], values.shape)[used]
         k = np.broadcast_to(k[:, None, :], values.shape)[used]
         columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
-        rows = surface.dofs_of(k[:, None]).reshape(-1, 1)
+        rows = surface.dofs[k].reshape(-1, 1)
         return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))

@@ -85,7 +85,7 @@ def evaluate_mortar(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )
     nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
-    num_segments = slave.comm.allreduce(s.num_segments)
+    num_segments = slave.comm.allreduce(len(s.slave))
     return MortarOperators(
         slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
     )
@@ -108,7 +108,7 @@ def sum_over_facets(
 
 def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
     """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.facets``."""
-    number, count, columns = s.facets.size, s.num_segments, 8 * size - 4
+    number, count, columns = s.facets.size, len(s.slave), 8 * size - 4
     return (
         np.zeros((number, size, size)),
         np.zeros((count, size**2, columns)),
@@ -146,7 +146,7 @@ def _integrate(
     D, dD, M, dM, g, dg, cover = _empty_values(s, size)
     facets.integrate_facets(
         geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
-        s.pair_offsets, s.rule, (*options.kinds, move_ends), (D, M, g, cover), (dD, dM, dg),
+        s.pair_offsets, (s.points, s.weights, s.spans), (*options.kinds, move_ends), (D, M, g, cover), (dD, dM, dg),
     )  # fmt: skip
     if options.integration == "nodes":
         D[weights == 0.0] = 0.0  # but for rounding
@@ -161,6 +161,8 @@ def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
     multiplier nodes of the facet.
     """
     place = np.arange(multiplier_nodes.shape[1])
+    if multiplier_nodes.all():
+        return np.tile(np.eye(place.size), (len(multiplier_nodes), 1, 1))
     distance = np.where(
         multiplier_nodes[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf
     )

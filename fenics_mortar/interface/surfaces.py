@@ -107,6 +107,16 @@ class Surface:
         nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
         return nodal.astype(np.float64)
 
+    @cached_property
+    def near_dofs(self) -> Indices:
+        """Global dofs of the nodes before each node, its own and those of two facets after it.
+
+        For the first node of a facet: of the facet before, its own and the one after. Shape
+        (n, 6 K - 4) for facets of K nodes; -1 is beyond an end.
+        """
+        degree, own = self.degree, np.arange(self.num_nodes)
+        return self.dofs_of(self.along(own, range(-degree, 2 * degree + 1)))
+
     def along(self, nodes: Indices, steps: range) -> Indices:
         """Nodes so many ``steps`` along the curve from ``nodes`` (k,): (k, steps); -1 is beyond."""
         columns = []
@@ -218,6 +228,8 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
 
 def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.NDArray[Any]:
     """Values (owned nodes, 2) of all ranks in the order of nodes, (nodes, 2) (collective)."""
+    if comm.size == 1:
+        return np.ascontiguousarray(mine)
     everything = np.empty((owners.size, 2), mine.dtype)
     counts = np.bincount(owners, minlength=comm.size)
     comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))

@@ -22,6 +22,7 @@ from fenics_mortar.la.reach import zeros
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
 
 # Kinds of rows and columns of the matrix: dofs of the bodies, components of multipliers.
 DOF, MULTIPLIER = 0, 1
@@ -89,6 +90,7 @@ class SaddleSystem(LinearSystem):
         K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return K, B_T, C, A_z
 
+    @clock("assembly")
     def assemble(self) -> None:
         """Fill the matrix, made anew where contact goes beyond its room (collective)."""
         nest = PETSc.Mat().createNest([[self.bulk.K, None], [None, self._no_K]], comm=self.comm)
@@ -115,13 +117,13 @@ class SaddleSystem(LinearSystem):
         self.matrix.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         self.solver.forget_pattern()
 
-    def step(self) -> Array:
+    def step(self, distance: Array) -> Array:
         """See ``LinearSystem``; solves for the change of zeta, which vanishes as Newton converges.
 
         So the accuracy of an iterative solver refers to the residual.
         """
         size = self.bulk.num_owned
-        rhs = self._scale_rows(self.join(self._newton_force(), self._law_rhs))
+        rhs = self._scale_rows(self.join(self._newton_force(distance), self._law_rhs))
         present, product = self.matrix.createVecs()
         present.array[size:] = self.collect(c.z for c in self.contacts).ravel() / self._scales
         self.matrix.mult(present, product)

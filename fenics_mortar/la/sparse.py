@@ -10,7 +10,7 @@ all, so they are called through ctypes, from the very library that petsc4py has 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 from mpi4py import MPI
@@ -112,9 +112,9 @@ class SomeRows:
         """Numbers in the small matrix of rows of the large one, all of them here; -1 stays -1."""
         return np.where(rows >= 0, np.searchsorted(self._rows, rows), -1)
 
-    def renumbered(self, blocks: Iterable[Block]) -> Iterator[Block]:
+    def renumbered(self, blocks: Iterable[Block]) -> list[Block]:
         """Blocks for the small matrix of blocks for the large one."""
-        return (Block(self.number(rows), columns, values) for rows, columns, values in blocks)
+        return [Block(self.number(rows), columns, values) for rows, columns, values in blocks]
 
     def add(self, small: PETSc.Mat, large: PETSc.Mat) -> None:
         """Add the small matrix to entries that the large one has, in place (collective)."""

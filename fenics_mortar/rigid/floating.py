@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from petsc4py import PETSc
-
 import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
@@ -91,13 +89,13 @@ class FloatingBodies(BodyMotions):
         self.bulk.add_to_diagonal(springs)
 
     def drop_undriven(
-        self, loose: Sequence[FloatingBody], step: PETSc.Vec, total: Array, force: float
+        self, loose: Sequence[FloatingBody], step: Array, total: Array, force: float
     ) -> None:
         """Remove the loose motions that only rounding drives from a step.
 
         Args:
             loose: The result of ``loose``.
-            step: Increment of the displacement; changed.
+            step: Increment of the displacement, shape (owned dofs,) [length]; changed.
             total: Sum of all forces (owned part).
             force: Size of the forces.
         """
@@ -106,8 +104,8 @@ class FloatingBodies(BodyMotions):
             rounding = RIGID.stiffness_rounding * body.stiffest * body.size
             if drive <= RIGID.rounding * force + rounding:
                 dofs, motions = self.motions(body)
-                excess = self.rigid_fraction(body, step.array_r) @ motions
-                step.array[dofs] -= excess.reshape(-1, 2)
+                excess = self.rigid_fraction(body, step) @ motions
+                step[dofs] -= excess.reshape(-1, 2)
 
     def remark(self, loose: Sequence[FloatingBody]) -> str:
         """Sentence on the tangent springs of loose bodies; "" if there are none."""
