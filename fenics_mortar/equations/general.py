@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from mpi4py import MPI
+
 import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
@@ -40,7 +41,6 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
 from fenics_mortar.verify.crossing import Crossings
-
 
 # Motions of no obstacles.
 NO_MOTION: Array = np.zeros((0, 3))

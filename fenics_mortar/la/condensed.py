@@ -70,7 +70,9 @@ class CondensedSystem(LinearSystem):
         self._rows = SomeRows(np.concatenate([np.empty(0, np.int64), *touched]), bulk.first, size)
         self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
         self._slave_K: Any = None
-        dofs = self.collect(contact.slave.dofs for contact in contacts).astype(np.int64)
+        dofs = np.empty((self.num_multipliers, 2), np.int64)
+        for contact, _, owned, local in self._numbered:
+            dofs[local] = contact.slave.dofs[owned]
         self._slave_rows = PETSc.IS().createGeneral(dofs.ravel().astype(PETSc.IntType), self.comm)
         self._slave_dofs = dofs.ravel() - bulk.first
         self._partly_held = any((c.free[c.multiplier_nodes] == 0.0).any() for c in contacts)

@@ -72,9 +72,9 @@ class LinearSolver:
 
     def _create(self, options: dict[str, Any]) -> None:
         self._options = options
-        self._pivots = options.get("pc_factor_mat_solver_type") != SMALL[
-            "pc_factor_mat_solver_type"
-        ]
+        self._pivots = (
+            options.get("pc_factor_mat_solver_type") != SMALL["pc_factor_mat_solver_type"]
+        )
         self._begin_anew()
         self.ksp = PETSc.KSP().create(self._comm)
         self.ksp.setOptionsPrefix(self._prefix)
@@ -142,9 +142,7 @@ class LinearSolver:
             if self._pivots
             else ("elimination without pivoting", "by MUMPS")
         )
-        self.remark = (
-            f"{failed} failed{failure}; from now on the linear systems are solved {then}"
-        )
+        self.remark = f"{failed} failed{failure}; from now on the linear systems are solved {then}"
         self.ksp.destroy()
         self._create(DIRECT)
         return self.solve(matrix, rhs, transpose=transpose)

@@ -13,6 +13,7 @@ sets up, and solves once, linear elastic.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -57,8 +58,9 @@ print(u.x.array.size, report.num_iterations, *marks)
 
 def ironing(n_block=66, layers=8):
     """The problem with about 1,300 unknowns, and what moves the indenter's top."""
-    import gmsh
     from mpi4py import MPI
+
+    import gmsh
 
     import ufl
     from dolfinx import fem
@@ -100,7 +102,9 @@ def run(problem, tool, *, path):
 
     if path:
         options = fm.SteppingOptions(1.0 / STEPS)
-        return [step.report for step in fm.follow_path(problem, lambda t: load(tool, t), options).steps]
+        return [
+            step.report for step in fm.follow_path(problem, lambda t: load(tool, t), options).steps
+        ]
     reports = []
     for step in range(STEPS):
         load(tool, (step + 1) / STEPS)
@@ -140,12 +144,14 @@ def measure_run(*, path, profile):
     print(f"solve {seconds:.3f} s, {1e3 * seconds / iterations:.2f} ms per iteration, of which")
     each = {name: 1e3 * value / iterations for name, value in phases.items()}
     print("  " + ", ".join(f"{name} {value:.2f}" for name, value in each.items()))
-    print(f"  (of all phases {sum(each.values()):.2f}; certificate, guess and the like are the rest)")
+    print(
+        f"  (of all phases {sum(each.values()):.2f}; certificate, guess and the like are the rest)"
+    )
     print(f"force {force[0]:.12g} {force[1]:.12g}")
 
 
 def measure_processes():
-    """Print medians of whole processes."""
+    """Print medians of whole processes; Python keeps its compiled modules, as by default."""
     import gmsh
 
     from meshes import half_cylinder_on_block
@@ -157,11 +163,11 @@ def measure_processes():
         half_cylinder_on_block.build(h=0.03)
         gmsh.write(path)
         gmsh.finalize()
-        rows = []
+        rows, environment = [], {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
         for _ in range(PROCESSES):
             done = subprocess.run(
                 [sys.executable, "-c", PROGRAM.format(path=path)],
-                capture_output=True, text=True, check=True,
+                capture_output=True, text=True, check=True, env=environment,
             )  # fmt: skip
             size, iterations, *marks = map(float, done.stdout.split())
             rows.append([marks[0], *np.diff(marks), marks[-1] - marks[0]])
