@@ -17,7 +17,7 @@ from dolfinx import fem
 
 from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
-from fenics_mortar.bulk.residual import Bulk, prescribed_dofs
+from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.binding import bind
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
@@ -135,7 +135,7 @@ class ContactProblem:
             "linearization": linearization, "newton": newton, "jacobian": jacobian,
             "displacement": displacement, "linear_bulk": linear_bulk,
         }  # fmt: skip
-        contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
+        contacts = bind(pairs, space, mark_prescribed(space, u, bcs))  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
         compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
         check_slave_nodes(contacts)
@@ -261,7 +261,7 @@ class ContactProblem:
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
             [stress length]; their sum at prescribed dofs is the support reaction. Third, forces and
-            moments that hold the obstacles, shape (obstacles, 3), equal on all ranks.
+            moments that keep the obstacles in place, shape (obstacles, 3), equal on all ranks.
         """
         self.equations.evaluate_operators()
         return self.equations.forces()

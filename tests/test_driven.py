@@ -188,7 +188,9 @@ def test_forces_and_moments_of_supports_and_obstacle_cancel():
     problem.solve()
     bulk, contact, _ = problem.forces()
     held = np.zeros(bulk.size)
-    held[problem.equations.bulk.held] = (bulk + contact)[problem.equations.bulk.held]
+    held[problem.equations.bulk.prescribed_dofs] = (bulk + contact)[
+        problem.equations.bulk.prescribed_dofs
+    ]
     on_nodes = held.reshape(-1, 2)
     x = problem.equations.bulk.positions()[: len(on_nodes)]
     mine = [*on_nodes.sum(axis=0), (x[:, 0] * on_nodes[:, 1] - x[:, 1] * on_nodes[:, 0]).sum()]

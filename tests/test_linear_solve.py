@@ -39,7 +39,7 @@ def assembled(problem):
     B_T, A_z = B_T[:, order] / scale, A_z[np.ix_(order, order)] / scale
     C = C[order]
     held = np.concatenate(
-        comm.allgather(problem.equations.bulk.held + problem.equations.bulk.first)
+        comm.allgather(problem.equations.bulk.prescribed_dofs + problem.equations.bulk.first)
     )
     K[held], B_T[held] = 0.0, 0.0
     K[held, held] = 1.0

@@ -9,7 +9,7 @@ import pytest
 import fenics_mortar as fm
 from fenics_mortar.newton.loop import LOOSEST, Status, Step, forcing, period_of, solve
 from fenics_mortar.newton.report import Iteration, NewtonReport, once
-from fenics_mortar.rigid import release
+from fenics_mortar.rigid import proximal
 
 
 class Root:
@@ -170,13 +170,13 @@ class Springs:
     def restore(self, state):
         pass
 
-    def hold(self, travel):
+    def anchor(self, elongation):
         pass
 
-    def let_go(self):
+    def remove_springs(self):
         pass
 
-    def travel(self):
+    def max_motion(self):
         return 0.0
 
 
@@ -192,10 +192,10 @@ def test_record_of_a_slow_release_that_fails_has_all_iterations(monkeypatch):
             return report
         raise fm.NotConvergedError("", report)
 
-    monkeypatch.setattr(release, "solve", solve)
+    monkeypatch.setattr(proximal, "solve", solve)
     first = fm.NotConvergedError("", NewtonReport([iteration] * 31))
     with pytest.raises(fm.NotConvergedError) as error:
-        release.release_slowly(Springs(), fm.NewtonOptions(), first)
+        proximal.solve_with_springs(Springs(), fm.NewtonOptions(), first)
     assert error.value.report.num_iterations == 30 + 5 + 30 + 7
 
 

@@ -58,7 +58,7 @@ class LinearVector:
             ``None`` in a right-hand side: zero.
         z: Of each pair both components at its slave nodes, in their order along the surface, shape
             (slave nodes, 2), alike on all ranks; ``None``: zero.
-        q: x, y and angle of each obstacle, in the order of ``problem.tools.obstacles``, shape
+        q: x, y and angle of each obstacle, in the order of ``problem.obstacles``, shape
             (obstacles, 3), alike on all ranks; ``None``: zero.
     """
 

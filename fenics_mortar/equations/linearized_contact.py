@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Sets of bodies that contact holds: the solution of the linearized problem says them.
+"""Active sets of bodies supported by contact, from the linearized contact problem.
 
-Stiff bodies that only contact holds move by elastic strains as long as the right nodes touch and
+Stiff bodies supported by contact alone move by elastic strains as long as the right nodes touch and
 stick; with other sets some of them are loose, and a Newton step moves them far. Each node takes the
 piece that the last iterate asks for, all at once, and so the sets of a wall may go in circles, and
 those of an arch lead to a mechanism. Here the linearized problem is solved with its inequalities,
@@ -75,7 +75,7 @@ class BodiesOnSprings:
         self._factors = factored_bulk(bulk, PREFIX)
 
     def to(self, forces: Array) -> Array:
-        """Displacements by forces, owned parts, shape (num_owned, k); held dofs take none."""
+        """Displacements by forces, owned parts, shape (num_owned, k); prescribed dofs take none."""
         bulk, found = self._bulk, []
         forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
         for part in portions(forces.shape[1]):
@@ -99,13 +99,13 @@ class LinearizedContact:
         bulk: The bodies; tangent and residual are assembled.
         floating: Those that Dirichlet conditions leave free.
         system: Knows the numbers of the multipliers.
-        tools: The obstacles.
+        motions: The obstacles.
     """
 
     def __init__(
         self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, motions: DrivenObstacles
     ) -> None:
-        self._bulk, self._system, self._tools = bulk, system, motions
+        self._bulk, self._system, self._obstacles = bulk, system, motions
         self._floating = floating
         self._contacts = [c for c in system.contacts if isinstance(c, Contact)]
 
@@ -241,7 +241,7 @@ class LinearizedContact:
         C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(laws))
         bodies = BodiesOnSprings(bulk, self._floating)
         moved, force = bulk.K.createVecs()
-        moved.array[bulk.held] = bulk.distance_to_prescribed()
+        moved.array[bulk.prescribed_dofs] = bulk.distance_to_prescribed()
         bulk.K.mult(moved, force)
         rest = -(force.array_r + bulk.r.array_r[: bulk.num_owned])
         forces = _columns(B_T, used)
@@ -252,14 +252,14 @@ class LinearizedContact:
         for law, place in zip(laws, system.places, strict=True):
             rhs[2 * place[:, None] + np.arange(2)] = law.rhs
         V, y = -rows[:, :-1], rows[:, -1] - rhs[used]
-        self._let_tools_move(V, y, used)
+        self._free_obstacles(V, y, used)
         for matrix in (B_T, C, moved, force):
             matrix.destroy()
         return V, y
 
-    def _let_tools_move(self, V: Array, y: Array, used: Indices) -> None:
+    def _free_obstacles(self, V: Array, y: Array, used: Indices) -> None:
         """Let obstacles move as forces drive them, on weak springs; changes both arrays."""
-        motions, system = self._tools, self._system
+        motions, system = self._obstacles, self._system
         driven = motions.driven
         if not driven.any():
             return

@@ -28,11 +28,11 @@ def rounding_of(
         displacement: Largest displacement of bodies and obstacles [length].
         stiffness: Largest diagonal entry of the bulk tangent [stress].
     """
-    noise = stiffness * np.sqrt(bulk.r.getSize()) * displacement
+    roundoff = stiffness * np.sqrt(bulk.r.getSize()) * displacement
     for c in contacts:
         steepest = max(stiffness, c.steepness)
-        noise += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
-    return 4.0 * EPSILON * float(noise)
+        roundoff += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
+    return 4.0 * EPSILON * float(roundoff)
 
 
 def check_alike(total: float, squares: float, force2: float, num_ranks: int) -> None:

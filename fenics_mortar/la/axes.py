@@ -23,7 +23,7 @@ TANGENTS = 32
 def turned_axes(bulk: Bulk, contacts: Sequence[Interface]) -> Array:
     """Axes of the owned nodes in rows of their first dofs, shape (num_owned, 2, 2) (local).
 
-    Columns are the axes; nodes held in one component keep those of the mesh.
+    Columns are the axes; nodes prescribed in one component keep those of the mesh.
     """
     dofs = bulk.space.owned_dofs
     t = _tangents(contacts, bulk.positions()[: len(dofs)])

@@ -18,7 +18,7 @@ from fenics_mortar.utils.errors import MortarError, raise_together
 
 
 class FactoredBulk:
-    """K, factored with the prescribed dofs held (collective).
+    """K, factored with the prescribed dofs fixed (collective).
 
     Args:
         bulk: The bodies; their tangent is constant, and assembled.
@@ -50,7 +50,7 @@ class FactoredBulk:
     def loads(self, forces: csr_array) -> PETSc.Mat:
         """Forces on the contact dofs, one load a row, (k, size), as rows for ``answers``.
 
-        Those of rank 0 count. Held dofs take none.
+        Those of rank 0 count. Prescribed dofs take none.
         """
         here = self._bulk.comm.rank == 0
         forces = forces[: forces.shape[0] if here else 0].tocoo()
@@ -70,7 +70,7 @@ class FactoredBulk:
 
     def solve(self, force: PETSc.Vec) -> PETSc.Vec:
         """The displacement by forces on the free dofs; prescribed ones stay."""
-        force.array[self._bulk.held] = 0.0
+        force.array[self._bulk.prescribed_dofs] = 0.0
         answer = force.duplicate()
         self._pc.apply(force, answer)
         return answer
@@ -92,7 +92,7 @@ class Compliance(FactoredBulk):
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
         self.A = _compliance(bulk, dofs, prefix)
         super().__init__(bulk, dofs, prefix, single=True)  # the other factors are gone
-        self._changes = np.empty((0, bulk.held.size))
+        self._changes = np.empty((0, bulk.prescribed_dofs.size))
         self._answers = np.empty((0, dofs.size))
 
     def by_forces(self, forces: Array) -> Array:
@@ -100,12 +100,12 @@ class Compliance(FactoredBulk):
         return self.A @ forces if self._bulk.comm.rank == 0 else np.zeros_like(forces)
 
     def by_prescribed(self, change: Array, rounding: float) -> Array:
-        """Change of the contact dofs that are free, by that of the held ones (local part).
+        """Change of the contact dofs that are free, by that of the prescribed ones (local part).
 
         The changes so far have an orthonormal basis; only what is new in this one is solved for.
 
         Args:
-            change: That of the held dofs.
+            change: That of the prescribed dofs.
             rounding: Size of a change that is rounding [length].
         """
         parts = np.zeros(len(self._changes))
@@ -122,7 +122,7 @@ class Compliance(FactoredBulk):
         """Add a change to the basis, and the answer to it."""
         self._bulk.assemble_tangent()  # which a step on all dofs may have added to
         moved, force = self._bulk.K.createVecs()
-        moved.array[self._bulk.held] = -change
+        moved.array[self._bulk.prescribed_dofs] = -change
         self._bulk.K.mult(moved, force)
         answer = self._dofs.gather(self.solve(force).array_r)
         self._changes = np.vstack([self._changes, change])

@@ -74,7 +74,7 @@ class CondensedSystem(LinearSystem):
             dofs[self.local(contact, place)] = contact.slave.dofs[contact.slave.owned]
         self._slave_rows = PETSc.IS().createGeneral(dofs.ravel().astype(PETSc.IntType), self.comm)
         self._slave_dofs = dofs.ravel() - bulk.first
-        self._partly_held = any((c.free[c.multiplier_nodes] == 0.0).any() for c in contacts)
+        self._partly_prescribed = any((c.free[c.multiplier_nodes] == 0.0).any() for c in contacts)
 
     # Assembly
 
@@ -95,7 +95,7 @@ class CondensedSystem(LinearSystem):
         self._Z = self.collect(self._inverse(c) for c in self.contacts).ravel()
         self._A_z = self.collect(law.A_z.diagonal(axis1=1, axis2=2) for law in laws).ravel()
         self._law_rhs = self.collect(law.rhs for law in laws).ravel()
-        self._hold(self.matrix, self.bulk.first)
+        self._prescribe_rows(self.matrix, self.bulk.first)
 
     def _make_room(self, laws: Sequence[Rows]) -> None:
         """Put zeros into K wherever contact may add within its reach."""
@@ -170,56 +170,56 @@ class CondensedSystem(LinearSystem):
     def _solve_whole(self, f: Array, h: Array) -> Array:
         """A x = [f, h], with the multipliers that Z leaves out."""
         left_out = self._solve_left_out(h)
-        if self._partly_held:
-            f = f - self._held_forces(left_out)
+        if self._partly_prescribed:
+            f = f - self._prescribed_forces(left_out)
         x = self._eliminate(f, np.where(self._Z == 0.0, 0.0, h))
         x[self.bulk.num_owned :] += left_out
         return x
 
     def _eliminate(self, f: Array, h: Array) -> Array:
         """A x = [f, h], where h is zero in the rows that Z leaves out."""
-        held, slave = self.bulk.held, self._slave_dofs
+        prescribed, slave = self.bulk.prescribed_dofs, self._slave_dofs
         rhs = f.copy()
         rhs[self._rows.local] += _times(self._R.mat, f[slave])
         np.add.at(rhs, slave, h)  # a node may be a slave of several pairs
-        rhs[held] = self._held_scale * f[held]
+        rhs[prescribed] = self._prescribed_scale * f[prescribed]
         dd = self._solve(rhs)
         return np.concatenate([dd, self._Z * (f[slave] - _times(self._slave_K, dd))])
 
     def _solve_transposed(self, a: Array, b: Array) -> Array:
         """A^T x = [a, b]."""
-        held, slave = self.bulk.held, self._slave_dofs
+        prescribed, slave = self.bulk.prescribed_dofs, self._slave_dofs
         t = self._Z * b
         w = self._solve(a - _times(self._slave_K, t, transpose=True), transpose=True)
-        at_held, w[held] = self._held_scale * w[held], 0.0
+        at_prescribed, w[prescribed] = self._prescribed_scale * w[prescribed], 0.0
         y = w.copy()
         gathered = t + _times(self._R.mat, w[self._rows.local], transpose=True)
         np.add.at(y, slave, gathered)
-        forces = self._at_held(y) if self._partly_held else np.zeros_like(b)
+        forces = self._at_prescribed(y) if self._partly_prescribed else np.zeros_like(b)
         laws = np.where(self._Z == 0.0, self._solve_left_out(b - forces), w[slave])
-        y[held] = at_held
+        y[prescribed] = at_prescribed
         return np.concatenate([y, laws])
 
     def _solve_left_out(self, h: Array) -> Array:
         """The multipliers that Z leaves out by their rows, zero for the others (local)."""
         return np.divide(h, self._A_z, out=np.zeros_like(h), where=self._Z == 0.0)
 
-    def _held_forces(self, z: Array) -> Array:
+    def _prescribed_forces(self, z: Array) -> Array:
         """B^T z on the free owned dofs, for prescribed components of multipliers (collective)."""
-        forces, B_T = np.zeros(self.bulk.num_owned), self._held_columns()
+        forces, B_T = np.zeros(self.bulk.num_owned), self._prescribed_columns()
         forces[self._rows.local] = _times(B_T, z)
-        forces[self.bulk.held] = 0.0
+        forces[self.bulk.prescribed_dofs] = 0.0
         B_T.destroy()
         return forces
 
-    def _at_held(self, y: Array) -> Array:
+    def _at_prescribed(self, y: Array) -> Array:
         """B y, for prescribed components of multipliers (collective)."""
-        B_T = self._held_columns()
+        B_T = self._prescribed_columns()
         products = _times(B_T, y[self._rows.local], transpose=True)
         B_T.destroy()
         return products
 
-    def _held_columns(self) -> PETSc.Mat:
+    def _prescribed_columns(self) -> PETSc.Mat:
         """B^T for prescribed components of multipliers that act, in rows of contact nodes."""
         blocks = chain.from_iterable(
             self._weighted_forces(contact, place, 1.0 - contact.free)
@@ -251,7 +251,8 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
         if contact.oblique.any():
             where = errors.place(contact.slave.X[contact.oblique][0])
             return (
-                f"a slave node of {names} at {where} is held in one component oblique to its normal"
+                f"a slave node of {names} at {where} is prescribed in one component "
+                "oblique to its normal"
             )
         for other in contacts:
             if np.intersect1d(contact.candidate_nodes, other.master.nodes).size:

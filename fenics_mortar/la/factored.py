@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Factors of the bulk tangent with prescribed dofs held, for many right-hand sides."""
+"""Factors of the bulk tangent with prescribed dofs fixed, for many right-hand sides."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def factored_by_cholmod(K: PETSc.Mat, prefix: str) -> PETSc.PC | None:
 def factored_bulk(
     bulk: Bulk, prefix: str, rest: Indices | None = None, *, single: bool = False
 ) -> PETSc.PC:
-    """The tangent of bodies, factored with the prescribed dofs held (collective).
+    """The tangent of bodies, factored with the prescribed dofs fixed (collective).
 
     Args:
         bulk: The bodies; their tangent is assembled.
@@ -84,9 +84,11 @@ def factored_bulk(
         rest: See ``factored``.
         single: Whether loads come one by one.
     """
-    held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), bulk.comm)
+    prescribed = PETSc.IS().createGeneral(
+        (bulk.prescribed_dofs + bulk.first).astype(PETSc.IntType), bulk.comm
+    )
     K = bulk.K.copy()
-    K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
+    K.zeroRowsColumns(prescribed, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
     K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     pc = factored_by_cholmod(K, prefix) if single and K.comm.size == 1 else None
     return pc or factored(K, prefix, rest)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Couplings by contact that slides over a few facets: room in the pattern of a matrix.
 
-A pattern that held the present segments only would change whenever one appears, and with it the
+A pattern of the present segments only would change whenever one appears, and with it the
 symbolic factorization. Zeros for the master facets next to those that a slave facet meets cost
 little, since contact is small beside the bulk. Open facets have room as well, so that contact may
 grow; but only those with a multiplier that acts add to the matrix, and only they have to stay
@@ -48,7 +48,7 @@ class Reach:
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
-    def holds(
+    def contains(
         self,
         o: MortarOperators,
         multiplier_nodes: npt.NDArray[np.bool_],

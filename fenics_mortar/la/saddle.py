@@ -102,7 +102,7 @@ class SaddleSystem(LinearSystem):
         K.destroy()
         add_blocks(self.matrix, self._numbered_blocks(self._parts()))
         self._scales = np.repeat(self.collect(self.scale(c)[:, None] for c in self.contacts), 2)
-        self._hold(self.matrix, self.matrix.getOwnershipRange()[0])
+        self._prescribe_rows(self.matrix, self.matrix.getOwnershipRange()[0])
 
     def _make_room(self, K: PETSc.Mat) -> None:
         """Make the matrix anew, with the entries of K and all that contact may reach."""
@@ -139,7 +139,7 @@ class SaddleSystem(LinearSystem):
     def _scale_rows(self, b: Array) -> Array:
         """S_r b."""
         scaled = b.copy()
-        scaled[self.bulk.held] *= self._held_scale
+        scaled[self.bulk.prescribed_dofs] *= self._prescribed_scale
         return scaled
 
     def _scale_multipliers(self, x: Array) -> Array:

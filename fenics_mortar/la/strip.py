@@ -41,7 +41,7 @@ class Strip:
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, multipliers: int
     ) -> None:
-        self._prefix, self._held, self._comm = prefix, bulk.held, bulk.comm
+        self._prefix, self._prescribed, self._comm = prefix, bulk.prescribed_dofs, bulk.comm
         rows = np.arange(bulk.num_owned, bulk.num_owned + multipliers)
         surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
         self._rows = np.append(near(bulk, surfaces, LAYERS), rows)
@@ -63,7 +63,7 @@ class Strip:
         self._factors.setOperators(self._matrix)
         self._factors.setUp()
         self._b, self._x = self._matrix.createVecs()
-        self._diagonal = A.getDiagonal().array_r[self._held]
+        self._diagonal = A.getDiagonal().array_r[self._prescribed]
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, *, transpose: bool = False) -> None:
         """Solve for the dofs of the strip and those with prescribed values; others are zero.
@@ -74,7 +74,7 @@ class Strip:
             transpose: Whether to solve with the transposed factors.
         """
         x.set(0.0)
-        x.array[self._held] = b.array_r[self._held] / self._diagonal
+        x.array[self._prescribed] = b.array_r[self._prescribed] / self._diagonal
         self._b.array[:] = b.array_r[self._rows]
         apply = self._factors.applyTranspose if transpose else self._factors.apply
         apply(self._b, self._x)

@@ -80,7 +80,7 @@ class LinearSystem(ABC):
         self._reaches: list[Reach] = []
         self._pattern = 0
         self.matrix: PETSc.Mat
-        self._held_scale = 1.0
+        self._prescribed_scale = 1.0
 
     @abstractmethod
     def assemble(self) -> None:
@@ -185,27 +185,27 @@ class LinearSystem(ABC):
         """Whether contact goes beyond its reaches; make them anew then (collective)."""
         now = [(c.operators, c.multiplier_nodes, c.faced()) for c in self.contacts]
         acts = [c.acts | c.z.any(axis=1) for c in self.contacts]
-        holds = self._pattern == self.bulk.num_patterns and all(
-            reach.holds(*state, acting)
+        fits = self._pattern == self.bulk.num_patterns and all(
+            reach.contains(*state, acting)
             for reach, state, acting in zip(self._reaches, now, acts, strict=True)
         )
-        if self.comm.allreduce(holds, MPI.LAND):
+        if self.comm.allreduce(fits, MPI.LAND):
             return False
         self._reaches = [Reach(*state) for state in now]
         self._pattern = self.bulk.num_patterns
         return True
 
-    def _hold(self, matrix: PETSc.Mat, first_row: int) -> None:
+    def _prescribe_rows(self, matrix: PETSc.Mat, first_row: int) -> None:
         """Replace the rows of prescribed dofs by k times the identity's (collective)."""
-        self._held_scale = max((float(c.stiffness.max()) for c in self.contacts), default=1.0)
+        self._prescribed_scale = max((float(c.stiffness.max()) for c in self.contacts), default=1.0)
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        rows = (self.bulk.held + first_row).astype(PETSc.IntType)
-        matrix.zeroRows(rows, diag=self._held_scale)
+        rows = (self.bulk.prescribed_dofs + first_row).astype(PETSc.IntType)
+        matrix.zeroRows(rows, diag=self._prescribed_scale)
 
     def _newton_force(self) -> Array:
         """-r, and at prescribed dofs the distance to their values, (owned dofs,) (local)."""
         f = -self.bulk.r.array_r[: self.bulk.num_owned]
-        f[self.bulk.held] = self.bulk.distance_to_prescribed()
+        f[self.bulk.prescribed_dofs] = self.bulk.distance_to_prescribed()
         return f
 
     def _solve(self, rhs: Array, *, transpose: bool = False) -> Array:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Moves of floating bodies before a solve, and a check of them after it; all is collective.
 
-A body that loads drive where active contact does not hold it is moved rigidly until contact stops
+A body that its loads drive and active contact does not support is moved rigidly until contact stops
 it: each move is the one closest to the drive that opens no node more than a little beyond touching,
-a quadratic program in the few rigid motions. Limit analysis decides which bodies contact may hold;
-see ``holding``.
+a quadratic program in the few rigid motions. Limit analysis decides which bodies contact may
+support; see ``limit_analysis``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.rigid.body_motions import BodyMotions
-from fenics_mortar.rigid.holding import Touching, unresisted_motion
+from fenics_mortar.rigid.limit_analysis import Touching, unresisted_motion
 from fenics_mortar.rigid.moves import closest_move
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import closing, is_ahead, loose_bodies, opening, slipping
@@ -45,7 +45,7 @@ class BodySettling:
         self.touched: list[Flags] = []
 
     def settle(self, evaluate: Callable[[], tuple[Array, Array]], min_drive: float) -> list[str]:
-        """Move the bodies that contact cannot hold rigidly, until it can.
+        """Move the bodies that contact cannot support rigidly until it can.
 
         Args:
             evaluate: Evaluates the contacts at the present state; returns the forces of the bulk
@@ -105,13 +105,13 @@ class BodySettling:
             if not any(is_ahead(bodies, contact, body, motion) for contact in bodies.contacts):
                 raise MortarError(
                     f"{name} can {body.describe(motion)} freely: pushed "
-                    "by contact it gave way, since its Dirichlet conditions do not hold it"
+                    "by contact it gave way, since its Dirichlet conditions do not fix it"
                 )
             notes.append(f"{name} was pushed along by contact without a force")
         return notes
 
     def _next_moves(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
-        """The next move of each body that is driven and not held; none of negligible length."""
+        """The next move of each driven, unsupported body; none of negligible length."""
         driven = self._driven(bulk, contact, min_drive, begun=begun)
         if not driven:
             return []
@@ -130,11 +130,12 @@ class BodySettling:
         ]
 
     def _driven(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
-        """The bodies that loads drive and contact does not hold, and directions of size one.
+        """The bodies that loads drive and contact does not support, and directions of size one.
 
         A body that carries contact force moves only as active contact lets it. Without friction and
-        adhesion a facet holds a body that stands for a round one, which would roll on: there limit
-        analysis decides only on bodies that touch before they have moved or carried any force.
+        adhesion a facet supports a body that stands for a round one, which would roll on: there
+        limit analysis decides only on bodies that touch before they have moved or carried any
+        force.
         """
         bodies = self._bodies
         total, sizes = bulk + contact, np.abs(bulk) + np.abs(contact)
@@ -151,7 +152,7 @@ class BodySettling:
         else:
             judged = set() if begun else labels
         if driven and judged:
-            gone = self._not_held(bulk) | {body.label for body in bodies.bodies} - judged
+            gone = self._unsupported(bulk) | {body.label for body in bodies.bodies} - judged
             driven = [(body, drive) for body, drive in driven if body.label in gone]
         return driven
 
@@ -163,8 +164,8 @@ class BodySettling:
         norm = float(np.linalg.norm(drive))
         return drive / norm if norm > min_drive * size else np.zeros(len(drive))
 
-    def _not_held(self, bulk: Array) -> set[int]:
-        """Labels of the bodies that no contact force within the friction limits can hold.
+    def _unsupported(self, bulk: Array) -> set[int]:
+        """Labels of the bodies that no contact force within the friction limits can support.
 
         Args:
             bulk: Forces of the bulk, minus the loads (owned part).

@@ -6,7 +6,7 @@ The few motions are eliminated from the system that their balance borders, see `
 
 A motion that active contact leaves loose gets a spring in the tangent, see ``loose``; a driven
 obstacle that touches nothing is moved before the solve until contact stops it, see ``settling``.
-Where an obstacle rolls, and Newton fails, springs hold it as they do bodies, see ``release``.
+If Newton's method fails for a rolling obstacle, springs anchor it like a body, see ``proximal``.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class DrivenObstacles(ObstacleMotions):
         contacts: The contacts of the problem, and its ties.
 
     Attributes:
-        springs: Springs of ``hold``, if there are any.
+        springs: Springs of ``anchor``, if there are any.
     """
 
     def __init__(self, contacts: Sequence[Any]) -> None:
@@ -75,7 +75,7 @@ class DrivenObstacles(ObstacleMotions):
         return step, z, motion
 
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
-        """Stiffness of the springs of ``hold``, or else of those on loose motions; as E_q."""
+        """Stiffness of the springs of ``anchor``, or else of those on loose motions; as E_q."""
         if self.springs is not None:
             return np.diag(self.springs.stiffness.ravel())
         return tangent_springs(self, self.residual(), stiffness, force)
@@ -84,38 +84,38 @@ class DrivenObstacles(ObstacleMotions):
         """Loose motions that forces drive, in words; "" if there are none (collective)."""
         return describe_loose(self, self.residual(), force)
 
-    # Springs, see ``release``
+    # Springs, see ``proximal``
 
-    def hold(self, travel: float, stiffness: float) -> None:
-        """Tie driven motions to where they are by springs (collective).
+    def anchor(self, elongation: float, stiffness: float) -> None:
+        """Anchor driven motions at their present values by springs (collective).
 
         Args:
-            travel: Strain of an obstacle's springs under the forces that drive it, or under the
-                error of the contact forces on it by the slave's facets, in shortest facets.
+            elongation: Elongation of an obstacle's springs under the forces that drive it, or under
+                the error of the contact forces on it by the slave's facets, in shortest facets.
             stiffness: Of the bulk [stress].
         """
         springs = anchored_stiffness(
             np.linalg.norm(self.residual(), axis=1),
             RIGID.negligible * self.contact_forces(),
-            travel * self.shortest_facet(),
+            elongation * self.shortest_facet(),
             np.asarray(stiffness),
         )
         driven = np.where(self.driven, springs[:, None], 0.0)
         self.springs = Springs(driven, self.motions_of(self.places))
 
-    def let_go(self) -> None:
-        """Take the springs of ``hold`` away."""
+    def remove_springs(self) -> None:
+        """Remove the springs of ``anchor``."""
         self.springs = None
 
-    def travel(self) -> float:
-        """Largest motion of an obstacle since ``hold``, in shortest facets."""
+    def max_motion(self) -> float:
+        """Largest motion of an obstacle since ``anchor``, in shortest facets."""
         if self.springs is None:
             return 0.0
         strain = self.motions_of(self.places) - self.springs.anchor
         moves = np.linalg.norm(np.where(self.driven, strain, 0.0), axis=1)
         return float(moves.max(initial=0.0)) / self.shortest_facet()
 
-    def held_fractions(self) -> list[tuple[str, float, bool]]:
+    def spring_fractions(self) -> list[tuple[str, float, bool]]:
         """Name, force of springs over contact force, whether it slides, of those on springs."""
         if self.springs is None:
             return []
@@ -131,7 +131,7 @@ class DrivenObstacles(ObstacleMotions):
         ]
 
     def spring_energy(self) -> float:
-        """Energy in the springs of ``hold`` [stress length^2]."""
+        """Energy in the springs of ``anchor`` [stress length^2]."""
         here = self.motions_of(self.places)
         return 0.0 if self.springs is None else self.springs.energy(here)
 
@@ -159,6 +159,6 @@ class DrivenObstacles(ObstacleMotions):
         self._start = self.motions_of(self.places)
         return moved
 
-    def strayed(self) -> float:
+    def own_slide(self) -> float:
         """Slide of an obstacle of its own accord in the last solve; see ``settling.own_slide``."""
         return settling.own_slide(self, self._start)

@@ -49,11 +49,11 @@ def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[Floating
     found = []
     for body in bodies.bodies:
         contacts = bodies.contacts_of(body)
-        held = [closing(bodies, c, body)[:, c.active] for c in contacts]
+        resisted = [closing(bodies, c, body)[:, c.active] for c in contacts]
         if sticking:
             rubbing = [c for c in contacts if c.sticking.any()]
-            held += [slipping(bodies, c, body)[:, c.sticking] for c in rubbing]
-        free = unresisted(np.hstack([np.zeros((len(body.motions), 0)), *held]))
+            resisted += [slipping(bodies, c, body)[:, c.sticking] for c in rubbing]
+        free = unresisted(np.hstack([np.zeros((len(body.motions), 0)), *resisted]))
         if len(free):
             found.append(replace(body, motions=free @ body.motions))
     return found

@@ -66,9 +66,9 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
             return [f"{name} was moved until contact stopped it" for name in moved]
         moved |= dict.fromkeys(f"obstacle '{motions.obstacles[i].name}'" for i in moving)
         motions.move(moves)
-    stray = moving[0]
+    free = moving[0]
     raise MortarError(
-        f"obstacle '{motions.obstacles[stray].name}' can {in_words(moves[stray])} freely: its "
+        f"obstacle '{motions.obstacles[free].name}' can {in_words(moves[free])} freely: its "
         "push drives it, and no contact stops it; prescribe that motion by move()"
     )
 

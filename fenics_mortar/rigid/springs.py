@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Springs of bodies and obstacles: anchored ones for ``release``, others in the tangent only.
+"""Springs of bodies and obstacles: anchored ones for ``proximal``, others in the tangent only.
 
 An anchored spring is part of the residual until it is taken away. A tangent spring regularizes a
 motion that active contact does not resist. Its stiffness is in proportion to the force that drives
@@ -81,7 +81,7 @@ def unresisted(responses: Array) -> Array:
 
 
 def slides(nodes: Sequence[tuple[Contact, Flags]]) -> bool:
-    """Whether all nodes with friction that touch a body slide, so that none holds it (local).
+    """Whether all nodes with friction that touch a body slide, so that none fixes it (local).
 
     Args:
         nodes: The contacts of the body, and which slave nodes act on it, (slave nodes,) each.

@@ -41,7 +41,7 @@ def balance_of_bodies(
         on_slave, on_master = contact.operators.force(contact.z)
         contact.slave.scatter_add(on_slave, total)
         contact.master.scatter_add(on_master, total)
-    total[bulk.held] = 0.0
+    total[bulk.prescribed_dofs] = 0.0
     comm, dofs = bulk.comm, bulk.space.owned_dofs
     body = labels[: len(dofs)]
     num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1

@@ -41,7 +41,7 @@ from fenics_mortar.kernels.passage import ALL, OTHERS, OWN, find_events, find_pa
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import call_together, place
-from fenics_mortar.verify.ways import Motions, own_frame, went_through
+from fenics_mortar.verify.ways import Motions, own_frame, passed_through
 
 # Depth [facets] above which an overlap of unpaired bodies in the mesh is intended, and a path ends
 # inside a body.
@@ -323,7 +323,7 @@ class Crossings:
             depth = call_together(
                 self.outline.comm,
                 f"the distance of '{obstacle.name}'",
-                partial(went_through, obstacle, *given),
+                partial(passed_through, obstacle, *given),
             )
             through = np.flatnonzero(depth > 0.0)
             if through.size:

@@ -51,7 +51,7 @@ class PairCertificate:
             slave that the master covers [facet lengths].
         outside_at: Position of that resultant.
         undecided_at: Positions of nodes whose cover is close to the threshold of a multiplier.
-        redundant: Sticking nodes that other constraints hold as well: their shear is not unique,
+        redundant: Sticking nodes that other constraints fix as well: their shear is not unique,
             see ``redundancy``.
         redundant_at: Position of one of them.
         unpaired: Nodes of the two surfaces inside another body without a partner in any pair.

@@ -52,12 +52,12 @@ def test_block_that_slides_under_constant_shear(algorithm):
     The shear g at the bottom falls to zero at the height H, the axial stress grows by g / H along
     the way, the pressure p is uniform, and the bottom stays flat.
     """
-    g, p, s, H, travel = 0.7, 3.0, 1.0, 0.5, 0.4
+    g, p, s, H, shift = 0.7, 3.0, 1.0, 0.5, 0.4
     a, c = (1.0 - NU**2) / E, NU * (1.0 + NU) / E
     shear_modulus = lame(E, NU)[0]
 
     def exact(x):
-        along = (c * p - a * s) * x[0] + a * g * x[0] ** 2 / (2 * H) + travel
+        along = (c * p - a * s) * x[0] + a * g * x[0] ** 2 / (2 * H) + shift
         sheared = g / shear_modulus * (x[1] - x[1] ** 2 / (2 * H)) + c * g * x[1] ** 2 / (2 * H)
         return np.stack([along + sheared, (c * s - a * p) * x[1] - c * g * x[0] * x[1] / H])
 

@@ -107,7 +107,7 @@ def without(*changes: tuple[Any, str, Any]) -> Callable[[], AbstractContextManag
 
 
 def give_up(equations: Any, options: Any, failed: Exception) -> None:
-    """In place of ``release_slowly``."""
+    """In place of ``solve_with_springs``."""
     raise failed
 
 
@@ -175,14 +175,16 @@ REMEDIES = {
         "falling_wheel",
         "1",
         "plain",
-        Method("not held", adaptive=False, override=without((solver, "release_slowly", give_up))),
+        Method(
+            "not held", adaptive=False, override=without((solver, "solve_with_springs", give_up))
+        ),
     ),
     "no_holding": Remedy(
         "springs hold rigid tools that roll, and let go",
         "rigid_tool",
         "free egg, 0.01",
         "default",
-        Method("not held", override=without((solver, "release_slowly", give_up))),
+        Method("not held", override=without((solver, "solve_with_springs", give_up))),
     ),
     "meshed_gaps": Remedy(
         "gaps can be set, whatever the facets leave",

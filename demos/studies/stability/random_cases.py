@@ -95,7 +95,7 @@ class Case:
     @property
     def stop(self) -> float:
         """Where the path ends: at time 1 if nothing slides."""
-        motions = [held.motion for held in self.held]
+        motions = [held.motion for held in self.anchored]
         return 2.0 if any((motion[1] != motion[2]).any() for motion in motions) else 1.0
 
     @property

@@ -45,7 +45,7 @@ class ShapeCase(Case):
     @property
     def stop(self) -> float:
         """The last time for which there is a motion."""
-        return float(max(len(held.motion) for held in self.held) - 1)
+        return float(max(len(held.motion) for held in self.anchored) - 1)
 
     @property
     def smallest(self) -> float:

@@ -236,7 +236,7 @@ def unbalance_of_nodes(scene: Scene) -> float:
         contact.slave.scatter_add(on_slave, total)
         contact.master.scatter_add(on_master, total)
         sizes += float(np.abs(on_slave).sum())
-    total[bulk.held] = 0.0
+    total[bulk.prescribed_dofs] = 0.0
     largest = bulk.comm.allreduce(float(np.abs(total).max(initial=0.0)), MPI.MAX)
     return largest / sizes if sizes > 0.0 else 0.0
 

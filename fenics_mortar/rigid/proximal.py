@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Bodies and obstacles that roll or slide: springs hold them, and let go little by little.
+"""Bodies and obstacles that roll or slide: the proximal point method with springs.
 
 Where contact hardly resists a motion, as a polygon's that rolls from facet to facet, the joint
-Newton step along it is far too long. Here springs tie the bodies to where they are; a solve with
-them converges, then they are tied to where it ended, and so on until the bodies stay: the proximal
+Newton step along it is far too long. Here springs anchor the bodies; a solve with
+them converges, then they are anchored where it ended, and so on until the bodies stay: the proximal
 point method (Rockafellar 1976). For forces with a potential each solve lowers it, so it ends in a
 well and on no ridge. The last solve is without springs.
 
@@ -25,15 +25,15 @@ from fenics_mortar.newton.report import NewtonReport, after
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
 
-# Travel in one solve that springs aim at, and that which ends them, in shortest facets.
-TRAVEL, ARRIVED = 0.25, 0.01
+# Elongation of springs in one solve that is aimed at, and that which ends them [shortest facets].
+ELONGATION, ARRIVED = 0.25, 0.01
 # The part of it that is tried after a failure, and how it grows again.
 LESS, MORE = 0.125, 2.0
 # After so many failures in a row springs are as stiff as the bodies, and then: the part of their
-# travel after a failure, and how it grows. A solve that takes more iterations has too weak ones.
+# elongation after a failure, and how it grows. A solve of more iterations has too weak springs.
 STIFF_AFTER, STIFF_LESS, STIFF_MORE, STIFF_ITERATIONS = 2, 0.1, 3.0, 20
 MOST_SOLVES, MOST_FAILURES = 24, 5
-# Springs that stay are tied anew so often: what contact can carry it does then.
+# Springs that stay are anchored anew so often: what contact can carry it does then.
 REPEATS = 3
 # Accuracy of the solves with springs: the last one has that of the user.
 ROUGH = 1e-6
@@ -54,30 +54,30 @@ class Remaining(NamedTuple):
 
 
 class AnchoredSprings(Protocol):
-    """Springs that can hold bodies and obstacles; all collective."""
+    """Springs that can anchor bodies and obstacles; all collective."""
 
-    def hold(self, travel: float) -> None:
-        """Tie floating bodies and driven obstacles to where they are.
+    def anchor(self, elongation: float) -> None:
+        """Anchor floating bodies and driven obstacles at their present positions.
 
-        The forces that drive a body now, or a small fraction of all forces on it, would strain its
-        springs by ``travel`` shortest facets.
+        The forces that drive a body now, or a small fraction of all forces on it, would elongate
+        its springs by ``elongation`` shortest facets.
         """
 
-    def let_go(self) -> None:
+    def remove_springs(self) -> None:
         """Remove the springs."""
 
-    def stiff_travel(self) -> float:
-        """The travel at which springs are as stiff as the bodies, in shortest facets."""
+    def stiff_elongation(self) -> float:
+        """The elongation at which springs are as stiff as the bodies, in shortest facets."""
 
-    def travel(self) -> float:
-        """Largest rigid motion since ``hold``, in shortest facets."""
+    def max_motion(self) -> float:
+        """Largest rigid motion since ``anchor``, in shortest facets."""
 
     def remaining(self) -> Remaining:
         """Forces that springs carry over contact forces."""
 
 
-class Held(Equations, Protocol):
-    """Equations with bodies or obstacles that springs can hold; all collective."""
+class WithSprings(Equations, Protocol):
+    """Equations with bodies or obstacles that springs can anchor; all collective."""
 
     @property
     def springs(self) -> AnchoredSprings:
@@ -90,8 +90,8 @@ class Held(Equations, Protocol):
         """Go back to a state."""
 
 
-def release_slowly(
-    equations: Held, options: NewtonOptions, failed: NotConvergedError
+def solve_with_springs(
+    equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
     """Solve with springs, and at last without or with weak ones (collective).
 
@@ -108,17 +108,17 @@ def release_slowly(
     """
     report = _move_on_springs(equations, options, failed)
     arrived = equations.state()
-    equations.springs.let_go()
+    equations.springs.remove_springs()
     try:
         return after(report, partial(solve, equations, options))
     except NotConvergedError as error:
         equations.restore(arrived)
         again = NotConvergedError(failed.report.reason, error.report)
-        return hold_here(equations, options, again, repeats=REPEATS)
+        return solve_with_weak_springs(equations, options, again, repeats=REPEATS)
 
 
-def hold_here(
-    equations: Held,
+def solve_with_weak_springs(
+    equations: WithSprings,
     options: NewtonOptions,
     failed: NotConvergedError,
     *,
@@ -131,7 +131,7 @@ def hold_here(
         equations: What to solve, near a state that nothing but slight forces moves on.
         options: Of the solves.
         failed: What a solve without springs ended with.
-        repeats: How often springs are tied anew.
+        repeats: How often springs are anchored anew.
         most: Largest force of springs over the contact force on a body [1]; on bodies that slide on
             all of their nodes with friction ``RIGID.slight``.
 
@@ -139,31 +139,31 @@ def hold_here(
         The record of all iterations, those of ``failed`` included.
 
     Raises:
-        NotConvergedError: On all ranks, if a solve fails or springs hold more.
+        NotConvergedError: On all ranks, if a solve fails or springs carry more.
     """
     report = failed.report
     for _ in range(repeats):
-        equations.springs.hold(TRAVEL)
+        equations.springs.anchor(ELONGATION)
         report = after(report, partial(solve, equations, options))
-    held = equations.springs.remaining()
-    if held.fraction > most:
-        raise NotConvergedError(f"{failed}; {held.words}", report) from failed
-    if held.sliding > RIGID.slight:
-        words = f"{held.words}; all of its nodes slide at their friction limit"
+    carried = equations.springs.remaining()
+    if carried.fraction > most:
+        raise NotConvergedError(f"{failed}; {carried.words}", report) from failed
+    if carried.sliding > RIGID.slight:
+        words = f"{carried.words}; all of its nodes slide at their friction limit"
         raise NotConvergedError(f"{failed}; {words}", report) from failed
-    report.notes.append(held.words)
+    report.notes.append(carried.words)
     return report
 
 
 def _move_on_springs(
-    equations: Held, options: NewtonOptions, failed: NotConvergedError
+    equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
     """Solve with springs until they are hardly strained any more, or long enough."""
     rough = replace(options, residual_tolerance=max(ROUGH, options.residual_tolerance))
-    report, aim, failures, less, more = failed.report, TRAVEL, 0, LESS, MORE
+    report, aim, failures, less, more = failed.report, ELONGATION, 0, LESS, MORE
     for _ in range(MOST_SOLVES):
         start = equations.state()
-        equations.springs.hold(aim)
+        equations.springs.anchor(aim)
         try:
             report = after(report, partial(solve, equations, rough))
         except NotConvergedError as error:
@@ -172,11 +172,11 @@ def _move_on_springs(
             if failures == MOST_FAILURES:
                 raise NotConvergedError(failed.report.reason, report) from error
             if failures == STIFF_AFTER and less == LESS:
-                aim, less, more = equations.springs.stiff_travel(), STIFF_LESS, STIFF_MORE
+                aim, less, more = equations.springs.stiff_elongation(), STIFF_LESS, STIFF_MORE
                 few = min(STIFF_ITERATIONS, options.max_iterations)
                 rough = replace(rough, max_iterations=few)
             continue
-        if equations.springs.travel() < ARRIVED * aim / TRAVEL:
+        if equations.springs.max_motion() < ARRIVED * aim / ELONGATION:
             break
-        aim, failures = min(more * aim, TRAVEL), 0
+        aim, failures = min(more * aim, ELONGATION), 0
     return report

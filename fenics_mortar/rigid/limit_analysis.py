@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Whether contact can hold rigid bodies: limit analysis by linear programming.
+"""Whether contact can support rigid bodies: limit analysis by linear programming.
 
 Loads with resultants w on the rigid motions v of all bodies are in equilibrium with contact forces
 that the law admits if and only if they do no work on any motion that these forces cannot resist
@@ -8,8 +8,8 @@ u_j of each touching node, and admissible forces p_j >= -a_j, |s_j| <= s_j0 + mu
 
     maximize  (w - sum_j a_j g_j) . v - sum_j s_j0 |u_j|,    g_j >= mu_j |u_j|,    |v| <= 1.
 
-A positive maximum is refutation: the bodies move. Zero says only that contact may hold them, since
-Coulomb's law is not associated: a motion does not open as much as g_j >= mu_j |u_j| says. The
+A positive maximum is refutation: the bodies move. Zero says only that contact may support them,
+since Coulomb's law is not associated: a motion does not open as much as g_j >= mu_j |u_j| says. The
 solution of the contact problem then decides.
 """
 
@@ -23,9 +23,9 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array, hstack, vstack
 
 Array = npt.NDArray[np.float64]
-# Work of the loads on a motion of size one, over the size of the loads, below which contact holds
-# them [1]: above the feasibility tolerance of the linear program, 1e-7.
-HELD_WORK = 1e-6
+# Work of the loads on a motion of size one, over the size of the loads, below which contact
+# supports them [1]: above the feasibility tolerance of the linear program, 1e-7.
+RESISTED_WORK = 1e-6
 
 
 class Touching(NamedTuple):
@@ -36,7 +36,7 @@ class Touching(NamedTuple):
         slip: Slip rate by each motion, shape (n, m).
         slope: Friction per pressure mu_j, inf where nothing slips, shape (n,).
         shear: Friction s_j0 without pressure [force], shape (n,).
-        adhesion: Pull a_j that holds a node closed [force], shape (n,).
+        adhesion: Pull a_j that keeps a node closed [force], shape (n,).
     """
 
     opening: Array
@@ -54,7 +54,7 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
         touching: The touching nodes.
 
     Returns:
-        Its coefficients, none larger than one; zero if contact may hold the bodies.
+        Its coefficients, none larger than one; zero if contact may support the bodies.
     """
     size = float(np.abs(loads).sum())
     if size == 0.0:
@@ -87,7 +87,7 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
     )
     if not found.success:
         raise ArithmeticError(f"linear program of rigid bodies: {found.message}")
-    return found.x[: loads.size] if -found.fun > HELD_WORK else np.zeros(loads.size)
+    return found.x[: loads.size] if -found.fun > RESISTED_WORK else np.zeros(loads.size)
 
 
 def _unit(rows: int, columns: int) -> csr_array:
