@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bodies held by contact alone: they are moved until it stops them, and no spring is left in."""
+"""Bodies supported by contact alone: they are moved until it stops them, and no spring is left."""
 
 from mpi4py import MPI
 
@@ -93,7 +93,7 @@ def test_disk_falls_in_a_ring_to_where_newton_finds_its_rest():
 
 
 def stack(*, gap):
-    """Plates held and pushed, a free block between them, slave in both pairs."""
+    """Plates fixed and pushed, a free block between them, slave in both pairs."""
 
     data = read(
         rectangles,
@@ -202,7 +202,7 @@ def test_closest_vector_below_planes():
 
 
 @pytest.mark.parametrize("base", ["plane", "body"])
-def test_block_that_friction_holds_stays_and_one_that_slides_keeps_its_friction(base):
+def test_block_that_friction_supports_stays_and_one_that_slides_keeps_its_friction(base):
     """Limit analysis decides before the solve; see also ``test_held``, in serial."""
     for push, reaches in ((0.1, 0.0), (0.6, 0.1)):
         scene = held.block_and_wall(push, 0.5, base)

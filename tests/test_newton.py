@@ -159,7 +159,7 @@ def test_linear_solves_are_asked_for_something_whatever_the_residuals(residuals,
 
 
 class Springs:
-    """Equations that springs hold, in name only."""
+    """Equations with springs, in name only."""
 
     def __init__(self):
         self.springs = self
@@ -180,7 +180,7 @@ class Springs:
         return 0.0
 
 
-def test_record_of_a_slow_release_that_fails_has_all_iterations(monkeypatch):
+def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
     """Tied by springs it converges, free it does not, nor tied again."""
     iteration = Iteration(1.0, 0.0, 0.0, 1.0, 0, 0, {})
     outcomes = iter([(5, True), (30, False), (7, False)])

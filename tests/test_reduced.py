@@ -101,8 +101,8 @@ def test_a_step_on_all_dofs_in_between_changes_nothing():
         assert largest(u - w) < 1e-9 * largest(u)
 
 
-def loaded_blocks(reduced, *, held="both"):
-    """Blocks under their own weight; where the upper is held, its top is moved."""
+def loaded_blocks(reduced, *, fixed="both"):
+    """Blocks under their own weight; where the upper is fixed, its top is moved."""
     scene = pressed_blocks(material=linear_elastic, **MESH)
     V, mesh = scene.u.function_space, scene.data.mesh
     u = fem.Function(V)
@@ -110,7 +110,7 @@ def loaded_blocks(reduced, *, held="both"):
     v = ufl.TestFunction(V)
     stress = modulus * linear_elastic(u, 1.0, 0.3)
     residual = internal(u, stress) - ufl.inner(weight, v) * ufl.dx
-    bcs = scene.problem.equations.bulk.bcs[: {"lower": 1, "both": 2}[held]]
+    bcs = scene.problem.equations.bulk.bcs[: {"lower": 1, "both": 2}[fixed]]
     pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top")
     problem = fm.ContactProblem(
         residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", newton=TIGHT,
@@ -144,8 +144,8 @@ def test_new_stiffness_is_factored_anew():
         assert largest(u - w) < 1e-9 * largest(u)
 
 
-def test_body_that_contact_alone_holds_takes_the_general_path_and_says_so():
-    problem, loads = loaded_blocks(True, held="lower")
+def test_body_supported_by_contact_alone_takes_the_general_path_and_says_so():
+    problem, loads = loaded_blocks(True, fixed="lower")
     loads["weight"].value[1] = -1.0
     report = problem.solve()
     assert any("leave body 'upper' free to move" in note for note in report.notes)

@@ -25,8 +25,8 @@ G = 0.02  # shear that the bar's foundation bears
 WORKS = "supports", "friction"
 
 
-def block_on_plane(n, material, law, *, degree=1, held=("top",), push=None):
-    """A block of 1 x 0.5 on y = 0 with ``push`` prescribed at the held sides."""
+def block_on_plane(n, material, law, *, degree=1, fixed=("top",), push=None):
+    """A block of 1 x 0.5 on y = 0 with ``push`` prescribed at the fixed sides."""
     sliding = "small" if material is linear_elastic else "finite"
     grid = Grid("block", block(2 * n * degree, n * degree, width=1.0, height=0.5))
     data = read(build, grids=[grid], order=degree)
@@ -38,7 +38,7 @@ def block_on_plane(n, material, law, *, degree=1, held=("top",), push=None):
         internal(u, material(u, E, NU)),
         u,
         [fm.ContactPair(data, "block/bottom", plane, law=law, sliding=sliding)],
-        bcs=[fm.dirichlet(V, data, f"block/{side}", push) for side in held],
+        bcs=[fm.dirichlet(V, data, f"block/{side}", push) for side in fixed],
         petsc_options_prefix="test_",
         newton=TIGHT,
     )
@@ -67,7 +67,7 @@ def test_block_that_slides_under_constant_shear(algorithm):
         return function
 
     problem, u = block_on_plane(
-        2, linear_elastic, fm.Tresca(g), degree=2, held=("left", "right", "top"), push=push
+        2, linear_elastic, fm.Tresca(g), degree=2, fixed=("left", "right", "top"), push=push
     )
     problem.solve()
     contact = problem.equations.contacts[0]
@@ -256,7 +256,7 @@ def test_block_pushed_into_a_narrower_channel():
 @pytest.mark.serial
 @pytest.mark.parametrize("mu, nu, sliding", [(1.0, 0.3, 1), (0.3, 0.45, 2)])
 def test_wheel_that_friction_drives_rolls(mu, nu, sliding):
-    """A rigid wheel is turned on a block, held down by a force, and free to go where it wants.
+    """A rigid wheel is turned on a block, pressed down by a force, and free to go where it wants.
 
     All nodes stick but for one or two at the edge, so that it takes hardly work or moment, and goes
     its circumference, but for the stretch of the ground, of the order (a / R)^2 with half the width
