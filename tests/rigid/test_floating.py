@@ -4,9 +4,9 @@
 from mpi4py import MPI
 
 import gmsh
-import held
 import numpy as np
 import pytest
+import supported
 from scenes import internal, neo_hookean, read, rectangles
 from scipy.optimize import minimize
 from test_errors import pushed_block
@@ -203,9 +203,9 @@ def test_closest_vector_below_planes():
 
 @pytest.mark.parametrize("base", ["plane", "body"])
 def test_block_that_friction_supports_stays_and_one_that_slides_keeps_its_friction(base):
-    """Limit analysis decides before the solve; see also ``test_held``, in serial."""
+    """Limit analysis decides before the solve; see also ``test_supported``, in serial."""
     for push, reaches in ((0.1, 0.0), (0.6, 0.1)):
-        scene = held.block_and_wall(push, 0.5, base)
+        scene = supported.block_and_wall(push, 0.5, base)
         reports = list(scene.solve())
         assert reports[-1].num_iterations <= 5
         assert scene.motion("block")[0] == pytest.approx(0.3 if reaches else 0.0, abs=2e-3)

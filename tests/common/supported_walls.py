@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from held_parts import Body, Flat, Touch, structure
-from held_problem import NU, Assembly, floor_of, pose
 from scenes import linear_elastic, rotation
+from supported_parts import Body, Flat, Touch, structure
+from supported_problem import NU, Assembly, floor_of, pose
 
 import fenics_mortar as fm
 from demos.studies.stability.limit_analysis import judge

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""All scenes of ``held.py`` by the present code, each judged by limit analysis."""
+"""All scenes of ``supported.py`` by the present code, each judged by limit analysis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from held import (
+from supported import (
     arch,
     block_and_wall,
     hanging,
@@ -22,7 +22,7 @@ from held import (
     wall,
     wheel,
 )
-from held_problem import Assembly
+from supported_problem import Assembly
 
 import fenics_mortar as fm
 

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from held import (
+from supported import (
     arch,
     block_and_wall,
     hanging,
@@ -16,7 +16,7 @@ from held import (
     wall,
     wheel,
 )
-from held_problem import NU
+from supported_problem import NU
 
 import fenics_mortar as fm
 

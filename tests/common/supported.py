@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Scenes of bodies supported by friction or adhesion, each with the verdict of limit analysis.
 
-    python3 tests/common/held.py                 all scenes by the present code, a row for each step
-    python3 tests/common/held.py wall tower      those whose name begins so
+    python3 tests/common/supported.py               all scenes by the present code, a row for each step
+    python3 tests/common/supported.py wall tower    those whose name begins so
 
 A scene is made in a frame of its own and turned as a whole. Its loads are dead: the weight of
 bodies, a push on some of them and a torque, all spread over the body; ``Assembly.set`` says how
@@ -14,10 +14,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from held_parts import Array, Body, Flat, Glue, Touch
-from held_problem import Assembly, floor_of, pose
-from held_walls import arch, t_junction, tower, wall
 from scenes import rotation
+from supported_parts import Array, Body, Flat, Glue, Touch
+from supported_problem import Assembly, floor_of, pose
+from supported_walls import arch, t_junction, tower, wall
 
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, mapped, sector
@@ -322,6 +322,6 @@ def pressed(
 
 
 if __name__ == "__main__":
-    from held_table import main
+    from supported_table import main
 
     main()

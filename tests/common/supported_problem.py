@@ -11,8 +11,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-from held_parts import Array, Body, Flat, Loads, Touch, flat_nodes, measure, structure
 from scenes import internal, neo_hookean, read, rotation
+from supported_parts import Array, Body, Flat, Loads, Touch, flat_nodes, measure, structure
 
 import ufl
 from dolfinx import fem
@@ -224,7 +224,7 @@ def pose(
         u,
         pairs,
         bcs=bcs,
-        petsc_options_prefix="held_",
+        petsc_options_prefix="supported_",
         algorithm=algorithm,
         newton=newton,
     )
