@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Scenes of bodies supported by friction or adhesion, each with the verdict of limit analysis.
 
-    python3 tests/common/supported.py               all scenes by the present code, a row for each step
+    python3 tests/common/supported.py               all scenes, a row for each step
     python3 tests/common/supported.py wall tower    those whose name begins so
 
 A scene is made in a frame of its own and turned as a whole. Its loads are dead: the weight of
