@@ -56,7 +56,8 @@ class FactoredBulk:
         """The argument of ``answers`` for forces on the contact dofs (collective).
 
         Args:
-            forces: One load a row, shape (k, size) [stress length], used on rank 0 only. Forces on prescribed dofs are dropped.
+            forces: One load a row, shape (k, size) [stress length], used on rank 0 only. Forces on
+                prescribed dofs are dropped.
         """
         here = self._bulk.comm.rank == 0
         forces = forces[: forces.shape[0] if here else 0].tocoo()
