@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Rigid obstacles that forces drive: their motions q are unknowns of the Newton system.
+"""Rigid obstacles driven by forces: their motions q are unknowns of the Newton system.
 
-The few motions are eliminated from the system that their balance borders, see ``balance`` and
-``bordered``: the sparse matrix, its pattern and its solver are those of obstacles at rest.
+The balance of the obstacles borders the system of u and z, see ``balance``. The few motions are
+eliminated, see ``bordered``, so that the sparse matrix and its solver are those of fixed obstacles.
 
-A motion that active contact leaves loose gets a spring in the tangent, see ``loose``; a driven
-obstacle that touches nothing is moved before the solve until contact stops it, see ``settling``.
+Tangent springs regularize motions that active contact does not resist, see ``loose``. A driven
+obstacle without contact is moved before the solve until contact stops it, see ``settling``.
 If Newton's method fails for a rolling obstacle, springs anchor it like a body, see ``proximal``.
 """
 
@@ -30,13 +30,13 @@ from fenics_mortar.utils.arrays import Array
 
 
 class DrivenObstacles(ObstacleMotions):
-    """The obstacles of a problem, and the balance of their driven motions.
+    """Obstacles of a problem and the balance of their driven motions.
 
     Args:
         contacts: The contacts of the problem, and its ties.
 
     Attributes:
-        springs: Springs of ``anchor``, if there are any.
+        springs: Anchored springs, or ``None``.
     """
 
     def __init__(self, contacts: Sequence[Any]) -> None:
@@ -45,7 +45,7 @@ class DrivenObstacles(ObstacleMotions):
         self._start: Array = np.zeros(self.scales.shape)
 
     def residual(self) -> Array:
-        """f_q and springs less the push of driven motions, else 0, (obstacles, 3) (collective)."""
+        """f_q plus springs minus push for driven motions, else 0, (obstacles, 3) (collective)."""
         return np.where(self.driven, self.forces() + self._spring_forces() - self.push(), 0.0)
 
     def solve(
@@ -55,8 +55,8 @@ class DrivenObstacles(ObstacleMotions):
 
         Args:
             system: System of displacement and multipliers, assembled.
-            stiffness: Of the bulk [stress].
-            force: Size of the forces [stress length].
+            stiffness: Stiffness of the bulk [stress].
+            force: Size of all forces [stress length].
 
         Returns:
             Increment of the displacement, multipliers, and motions (obstacles, 3) [length].
@@ -75,13 +75,13 @@ class DrivenObstacles(ObstacleMotions):
         return step, z, motion
 
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
-        """Stiffness of the springs of ``anchor``, or else of those on loose motions; as E_q."""
+        """Stiffness of anchored springs, or of tangent springs on loose motions; added to E_q."""
         if self.springs is not None:
             return np.diag(self.springs.stiffness.ravel())
         return tangent_springs(self, self.residual(), stiffness, force)
 
     def describe(self, force: float) -> str:
-        """Loose motions that forces drive, in words; "" if there are none (collective)."""
+        """Loose motions that are driven by forces, in words; "" if there are none (collective)."""
         return describe_loose(self, self.residual(), force)
 
     # Springs, see ``proximal``
@@ -90,9 +90,9 @@ class DrivenObstacles(ObstacleMotions):
         """Anchor driven motions at their present values by springs (collective).
 
         Args:
-            elongation: Elongation of an obstacle's springs under the forces that drive it, or under
-                the error of the contact forces on it by the slave's facets, in shortest facets.
-            stiffness: Of the bulk [stress].
+            elongation: Elongation of the springs under the resultant on the obstacle, or under the
+                discretization error of its contact forces if larger [shortest facets].
+            stiffness: Stiffness of the bulk [stress].
         """
         springs = anchored_stiffness(
             np.linalg.norm(self.residual(), axis=1),
@@ -104,11 +104,11 @@ class DrivenObstacles(ObstacleMotions):
         self.springs = Springs(driven, self.motions_of(self.places))
 
     def remove_springs(self) -> None:
-        """Remove the springs of ``anchor``."""
+        """Remove the anchored springs."""
         self.springs = None
 
     def max_motion(self) -> float:
-        """Largest motion of an obstacle since ``anchor``, in shortest facets."""
+        """Largest motion of an obstacle since ``anchor`` [shortest facets]."""
         if self.springs is None:
             return 0.0
         strain = self.motions_of(self.places) - self.springs.anchor
@@ -116,7 +116,7 @@ class DrivenObstacles(ObstacleMotions):
         return float(moves.max(initial=0.0)) / self.shortest_facet()
 
     def spring_fractions(self) -> list[tuple[str, float, bool]]:
-        """Name, force of springs over contact force, whether it slides, of those on springs."""
+        """Name, force of springs over contact force, whether it slides, of anchored obstacles."""
         if self.springs is None:
             return []
         forces = np.linalg.norm(self._spring_forces(), axis=1)
@@ -131,7 +131,7 @@ class DrivenObstacles(ObstacleMotions):
         ]
 
     def spring_energy(self) -> float:
-        """Energy in the springs of ``anchor`` [stress length^2]."""
+        """Energy of the anchored springs [stress length^2]."""
         here = self.motions_of(self.places)
         return 0.0 if self.springs is None else self.springs.energy(here)
 
@@ -160,5 +160,5 @@ class DrivenObstacles(ObstacleMotions):
         return moved
 
     def own_slide(self) -> float:
-        """Slide of an obstacle of its own accord in the last solve; see ``settling.own_slide``."""
+        """Slide of obstacles along driven motions in the last solve; see ``settling.own_slide``."""
         return settling.own_slide(self, self._start)

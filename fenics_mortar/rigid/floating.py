@@ -28,14 +28,14 @@ from fenics_mortar.utils.arrays import Array, Flags
 
 
 class FloatingBodies(BodyMotions):
-    """The floating bodies of a problem and their springs; all methods are collective.
+    """Floating bodies of a problem and their springs; all methods are collective.
 
     Args:
         bulk: The bodies.
         contacts: The contacts and ties, bound to the same space.
 
     Attributes:
-        springs: Springs of ``anchor`` at the owned dofs, if there are any.
+        springs: Anchored springs at the owned dofs, or ``None``.
     """
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
@@ -49,7 +49,7 @@ class FloatingBodies(BodyMotions):
         return all(map(self.is_loaded, self.bodies)) and not self.loose()
 
     def loose(self) -> list[FloatingBody]:
-        """The bodies with the motions that neither active nor sticking nodes resist."""
+        """Bodies with the rigid motions that neither active nor sticking nodes resist."""
         return loose_bodies(self)
 
     # Before and after a solve
@@ -62,25 +62,25 @@ class FloatingBodies(BodyMotions):
 
     @property
     def touched(self) -> list[Flags]:
-        """The active sets of the contacts, ties left out, where ``settle`` began."""
+        """Active sets of the contacts, without ties, at the start of ``settle``."""
         return self._settling.touched
 
     def check(self) -> list[str]:
-        """Check the bodies that no contact force supported or supports; see ``body_settling``."""
+        """Check bodies without contact force before and after a solve; see ``body_settling``."""
         return self._settling.check()
 
     # Springs in the tangent
 
     def add_springs(self, loose: Sequence[FloatingBody], total: Array, force: float) -> None:
-        """Add springs to the diagonal of ``K``, which limit a step to elastic strains.
+        """Add springs to the diagonal of ``K`` that limit a step to elastic strains.
 
-        A body that is not loose gets a weak one: contact may resist each motion but not all
+        Bodies that are not loose get weak springs: nodes may resist each motion but not all motions
         together, as for polygons that turn in one another.
 
         Args:
             loose: The result of ``loose``.
-            total: Sum of all forces (owned part).
-            force: Size of the forces.
+            total: Sum of all forces, shape (owned dofs,) [stress length].
+            force: Size of all forces [stress length].
         """
         if not self.bodies:
             return
@@ -94,13 +94,13 @@ class FloatingBodies(BodyMotions):
     def drop_undriven(
         self, loose: Sequence[FloatingBody], step: PETSc.Vec, total: Array, force: float
     ) -> None:
-        """Remove the loose motions that only rounding drives from a step.
+        """Remove loose motions that are driven by roundoff only from a step.
 
         Args:
             loose: The result of ``loose``.
             step: Increment of the displacement; changed.
-            total: Sum of all forces (owned part).
-            force: Size of the forces.
+            total: Sum of all forces, shape (owned dofs,) [stress length].
+            force: Size of all forces [stress length].
         """
         for body in [] if self.anchored else loose:
             drive = float(np.linalg.norm(self.resultant(body, total)))
@@ -125,9 +125,9 @@ class FloatingBodies(BodyMotions):
         """Anchor the bodies at their present positions by springs.
 
         Args:
-            total: Sum of all forces (owned part).
-            elongation: Elongation of the springs of a body under the forces that drive it, or under
-                the error of the contact forces on it by facets, in shortest facets.
+            total: Sum of all forces, shape (owned dofs,) [stress length].
+            elongation: Elongation of the springs under the resultant on the body, or under the
+                discretization error of its contact forces if larger [shortest facets].
         """
         bodies, length = self.bodies, elongation * self.shortest_facet()
         stiffness = anchored_stiffness(
@@ -140,26 +140,28 @@ class FloatingBodies(BodyMotions):
         self.springs = Springs(self._spread(springs), self._place())
 
     def stiff_elongation(self, total: Array) -> float:
-        """The ``elongation`` at which springs of ``anchor`` are as stiff as the bodies."""
-        least = [float(np.linalg.norm(self.resultant(b, total))) / b.stiffest for b in self.bodies]
-        return max(least, default=0.0) / self.shortest_facet()
+        """Elongation at which springs are as stiff as the bodies [shortest facets]."""
+        lengths = [
+            float(np.linalg.norm(self.resultant(b, total))) / b.stiffest for b in self.bodies
+        ]
+        return max(lengths, default=0.0) / self.shortest_facet()
 
     def remove_springs(self) -> None:
-        """Remove the springs of ``anchor``."""
+        """Remove the anchored springs."""
         self.springs = None
 
     @property
     def anchored(self) -> bool:
-        """Whether there are springs of ``anchor``."""
+        """Whether there are anchored springs."""
         return self.springs is not None
 
     def add_spring_forces(self) -> None:
-        """Add the forces of the springs of ``anchor`` to the residual."""
+        """Add the forces of anchored springs to the residual."""
         if self.springs is not None:
             self.bulk.r.array[: self.bulk.num_owned] += self.springs.forces(self._place())
 
     def spring_fractions(self) -> list[tuple[str, float, bool]]:
-        """Name, force of springs over contact force, whether it slides, of bodies on springs."""
+        """For each anchored body: name, force of springs over contact force, whether it slides."""
         if self.springs is None:
             return []
         forces = self.springs.forces(self._place())
@@ -174,12 +176,12 @@ class FloatingBodies(BodyMotions):
         ]
 
     def spring_energy(self) -> float:
-        """Energy in the springs of ``anchor`` [stress length^2]."""
+        """Energy of the anchored springs [stress length^2]."""
         mine = 0.0 if self.springs is None else self.springs.energy(self._place())
         return self.bulk.comm.allreduce(mine)
 
     def max_motion(self) -> float:
-        """Largest rigid motion of a body since ``anchor``, in shortest facets."""
+        """Largest rigid motion of a body since ``anchor`` [shortest facets]."""
         if self.springs is None:
             return 0.0
         change = self._place() - self.springs.anchor
@@ -191,7 +193,7 @@ class FloatingBodies(BodyMotions):
         return self.bulk.u.x.array[: self.bulk.num_owned]
 
     def _spread(self, stiffness: dict[int, float]) -> Array:
-        """Stiffness of the springs at the owned dofs from that of each body."""
+        """Stiffness of springs at the owned dofs (owned dofs,) [stress] from that of each body."""
         springs = np.zeros(self.bulk.num_owned)
         for body in self.bodies:
             springs[self.dofs_of(body)] = stiffness[body.label] / body.num_nodes

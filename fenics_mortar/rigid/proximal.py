@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""Bodies and obstacles that roll or slide: the proximal point method with springs.
+"""The proximal point method for bodies and obstacles that roll or slide, with anchored springs.
 
-Where contact hardly resists a motion, as a polygon's that rolls from facet to facet, the joint
-Newton step along it is far too long. Here springs anchor the bodies; a solve with
-them converges, then they are anchored where it ended, and so on until the bodies stay: the proximal
-point method (Rockafellar 1976). For forces with a potential each solve lowers it, so it ends in a
-well and on no ridge. The last solve is without springs.
+If contact hardly resists a rigid motion, for instance of a polygon that rolls from facet to facet,
+a Newton step along it is far too long. Anchored springs limit it: a solve with springs converges,
+the springs are anchored at the new positions, and so on until the bodies stay (proximal point
+method, Rockafellar 1976). For conservative forces each solve lowers the potential, so the method
+ends in a minimum. The last solve is without springs.
 
-Contact forces on facets have no exact potential, though: they act along averaged normals. A disk
-that may roll and slide is driven by what these err, and may have no equilibrium near by. Then the
-springs stay, if they are weak, and the record tells how weak. On a body that slides on all of its
-nodes with friction they may not stay: there they would end a steady slide.
+Contact forces on facets are not exactly conservative, since they act along averaged normals. The
+error may drive a rolling disk, which then has no equilibrium near by. In this case weak springs
+remain, and the report states their force. They may not remain on a body that slides on all of its
+nodes with friction, since they would stop a steady slide.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from fenics_mortar.newton.report import NewtonReport, after
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
 
-# Elongation of springs in one solve that is aimed at, and that which ends them [shortest facets].
+# Elongation of the springs per solve, and the motion below which bodies stay [shortest facets].
 ELONGATION, ARRIVED = 0.25, 0.01
-# The part of it that is tried after a failure, and how it grows again.
+# Factors of the elongation after a failed and after a successful solve.
 LESS, MORE = 0.125, 2.0
-# After so many failures in a row springs are as stiff as the bodies, and then: the part of their
-# elongation after a failure, and how it grows. A solve of more iterations has too weak springs.
+# Number of failures in a row after which springs are as stiff as the bodies; the factors of the
+# elongation from then on; iterations after which such a solve is given up.
 STIFF_AFTER, STIFF_LESS, STIFF_MORE, STIFF_ITERATIONS = 2, 0.1, 3.0, 20
 MOST_SOLVES, MOST_FAILURES = 24, 5
-# Springs that stay are anchored anew so often: what contact can carry it does then.
+# Number of solves with springs that remain: contact then carries all that it can.
 REPEATS = 3
-# Accuracy of the solves with springs: the last one has that of the user.
+# Residual tolerance of solves with springs; the last solve has the tolerance of the user.
 ROUGH = 1e-6
 
 
 class Remaining(NamedTuple):
-    """Forces that springs carry.
+    """Forces of anchored springs.
 
     Attributes:
         fraction: Largest force of springs over the contact force on a body or obstacle [1].
-        sliding: The largest on those that slide on all of their nodes with friction [1].
-        words: A sentence on each.
+        sliding: The largest on bodies that slide on all of their nodes with friction [1].
+        words: A sentence that names all of them.
     """
 
     fraction: float
@@ -54,7 +54,7 @@ class Remaining(NamedTuple):
 
 
 class AnchoredSprings(Protocol):
-    """Springs that can anchor bodies and obstacles; all collective."""
+    """Springs on floating bodies and driven obstacles; all methods are collective."""
 
     def anchor(self, elongation: float) -> None:
         """Anchor floating bodies and driven obstacles at their present positions.
@@ -67,44 +67,44 @@ class AnchoredSprings(Protocol):
         """Remove the springs."""
 
     def stiff_elongation(self) -> float:
-        """The elongation at which springs are as stiff as the bodies, in shortest facets."""
+        """Elongation at which springs are as stiff as the bodies [shortest facets]."""
 
     def max_motion(self) -> float:
-        """Largest rigid motion since ``anchor``, in shortest facets."""
+        """Largest rigid motion since ``anchor`` [shortest facets]."""
 
     def remaining(self) -> Remaining:
-        """Forces that springs carry over contact forces."""
+        """Forces of springs relative to contact forces."""
 
 
 class WithSprings(Equations, Protocol):
-    """Equations with bodies or obstacles that springs can anchor; all collective."""
+    """Equations with anchored springs on bodies and obstacles; all methods are collective."""
 
     @property
     def springs(self) -> AnchoredSprings:
         """The springs."""
 
     def state(self) -> Any:
-        """Copy the present state."""
+        """The present state, as a value."""
 
     def restore(self, state: Any) -> None:
-        """Go back to a state."""
+        """Restore a state."""
 
 
 def solve_with_springs(
     equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
-    """Solve with springs, and at last without or with weak ones (collective).
+    """Solve with springs, and finally without springs or with weak ones (collective).
 
     Args:
-        equations: What to solve, at the state to start from.
-        options: Of the last solve.
-        failed: What a solve without springs ended with.
+        equations: The equations, at the initial state.
+        options: Options of the last solve.
+        failed: Error of the solve without springs.
 
     Returns:
-        The record of all iterations, those of ``failed`` included.
+        The record of all iterations, including those of ``failed``.
 
     Raises:
-        NotConvergedError: On all ranks.
+        NotConvergedError: On all ranks, if the bodies do not come to rest.
     """
     report = _move_on_springs(equations, options, failed)
     arrived = equations.state()
@@ -125,18 +125,18 @@ def solve_with_weak_springs(
     repeats: int = 1,
     most: float = RIGID.negligible,
 ) -> NewtonReport:
-    """Solve with weak springs that stay (collective).
+    """Solve with weak springs that remain (collective).
 
     Args:
-        equations: What to solve, near a state that nothing but slight forces moves on.
-        options: Of the solves.
-        failed: What a solve without springs ended with.
-        repeats: How often springs are anchored anew.
-        most: Largest force of springs over the contact force on a body [1]; on bodies that slide on
-            all of their nodes with friction ``RIGID.slight``.
+        equations: The equations, near a state that is unbalanced by small forces only.
+        options: Options of the solves.
+        failed: Error of the solve without springs.
+        repeats: Number of solves, each with springs anchored at the result of the last one.
+        most: Largest force of springs over the contact force on a body [1]; ``RIGID.slight`` on
+            bodies that slide on all of their nodes with friction.
 
     Returns:
-        The record of all iterations, those of ``failed`` included.
+        The record of all iterations, including those of ``failed``.
 
     Raises:
         NotConvergedError: On all ranks, if a solve fails or springs carry more.
@@ -158,7 +158,7 @@ def solve_with_weak_springs(
 def _move_on_springs(
     equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
-    """Solve with springs until they are hardly strained any more, or long enough."""
+    """Solve with springs until their elongation vanishes, at most ``MOST_SOLVES`` times."""
     rough = replace(options, residual_tolerance=max(ROUGH, options.residual_tolerance))
     report, aim, failures, less, more = failed.report, ELONGATION, 0, LESS, MORE
     for _ in range(MOST_SOLVES):

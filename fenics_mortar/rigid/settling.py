@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Moves of driven obstacles before a solve, and how far a solve has moved them of its own accord.
+"""Moves of driven obstacles before a solve, and their slide in a solve.
 
-An obstacle that touches nothing is moved until contact stops it; one on nodes that stick follows
-the prescribed motions, as a wheel that is turned.
+An obstacle without contact is moved until contact stops it. An obstacle on sticking nodes follows
+the prescribed motions, for instance a wheel that is turned.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from fenics_mortar.utils.errors import MortarError
 
 
 def follow(motions: ObstacleMotions) -> Array:
-    """Moves of driven obstacles along with prescribed motions, so that nodes stick (local).
+    """Moves of driven obstacles that follow prescribed motions, so that nodes stick (local).
 
-    From where they were all nodes would slide, and nothing would say how far. A move is the one
-    with the least slip and opening of these nodes: slip alone would move an obstacle far off along
-    their normals. Operators are those of the present state.
+    Otherwise all nodes would slide by an undetermined distance. The move minimizes slip and opening
+    of the sticking nodes; slip alone would not determine a motion along their normals. Operators
+    are those of the present state.
 
     Returns:
         Shape (obstacles, 3) [length].
@@ -45,14 +45,14 @@ def follow(motions: ObstacleMotions) -> Array:
 
 
 def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str]:
-    """Move driven obstacles that carry no contact force until contact stops them (collective).
+    """Move driven obstacles without contact force until contact stops them (collective).
 
     Args:
         motions: The obstacles.
         evaluate: Evaluates the contacts at the present state.
 
     Returns:
-        Sentences that name those that were moved.
+        A sentence for each obstacle that was moved.
 
     Raises:
         MortarError: On all ranks, if nothing stops an obstacle.
@@ -74,10 +74,10 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
 
 
 def _next_move(motions: ObstacleMotions, number: int) -> Array:
-    """Motion of one obstacle towards contact, shape (3,); zero if it is there, or not driven.
+    """Motion of an obstacle towards contact, (3,) [length]; zero if loaded or not driven.
 
-    It is the one closest to the push that no node overlaps by more than touching, and that the push
-    does work in: its potential is linear in the motions, so no move is ever taken back.
+    The motion closest to the push that lets no node overlap by more than ``RIGID.overlap`` and on
+    which the push does positive work. Its potential is linear, so no move is ever reversed.
     """
     contacts = motions.contacts_of(number)
     driven, push = motions.driven[number], motions.push()[number]
@@ -95,9 +95,9 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
 
 
 def own_slide(motions: ObstacleMotions, start: Array) -> float:
-    """Slide of an obstacle along all of its nodes by driven motions, in widths of its contact.
+    """Slide of obstacles along driven motions, over the width of their contact [1] (local).
 
-    Zero where a node sticks or has no friction; largest of all obstacles.
+    The largest of all obstacles; zero for obstacles with a node that sticks or has no friction.
 
     Args:
         motions: The obstacles.
