@@ -255,7 +255,7 @@ class ContactEquations:
         if not self.floating.bodies or self.floating.anchored or not self._history.is_unsettled:
             return
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
-        if linearized.can_say:
+        if linearized.applies:
             self._history.count_call()
             self.bulk.assemble_tangent()
             linearized.choose_sets(self._redundancy.mark)

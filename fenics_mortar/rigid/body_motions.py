@@ -154,7 +154,7 @@ class BodyMotions:
     # Words
 
     def name_of(self, label: int, labels: Indices | None = None) -> str:
-        """Name of a body from the cell tags, or its position; ``labels`` replace ``self.labels``."""
+        """Name of a body from the cell tags or its position; ``labels``: instead of its own."""
         bulk, labels = self.bulk, self.labels if labels is None else labels
         first = compat.dofmap(bulk.V)[:, 0]
         for data in self._data:
