@@ -8,6 +8,7 @@ transposed system S_c A^T S_r uses the same factors.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from enum import IntEnum
 from itertools import chain
 from typing import Any
 
@@ -23,10 +24,16 @@ from fenics_mortar.la.sparse import BlockMatrix, add_blocks
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Kinds of rows and columns: dofs of the bodies, components of multipliers.
-DOF, MULTIPLIER = 0, 1
+
+class Kind(IntEnum):
+    """Kinds of rows and columns: dofs of the bodies, components of multipliers."""
+
+    DOF, MULTIPLIER = range(2)
+
+
+DOF, MULTIPLIER = Kind
 # Kind of rows, kind of columns, and blocks with separate numbers for each kind.
-Part = tuple[int, int, Iterable[Block]]
+Part = tuple[Kind, Kind, Iterable[Block]]
 
 
 class SaddleSystem(LinearSystem):
@@ -45,7 +52,7 @@ class SaddleSystem(LinearSystem):
         self._no_K = BlockMatrix(self.comm, *[self._sizes[MULTIPLIER]] * 2).assemble([])
         self._assembled: Any = None
 
-    def _number(self, kind: int, numbers: Indices) -> Indices:
+    def _number(self, kind: Kind, numbers: Indices) -> Indices:
         """Numbers of dofs or components of multipliers in the whole matrix; -1 stays -1."""
         rank = np.searchsorted(self._ends[:, kind], numbers, side="right")
         return np.where(numbers >= 0, numbers + self._shifts[rank, kind], -1)

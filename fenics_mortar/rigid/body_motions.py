@@ -21,10 +21,10 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 class BodyMotions:
@@ -147,7 +147,7 @@ class BodyMotions:
     def is_loaded(self, body: FloatingBody) -> bool:
         """Whether any contact force acts on a body."""
         return any(
-            (np.abs(c.pressure) > RIGID.rounding * c.stiffness)[self.at_body(c, body)].any()
+            (np.abs(c.pressure) > SUM_ROUNDING * c.stiffness)[self.at_body(c, body)].any()
             for c in self.contacts
         )
 

@@ -23,6 +23,7 @@ from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import closing, is_ahead, loose_bodies, opening, slipping
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, NotConvergedError
+from fenics_mortar.utils.rounding import SOLVED
 
 # Moving bodies with the coefficients of their motions, (motions,) each [length].
 Moves = list[tuple[FloatingBody, Array]]
@@ -98,7 +99,7 @@ class BodySettling:
         for body in self._unloaded:
             change = (bodies.bulk.u.x.array - self._start)[: bodies.bulk.num_owned]
             motion = bodies.rigid_fraction(body, change)
-            is_at_rest = np.linalg.norm(motion) <= RIGID.motion_rounding * body.size
+            is_at_rest = np.linalg.norm(motion) <= SOLVED * body.size
             if is_at_rest or bodies.is_loaded(body):
                 continue
             name = bodies.name_of(body.label)

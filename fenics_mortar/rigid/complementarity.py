@@ -24,12 +24,10 @@ import numpy.typing as npt
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 
+from fenics_mortar.utils.rounding import SUM_ROUNDING
+
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-# Entries of a column below this part of its largest are rounding.
-ROUNDING = 1e-11
-# What relaxes the rows is gone below this part of where it began.
-NOTHING = 1e-14
 # Maximum number of pivots per variable; five problems that were examined took less than one.
 MOST_CHANGES = 50
 
@@ -125,13 +123,13 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
             return np.isin(np.arange(n, 2 * n), rows)
         column = int(np.flatnonzero(columns == (left + n) % z_0)[0])
         falls = table[:, column]
-        falling = np.flatnonzero(falls < -ROUNDING * np.abs(falls).max())
+        falling = np.flatnonzero(falls < -SUM_ROUNDING * np.abs(falls).max())
         if not falling.size:
             return None
         ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
         first = int(np.argmin(ways))
         row, last = int(falling[first]), int(np.flatnonzero(rows == z_0)[0])
-        if table[last, -1] + falls[last] * ways[first] <= NOTHING:
+        if table[last, -1] + falls[last] * ways[first] <= SUM_ROUNDING:
             row = last
     return None
 

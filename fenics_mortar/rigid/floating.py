@@ -25,6 +25,7 @@ from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import loose_bodies
 from fenics_mortar.rigid.springs import Springs, anchored_stiffness, slides, tangent_stiffness
 from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.rounding import SOLVED, SUM_ROUNDING
 
 
 class FloatingBodies(BodyMotions):
@@ -58,7 +59,7 @@ class FloatingBodies(BodyMotions):
         """Move the bodies that contact cannot support until it can; see ``body_settling``."""
         if not self.bodies:
             return []
-        return self._settling.settle(evaluate, RIGID.negligible if self.anchored else RIGID.drive)
+        return self._settling.settle(evaluate, RIGID.negligible if self.anchored else SOLVED)
 
     @property
     def touched(self) -> list[Flags]:
@@ -104,8 +105,8 @@ class FloatingBodies(BodyMotions):
         """
         for body in [] if self.anchored else loose:
             drive = float(np.linalg.norm(self.resultant(body, total)))
-            rounding = RIGID.stiffness_rounding * body.stiffest * body.size
-            if drive <= RIGID.rounding * force + rounding:
+            rounding = SUM_ROUNDING * body.stiffest * body.size
+            if drive <= SUM_ROUNDING * force + rounding:
                 dofs, motions = self.motions(body)
                 excess = self.rigid_fraction(body, step.array_r) @ motions
                 step.array[dofs] -= excess.reshape(-1, 2)

@@ -22,10 +22,9 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 from scipy.sparse import csr_array, hstack, vstack
 
+from fenics_mortar.utils.rounding import SOLVED
+
 Array = npt.NDArray[np.float64]
-# Work of the loads on a motion of size one, over the size of the loads, below which contact
-# supports them [1]: above the feasibility tolerance of the linear program, 1e-7.
-RESISTED_WORK = 1e-6
 
 
 class Touching(NamedTuple):
@@ -91,7 +90,8 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
     )
     if not found.success:
         raise ArithmeticError(f"linear program of rigid bodies: {found.message}")
-    return found.x[: loads.size] if -found.fun > RESISTED_WORK else np.zeros(loads.size)
+    # SOLVED is above the feasibility tolerance of the linear program, 1e-7
+    return found.x[: loads.size] if -found.fun > SOLVED else np.zeros(loads.size)
 
 
 def _unit(rows: int, columns: int) -> csr_array:

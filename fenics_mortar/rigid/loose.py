@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_mortar.rigid.motions import ObstacleMotions, in_words
-from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.springs import tangent_stiffness, unresisted
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 def loose_motions(motions: ObstacleMotions) -> list[Array]:
@@ -59,6 +59,6 @@ def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> s
         motions.obstacles, loose_motions(motions), residual, strict=True
     ):
         drive = loose @ rest
-        if np.linalg.norm(drive) > RIGID.rounding * force:
+        if np.linalg.norm(drive) > SUM_ROUNDING * force:
             found.append(f"obstacle '{obstacle.name}' can {in_words(drive @ loose)}")
     return ", ".join(found)

@@ -16,6 +16,7 @@ from fenics_mortar.rigid.moves import closest_move
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 def follow(motions: ObstacleMotions) -> Array:
@@ -81,7 +82,7 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
     """
     contacts = motions.contacts_of(number)
     driven, push = motions.driven[number], motions.push()[number]
-    loaded = any((c.pressure > RIGID.rounding * c.stiffness).any() for c in contacts)
+    loaded = any((c.pressure > SUM_ROUNDING * c.stiffness).any() for c in contacts)
     if loaded or not push.any():
         return np.zeros(3)
     basis = np.eye(3)[driven]
@@ -89,7 +90,7 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
     closing = [-contact.gap_by_motions() @ basis.T for contact in contacts]
     wanted = RIGID.largest_move * contacts[0].arm * along
     move = closest_move(wanted, closing, contacts, back=-along)
-    if move @ along > RIGID.least_advance * motions.shortest_facet():
+    if move @ along > RIGID.sliver * motions.shortest_facet():
         return move @ basis
     return np.zeros(3)
 

@@ -41,11 +41,8 @@ from fenics_mortar.kernels.passage import ALL, OTHERS, OWN, find_events, find_pa
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import call_together, place
+from fenics_mortar.verify.limits import HALF_FACET
 from fenics_mortar.verify.ways import Motions, own_frame, passed_through
-
-# Depth [facets] above which an overlap of unpaired bodies in the mesh is intended, and a path ends
-# inside a body.
-DEEP = 0.5
 
 
 @dataclass(frozen=True)
@@ -160,7 +157,7 @@ class Crossings:
         for pair, row in self._deepest(self._crossings(self.outline.X)).items():
             if pair not in self._paired:
                 same, facets = pair[0] == pair[1], float(row[2])
-                found[pair] = facets if same or facets <= DEEP else np.inf
+                found[pair] = facets if same or facets <= HALF_FACET else np.inf
         return found
 
     def _allowed(self) -> Array:
@@ -284,7 +281,7 @@ class Crossings:
         messages, through, depth = list[str](), leaves >= 0, rows[:, 3]
         pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)
         inside = ~through & (pairs[:, 0] != pairs[:, 1])
-        inside &= depth - self._allowed()[node] > DEEP * lengths[entry]
+        inside &= depth - self._allowed()[node] > HALF_FACET * lengths[entry]
         for marked, ends_inside in ((through, False), (inside, True)):
             for pair in np.unique(pairs[marked], axis=0):
                 if self._excused.get((int(pair.min()), int(pair.max()))) == np.inf:
