@@ -18,7 +18,8 @@ class PairView:
 
     All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
     surface, at the present multipliers and the last evaluated displacement; after a solve this is
-    the solution. All attributes but ``forces`` are local.
+    the solution. All attributes but ``forces`` are local. More than 20 methods: one property for
+    each result.
     """
 
     def __init__(self, interface: Interface) -> None:
