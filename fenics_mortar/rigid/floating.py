@@ -105,7 +105,7 @@ class FloatingBodies(BodyMotions):
         """
         for body in [] if self.anchored else loose:
             drive = float(np.linalg.norm(self.resultant(body, total)))
-            rounding = SUM_ROUNDING * body.stiffest * body.size
+            rounding = RIGID.stiffness_rounding * body.stiffest * body.size
             if drive <= SUM_ROUNDING * force + rounding:
                 dofs, motions = self.motions(body)
                 excess = self.rigid_fraction(body, step.array_r) @ motions
