@@ -285,7 +285,7 @@ class ContactProblem:
             u[:] = kept
 
     def adopt(self, other: ContactProblem) -> None:
-        """Take over the present state of a variant (collective)."""
+        """Take over the present state of ``other``, a variant of this problem (collective)."""
         pairs = zip(self.equations.contacts, other.equations.contacts, strict=True)
         for contact, theirs in pairs:
             if isinstance(contact, Contact) and isinstance(theirs, Contact):

@@ -109,11 +109,11 @@ class Law(ABC):
 
     @abstractmethod
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """Residual and derivatives on the given branches, shape (slave nodes,)."""
+        """Residual and derivatives at ``node`` on the given ``branch``, shape (slave nodes,)."""
 
     @abstractmethod
     def friction_limit(self, pressure: Array) -> Array:
-        """Largest admissible |z_tau| at pressures of shape (n,), shape (n,) [stress]."""
+        """Largest admissible |z_tau| at the pressures ``pressure`` (n,) [stress], (n,) [stress]."""
 
     def adhesion(self, gap: Array) -> tuple[Array, Array]:
         """Adhesion of closed and open gaps, and its derivative; zero by default.
@@ -210,7 +210,7 @@ class Friction(Law):
 
     @abstractmethod
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """Friction limit b and its derivatives by the mean gap and z_n, each (slave nodes,)."""
+        """Friction limit b at ``node``, its derivatives by mean gap and z_n, (slave nodes,)."""
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
         """Stick (0) or direction of sliding (+-1); any direction where the limit is zero."""

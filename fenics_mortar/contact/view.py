@@ -51,7 +51,7 @@ class PairView:
 
     @property
     def normals(self) -> Array:
-        """Outward unit normals of the slave nodes, shape (slave nodes, 2)."""
+        """Outward unit normals of the slave nodes, shape (slave nodes, 2) [1]."""
         return self._interface.operators.n.copy()
 
     @property

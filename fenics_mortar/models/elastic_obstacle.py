@@ -128,7 +128,11 @@ class ElasticObstacle:
         return [points.means(points.along_normals(moved)) for points in touching]
 
     def flatness(self, contacts: Sequence[Contact]) -> list[Array]:
-        """Depth of the facets inside the obstacle, as for ``displacements`` (collective)."""
+        """Depth of the facets inside the obstacle for each of ``contacts`` (collective).
+
+        Returns:
+            Shape (slave nodes,) each [length], weighted as for ``displacements``.
+        """
         touching = [self._touching(contact) for contact in contacts]
         return [points.means(-points.distances(self._surface.X)) for points in touching]
 

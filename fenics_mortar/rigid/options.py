@@ -15,8 +15,8 @@ class RigidOptions:
             more than this fraction of its size [1].
         weakest_spring: Smallest stiffness of a spring over the largest diagonal entry of K [1]:
             enough for a regular matrix.
-        stiffness_rounding: Resultants over stiffness times size that are roundoff of the residual of
-            the bulk [1].
+        stiffness_rounding: Resultants over stiffness times size that are roundoff of the bulk
+            residual [1].
         negligible: Resultants below this fraction of the forces are within the error of the
             discretization [1]: 0.5 %. Springs may carry them; obstacles, whose normals are exact,
             feel such an error of the slave's facets.

@@ -56,7 +56,7 @@ SIDE_FACTOR = {1: 1 / 6, 2: 1 / 10}
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Estimate of the error of the displacement in the energy norm.
+    """Estimate of the error of the displacement in the energy norm; properties are local.
 
     Attributes:
         cells: Indicator of each cell of this rank, shape (owned cells,) [stress^1/2 length].
@@ -79,7 +79,7 @@ class ErrorEstimate:
 
     @property
     def relative(self) -> float:
-        """Ratio of ``total`` and the norm of the solution, dimensionless."""
+        """Ratio of ``total`` and the norm of the solution [1]."""
         return self.total / self.size if self.size > 0.0 else np.inf
 
     def mark(self, fraction: float = 0.5) -> Indices:

@@ -50,7 +50,8 @@ def test_docstring_states_arguments_shapes_units_and_whether_it_is_collective(ca
     for name in signature.parameters:
         assert name == "self" or re.search(rf"\b{name}\b", text + about), f"argument {name}"
     returns = str(signature.return_annotation)
-    if "Array" in returns:
+    is_array = re.search(r"\bArray\b", returns)
+    if is_array:
         assert re.search(r"[Ss]hape|\(\w[\w ]*, ?[\w ]*\)", text), "shape"
-    if "Array" in returns or returns == "float":
+    if is_array or returns == "float":
         assert UNIT.search(text), "unit"
