@@ -39,11 +39,12 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
+from fenics_mortar.interface.curves import number_nodes, order_curves
 from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import SurfaceError, count_places, place
+from fenics_mortar.utils.errors import SurfaceError, count_places
 
 
 @dataclass(frozen=True)
@@ -197,8 +198,8 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
     comm = V.mesh.comm
     branches = comm.allgather(_local_facets(V, facet_tags, tag, name))
     ends, coordinates, given = (np.concatenate(branch) for branch in zip(*branches, strict=True))
-    nodes, X, facets = _number_nodes(ends, coordinates, given, name)
-    order, facets, previous, following = _order_curves(facets, X, name)
+    nodes, X, facets = number_nodes(ends, coordinates, given, name)
+    order, facets, previous, following = order_curves(facets, X, name)
     nodes = nodes[order]
     begin, end = V.dofmap.index_map.local_range
     starts = np.array(comm.allgather(begin))
@@ -291,74 +292,6 @@ def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
         ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
     return ends
-
-
-def _number_nodes(
-    ends: Indices, coordinates: Array, given: Indices, name: str
-) -> tuple[Indices, Array, Indices]:
-    """Unique nodes (n,), their positions (n, 2), and facets (m, K) in these; checks the facets.
-
-    Raises:
-        SurfaceError: See ``extract_surface``.
-    """
-    if not ends.size:
-        raise SurfaceError(f"surface '{name}' has no facets")
-    nodes, first, inverse = np.unique(ends.ravel(), return_index=True, return_inverse=True)
-    X = coordinates.reshape(-1, 2)[first]
-    facets = inverse.reshape(ends.shape).astype(np.int64)
-    numbers = given.ravel()[first]
-    order = np.argsort(numbers, kind="stable")
-    twice = order[:-1][(np.diff(numbers[order]) == 0) & (numbers[order[:-1]] >= 0)]
-    if twice.size:  # dolfinx keeps two nodes where cells of two ranks share a corner only
-        raise _branching(name, X[twice[0]])
-    lengths = np.linalg.norm(X[facets[:, -1]] - X[facets[:, 0]], axis=1)
-    shortest = int(np.argmin(lengths))
-    if lengths[shortest] <= 1e-12 * lengths.max():
-        raise SurfaceError(
-            f"surface '{name}': the facet at {place(X[facets[shortest, 0]])} has zero length; "
-            "merge its two nodes"
-        )
-    return nodes, X, facets
-
-
-def _branching(name: str, X: Array) -> SurfaceError:
-    return SurfaceError(
-        f"surface '{name}' branches at {place(X)}: more than two of its facets, or two of opposite "
-        "direction, meet there; split it into two surfaces"
-    )
-
-
-def _order_curves(
-    facets: Indices, X: Array, name: str
-) -> tuple[Indices, Indices, Indices, Indices]:
-    """Order of the nodes along the curves, facets in this order, node before and after each."""
-    count = X.shape[0]
-    following, previous = np.full(count, -1), np.full(count, -1)
-    for a, b in np.concatenate([facets[:, k : k + 2] for k in range(facets.shape[1] - 1)]):
-        for table, node, other in ((following, a, b), (previous, b, a)):
-            if table[node] >= 0:
-                raise _branching(name, X[node])
-            table[node] = other
-    by_place = np.lexsort((X[:, 1], X[:, 0]))
-    by_place = by_place[np.isin(by_place, facets[:, 0])]
-    ends_first = np.concatenate([by_place[previous[by_place] < 0], by_place])
-    order: list[int] = []
-    seen = np.zeros(count, bool)
-    for start in ends_first:
-        node = int(start)
-        while node >= 0 and not seen[node]:
-            seen[node] = True
-            order.append(node)
-            node = int(following[node])
-    permutation = np.array(order)
-    position = np.empty(count + 1, np.int64)
-    position[permutation] = np.arange(count)
-    position[-1] = -1
-    previous, following = position[previous[permutation]], position[following[permutation]]
-    nodes = [np.flatnonzero(np.isin(permutation, facets[:, 0]))]
-    for _ in range(facets.shape[1] - 1):
-        nodes.append(following[nodes[-1]])
-    return permutation, np.stack(nodes, axis=1), previous, following
 
 
 def _measures(X: Array) -> Array:

@@ -11,7 +11,7 @@ MET = 1e-9
 
 @kernel
 def cross(ax, ay, bx, by):
-    """The z component of the product of two plane vectors."""
+    """Component z of the cross product of two vectors in the plane."""
     return ax * by - ay * bx
 
 
@@ -64,7 +64,7 @@ def is_at_end(x, e, P, rounding):
 
 @kernel
 def grown(rows, count):
-    """``rows`` with room for row ``count``."""
+    """``rows`` (r, c), or a copy twice as long if row ``count`` does not fit."""
     if count < rows.shape[0]:
         return rows
     longer = np.empty((2 * count, rows.shape[1]))
