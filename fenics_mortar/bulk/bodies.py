@@ -17,7 +17,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import place
-from fenics_mortar.utils.rounding import ROUNDING
+from fenics_mortar.utils.rounding import ROUNDING, TINY
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
         motions[:, dofs[mine]] = _rigid_motions(X[mine], *body)
         held = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
         stiffest = diagonal[dofs[mine]].max(initial=0.0)
-        stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), 1e-300)
+        stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), TINY)
         stiff = bulk.to_force * _apply(bulk.K, motions) / stiffest
         size, directions = resistance(np.hstack([held, stiff]), bulk.comm)
         num_nodes = bulk.comm.allreduce(int(mine.sum()))

@@ -21,9 +21,8 @@ from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import ROUNDING
 
-# Diagonal of D over nodal length [1] above which a node is covered: rounding.
-MIN_NODE_COVER = 1e-10
 # Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
 # the strains e; the shear is 1000 e times the pressure.
 ELASTIC = 1e3
@@ -167,7 +166,7 @@ class ContactFields(InterfaceFields):
     def covered(self) -> Flags:
         """See ``InterfaceFields``."""
         return self.state.multiplier_nodes & (
-            self.operators.diagonal > MIN_NODE_COVER * self.nodal_lengths
+            self.operators.diagonal > ROUNDING * self.nodal_lengths
         )
 
     @field("multiplier_nodes")

@@ -16,15 +16,13 @@ from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.options import AT_VERTICES
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.segments import POINTS, Segments
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
-# Default number of Gauss points per segment, or between two neighbouring nodes of a facet
-POINTS = 5
 
 
 def read_only(name: str) -> Any:

@@ -62,7 +62,9 @@ from fenics_mortar.utils.arguments import check_choice, check_number
 
 Array = npt.NDArray[np.float64]
 Branches = npt.NDArray[np.int64]
-# Distance from a kink over the friction limit [1] within which a node keeps its branch: rounding.
+# Distance from a kink of the complementarity functions [1] within which a node counts as on it:
+# that of the shear over the friction limit, and that of the gap over the nodal length. Larger than
+# the errors that Newton's method leaves.
 KINK = 1e-8
 STICK = 0
 

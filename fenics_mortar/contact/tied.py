@@ -33,6 +33,7 @@ from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.fields import InterfaceFields
 from fenics_mortar.contact.interface import Interface, read_only
+from fenics_mortar.contact.multiplier_nodes import HAND_OVER
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
@@ -41,18 +42,11 @@ from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.kernels.pairing import APART
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
-
-# Covered fraction of a slave node [1] below which its neighbours take over its function.
-MIN_COVER = 0.05
-# Default search radius over the longest facet [1].
-NEAR = 0.5
-# Distance over nodal length [1] up to which ends of both sides are one corner of the outline.
-SAME_PLACE = 1e-6
-# Gap over size and position of the interface [1] up to which it is rounding.
-CLOSED = 1e-14
+from fenics_mortar.utils.rounding import LAST_DIGITS, SAME_PLACE
 
 
 @dataclass(frozen=True)
@@ -115,7 +109,7 @@ class Tie(Interface):
         choice = pair.discretization
         self.options = MortarOptions(
             choice.basis, "opposite", "basis", choice.integration, self._points(),
-            pair.search_radius or NEAR * longest, float(np.cos(np.radians(choice.max_angle))),
+            pair.search_radius or APART * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
         multiplier_nodes = self.free.sum(axis=1) == 2.0
         if self.at_vertices:
@@ -128,7 +122,7 @@ class Tie(Interface):
                 f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
                 "increase search_radius"
             )
-        self.release(self.operators.cover < MIN_COVER * self.nodal_lengths)
+        self.release(self.operators.cover < HAND_OVER * self.nodal_lengths)
 
     def release(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
@@ -251,7 +245,7 @@ class Tie(Interface):
         rhs = (self.M @ self.master.X - self.D @ idle)[on]
         X = spsolve(self.D[on][:, on].tocsc(), rhs).reshape(-1, 2)
         size = np.hypot(*np.ptp(slave.X, axis=0)) + np.abs(slave.X).max()
-        if np.abs(X - slave.X[on]).max() <= CLOSED * size:
+        if np.abs(X - slave.X[on]).max() <= LAST_DIGITS * size:
             return False
         space.move_nodes(slave.nodes[on], X)
         return True

@@ -7,6 +7,7 @@ import numpy as np
 
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 def number_nodes(
@@ -40,7 +41,7 @@ def number_nodes(
         raise _branching(name, X[twice[0]])
     lengths = np.linalg.norm(X[facets[:, -1]] - X[facets[:, 0]], axis=1)
     shortest = int(np.argmin(lengths))
-    if lengths[shortest] <= 1e-12 * lengths.max():
+    if lengths[shortest] <= ROUNDING * lengths.max():
         raise SurfaceError(
             f"surface '{name}': the facet at {place(X[facets[shortest, 0]])} has zero length; "
             "merge its two nodes"

@@ -19,12 +19,11 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.interface.surfaces import Surface, facet_nodes, replicate
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import ROUNDING, TINY
 
-# Steps of a coordinate in the order of segments: more than a curve has in one direction.
-STEPS = 1 << 16
-# Tolerance of coordinates in the order of nodes over the extent [1], above the rounding of ranks;
-# an odd factor of it, so that no node of a regular mesh lies between two steps.
-ROUNDING, ODD = 1e-9, 0.97312
+# Factor of the steps to which coordinates are rounded [1]: no node of a regular mesh lies between
+# two steps, where the result would depend on the last digit.
+ODD = 0.97312
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,7 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
     )
     nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     X = places.reshape(-1, 2)[first]
-    extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, 1e-300)
+    extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, TINY)
     steps = np.rint(X / (ODD * ROUNDING * extent))
     order = np.lexsort((steps[:, 1], steps[:, 0]))
     rank_of = np.empty_like(order)
@@ -170,10 +169,11 @@ def _along_a_curve(X: Array, segments: Indices) -> Indices:
         return np.empty(0, np.int64)
     middles = X[segments].mean(axis=1)
     low = middles.min(axis=0)
-    scale = ODD * (STEPS - 1) / max(float(np.ptp(middles, axis=0).max()), 1e-300)
+    bits = np.iinfo(np.int64).bits // 2 - 1
+    scale = ODD * (2**bits - 1) / max(float(np.ptp(middles, axis=0).max()), TINY)
     place = np.rint((middles - low) * scale).astype(np.int64)
     key = np.zeros(len(segments), np.int64)
-    for bit in range(STEPS.bit_length() - 1):
+    for bit in range(bits):
         for d in range(2):
             key |= ((place[:, d] >> bit) & 1) << (2 * bit + d)
     return np.lexsort((segments[:, 1], segments[:, 0], key))

@@ -29,11 +29,11 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import search
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.rounding import ROUNDING
 
 Integration = Literal["segments", "elements", "nodes"]
-# Lengths in xi [1] that are rounding: for covered and missing lengths of facets, overlaps of
-# segments, and distances of fixed points from master nodes.
-NEGLIGIBLE = 1e-10
+# Default number of Gauss points per segment, or between two neighbouring nodes of a facet.
+POINTS = 5
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def find_segments(
     radius: float,
     min_cosine: float,
     integration: Integration = "segments",
-    points: int = 5,
+    points: int = POINTS,
     view: View | None = None,
 ) -> Segments:
     """Find the segments of the given slave facets.
@@ -114,15 +114,17 @@ def find_segments(
 
     Returns:
         The segments; where several master facets lie over one another, the nearest. With "elements"
-        a facet with fewer partners than nodes has none: its dual basis would not exist.
+        a facet with fewer partners than nodes has none: its dual basis would not exist. Lengths in
+        xi below ``ROUNDING`` are ignored: covered and missing lengths of facets, overlaps of
+        segments, distances of fixed points from master nodes.
 
     Note:
         Local: no communication.
     """
     geometry, nodes = (x, n, m), slave.facets[facets]
     view = open_view(facets.size) if view is None else view.of(facets)
-    seen = (*view, NEGLIGIBLE)
-    search_for = geometry, nodes, master.facets, radius, seen, (min_cosine, NEGLIGIBLE)
+    seen = (*view, ROUNDING)
+    search_for = geometry, nodes, master.facets, radius, seen, (min_cosine, ROUNDING)
     if integration == "segments":
         offsets, masters, branches = _intersections(search_for, points)
     else:
@@ -134,7 +136,7 @@ def find_segments(
     ends, fixed = branches[:2]
     cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
     moves = np.bincount(owner, ~fixed.all(axis=1), facets.size) > 0
-    partial = ((cover < 2.0 - NEGLIGIBLE) & moves) | (slave.degree > 1)
+    partial = ((cover < 2.0 - ROUNDING) & moves) | (slave.degree > 1)
     pair_counts = np.where(partial, counts**2, counts)
     pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
     return Segments(

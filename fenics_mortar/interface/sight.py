@@ -19,12 +19,11 @@ from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.sight import tabulate_lengths
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import ROUNDING
 
 # Safe depth over the undeformed thickness behind a facet [1], and at most the facet's length: no
 # body is compressed to less, or bends within less.
 SAFE = 0.25
-# Distance over facet length [1] within which the end of a line is on the facet itself: rounding.
-ROUNDING = 1e-10
 
 
 class View(NamedTuple):

@@ -21,7 +21,6 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.plane import (
-    MET,
     cross_properly,
     crossing_point,
     distance_of,
@@ -32,9 +31,7 @@ from fenics_mortar.kernels.plane import (
     side,
 )
 from fenics_mortar.kernels.tree import build_tree, query_tree
-
-# Largest number of segments followed from a crossing; a lens has far fewer.
-MAX_SEGMENTS = 512
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
@@ -155,7 +152,7 @@ def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, 
         )
         f = useds[two][near]
         length, distance = max(lengths[e], lengths[f]), np.sqrt(square)
-        if distance <= MET * length:
+        if distance <= ROUNDING * length:
             break
         if not is_left(p, other, counts[two], near, at, forwards[two]):
             break
@@ -205,7 +202,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
     stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     rows, count = np.empty((64, 6)), 0
     walked = np.full((segments.shape[0], 2), -1)
-    size = min(segments.shape[0], MAX_SEGMENTS)
+    size = segments.shape[0]
     work = (
         np.empty((size + 1, 2)),
         np.empty((size + 1, 2)),
@@ -221,7 +218,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
             if not cross_properly(x, segments[e], segments[f]):
                 continue
             P = crossing_point(x, segments[e], segments[f])
-            rounding = MET * max(lengths[e], lengths[f])
+            rounding = ROUNDING * max(lengths[e], lengths[f])
             if is_at_end(x, segments[e], P, rounding) and is_at_end(x, segments[f], P, rounding):
                 continue  # coinciding corners
             facets, depth = crossing_depth(

@@ -2,9 +2,7 @@
 """Location of points in a triangulation, by walking through it."""
 
 from fenics_mortar.kernels import kernel
-
-# Twice an area over the square of the longest side of a triangle [1] that is rounding.
-ROUNDING = 1e-10
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
@@ -19,7 +17,8 @@ def locate(points, x, triangles, neighbours, found, weights):
 
     A walk begins where the previous one ended, and crosses the side that the point is farthest
     beyond: in a Delaunay triangulation it has no cycles (Devillers, Pion and Teillaud 2002).
-    Consecutive points should be near each other.
+    Consecutive points should be near each other. Twice an area is rounding below ``ROUNDING`` times
+    the square of the longest side.
 
     Args:
         points: Shape (n, 2) [length].

@@ -39,10 +39,11 @@ from fenics_mortar.kernels.projection import (
 )
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
-# Largest gap at contact, and largest distance of two branches otherwise, over the slave facet [1]:
-# the certificate rejects pressure across larger gaps.
+# Gap over the length of a facet [1] above which surfaces are not in contact: faceted curves that
+# touch each other are nearer, and the certificate rejects pressure across larger gaps.
 APART = 0.5
-# Largest distance of a branch behind one in contact, over the slave facet [1].
+# Distance over the length of a facet [1] behind a contact above which a surface does not belong to
+# it: Newton iterates of a contact have smaller overlaps.
 BEHIND = 2.0
 
 

@@ -4,9 +4,7 @@
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-
-# Distance [facets] up to which two outlines meet, or segments are collinear: rounding.
-MET = 1e-9
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
@@ -44,7 +42,7 @@ def cross_properly(x, e, f):
     if not of_a * of_b < 0.0:
         return False
     one, two = distance_of(a, b), distance_of(c, d)
-    rounding = MET * max(one, two)
+    rounding = ROUNDING * max(one, two)
     return max(abs(of_c), abs(of_d)) > rounding * one and max(abs(of_a), abs(of_b)) > rounding * two
 
 

@@ -21,10 +21,7 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.shapes import tabulate_shapes
-
-# Steps of Newton's method for the partner of a master node. The start has about three digits, so
-# that 5 steps suffice; in the worst case bisection reaches rounding from an interval of length 2.
-MAX_STEPS = 60
+from fenics_mortar.utils.rounding import MAX_STEPS
 
 
 @kernel
@@ -85,7 +82,7 @@ def master_to_slave(y, k, N):
 
     Newton's method, safeguarded by bisection: q must have different signs at -1 and 1, which is not
     checked here. It starts from the root of the parabola through q at -1, 0 and 1, which is exact
-    for two-node facets.
+    for two-node facets and has about three digits for others.
     """
     low, high = -1.0, 1.0
     first = side_of_normal(y, k, low, N)[0]

@@ -13,6 +13,7 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.pairing import curve_starts, facet_segments, point_partners
 from fenics_mortar.kernels.tree import build_tree, query_tree
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
@@ -50,9 +51,9 @@ def query_strip(boxes, controls, nodes, radius, stack, hits):
         strip[2], strip[3] = max(strip[2], px), max(strip[3], py)
         low, high = min(low, px * tx + py * ty), max(high, px * tx + py * ty)
     length = abs(tx) + abs(ty)
-    strip[:2] -= 1e-9 * length
-    strip[2:] += 1e-9 * length
-    along = tx, ty, low - 1e-9 * length * length, high + 1e-9 * length * length
+    strip[:2] -= ROUNDING * length
+    strip[2:] += ROUNDING * length
+    along = tx, ty, low - ROUNDING * length * length, high + ROUNDING * length * length
     return hits[: query_tree(boxes, strip, along, stack, hits)]
 
 

@@ -12,15 +12,10 @@ from fenics_mortar.obstacles.points import check_chain, check_simple, check_vect
 from fenics_mortar.utils.arguments import check_flag, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING
 
 # Samples of a spline per interval; Newton's method starts from the nearest one.
 SAMPLES = 16
-# Stride over these samples in the check for self-intersection.
-DRAWN = 4
-NEWTON_STEPS = 30
-# Last step over the length of the curve [1]: by quadratic convergence the error is rounding.
-LAST_STEP = 1e-9
-EPSILON = float(np.finfo(float).eps)
 
 
 class Plane(Obstacle):
@@ -124,8 +119,7 @@ class Spline(Obstacle):
         starts = (knots[:-1, None] + chords[:, None] * fractions).ravel()
         self._samples = np.append(starts, self._end)
         drawn = self._curve(self._samples)
-        some = drawn[::DRAWN]
-        check_simple("spline", some[:-1] if closed else some, closed=closed)
+        check_simple("spline", drawn[:-1] if closed else drawn, closed=closed)
         self._points = drawn - self.pivot
         self._squares = (self._points**2).sum(axis=1)
 
@@ -135,15 +129,15 @@ class Spline(Obstacle):
             np.argmin(self._squares - 2.0 * (x - self.pivot) @ self._points.T, axis=1)
         ]
         longest = np.diff(self._samples).max()
-        for _ in range(NEWTON_STEPS):
+        for _ in range(MAX_STEPS):
             c, d, dd = self._jet(t)
             slope = np.einsum("ia,ia->i", c - x, d)
             square = np.einsum("ia,ia->i", d, d)
             bend = square + np.einsum("ia,ia->i", c - x, dd)
             step = np.clip(slope / np.where(bend > 0.0, bend, square), -longest, longest)
             t = t - step
-            if np.abs(step).max(initial=0.0) < LAST_STEP * self._end:
-                break
+            if np.abs(step).max(initial=0.0) < ROUNDING * self._end:
+                break  # the error of the last step is of second order
         c, d, dd = self._jet(t)
         speed = np.linalg.norm(d, axis=1)
         tangent = d / speed[:, None]
