@@ -89,7 +89,7 @@ class TiedFields(InterfaceFields):
 class Tie(Interface):
     """One tied pair bound to a displacement space; replicated.
 
-    More than 20 methods, as an ``Interface``.
+    The class has more than 20 methods since it implements ``Interface``.
 
     Attributes:
         D: Slave matrix, rows of multiplier nodes only, (slave nodes, slave nodes) [length].
@@ -190,7 +190,7 @@ class Tie(Interface):
 
     @property
     def offset(self) -> Array:
-        """Zero: a tie has no offset."""
+        """Zero, shape (slave nodes,) [length]: a tie has no offset."""
         return self._state.offset
 
     @offset.setter
@@ -202,7 +202,7 @@ class Tie(Interface):
 
     @property
     def nodes(self) -> Indices:
-        """Global numbers of the tied nodes of both sides."""
+        """Global numbers of the tied nodes of both sides, shape (k,)."""
         met = np.unique(self.M.indices)
         return np.concatenate(
             [self.slave.nodes[self.operators.cover > 0.0], self.master.nodes[met]]
@@ -221,7 +221,7 @@ class Tie(Interface):
         return self.slave, self.master
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
-        """Evaluate jump, positions and normals at ``u``, a local array (collective)."""
+        """Evaluate jump, positions and normals at ``u``, shape (local dofs,) (collective)."""
         on_slave, on_master = self.slave.gather(u), self.master.gather(u)
         x, m = self.slave.X + on_slave, self.master.X + on_master
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
@@ -244,7 +244,7 @@ class Tie(Interface):
         idle = np.where(self.active[:, None], 0.0, slave.X)
         rhs = (self.M @ self.master.X - self.D @ idle)[on]
         X = spsolve(self.D[on][:, on].tocsc(), rhs).reshape(-1, 2)
-        size = np.hypot(*np.ptp(slave.X, axis=0)) + np.abs(slave.X).max()
+        size = slave.extent + np.abs(slave.X).max()
         if np.abs(X - slave.X[on]).max() <= LAST_DIGITS * size:
             return False
         space.move_nodes(slave.nodes[on], X)
@@ -257,7 +257,7 @@ class Tie(Interface):
         self.master = replace(self.master, X=self.master.gather(X))
 
     def rows(self) -> Rows:
-        """Rows of the multipliers: the force blocks transposed, so that the system is symmetric."""
+        """Rows of the multipliers: transposed force blocks, so that the system is symmetric."""
         diagonal, weight = self.frame()
         blocks = [
             Block(block.columns, block.rows, block.values * weight[block.columns[:, :1, None] // 2])
@@ -271,7 +271,10 @@ class Tie(Interface):
         return np.tile(np.eye(2), (self.slave.num_nodes, 1, 1))
 
     def frame(self) -> tuple[Array, Array]:
-        """Weights of the rows: diagonal of D [length], stiffness over it where active."""
+        """Weights of the rows: diagonal of D [length], stiffness over it where active.
+
+        Each of shape (slave nodes,).
+        """
         diagonal = np.where(self.active, self.operators.diagonal, self.nodal_lengths)
         return diagonal, np.where(self.active, self.stiffness / diagonal, 0.0)
 
@@ -299,23 +302,26 @@ class Tie(Interface):
     # Methods of a contact without effect on a tie
 
     def accept(self) -> None:
-        """Nothing slips."""
+        """Without effect: nothing slips."""
 
     def start_step(self) -> None:
-        """Nothing slips."""
+        """Without effect: nothing slips."""
 
     def begin(self) -> None:
-        """Nothing changes in a solve."""
+        """Without effect: a tie counts nothing."""
 
     def update_multiplier_nodes(self) -> int:
-        """No node changes."""
+        """Without effect: multiplier nodes are constant; return 0."""
         return 0
 
     def update_active(self, *, start: bool = False) -> int:
-        """No node changes; with ``start`` multipliers that are not finite become zero."""
+        """All multiplier nodes stay active; return 0.
+
+        With ``start``, multipliers that are not finite are set to zero.
+        """
         if start:
             self.change(z=np.where(np.isfinite(self.z), self.z, 0.0))
         return 0
 
     def set_initial_gap(self) -> None:
-        """A tie has no initial gap."""
+        """Without effect: a tie has no initial gap."""

@@ -181,14 +181,20 @@ class MortarOperators:
         return [self.slave_force_derivative(z), self.master_force_derivative(z)]
 
     def slave_force_derivative(self, z: Array) -> Block:
-        """Blocks of d(D^T z)/dd [stress]; rows and columns are displacement dofs."""
+        """Blocks of d(D^T z)/dd [stress] at fixed ``z`` (slave nodes, 2).
+
+        Rows and columns are displacement dofs.
+        """
         s = self.segments
         values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave])
         rows = self.slave.dofs_of(s.slave)
         return Block(rows, self.columns, values.reshape(*rows.shape, self.dD.shape[3]))
 
     def master_force_derivative(self, z: Array) -> Block:
-        """Blocks of -d(M^T z)/dd [stress]; rows and columns are displacement dofs."""
+        """Blocks of -d(M^T z)/dd [stress] at fixed ``z`` (slave nodes, 2).
+
+        Rows and columns are displacement dofs.
+        """
         s = self.segments
         i, k = s.pairs[:, 0], s.pairs[:, 1]
         values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]])

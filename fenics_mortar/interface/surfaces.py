@@ -84,6 +84,11 @@ class Surface:
         return self.X.shape[0]
 
     @cached_property
+    def extent(self) -> float:
+        """Diagonal of the bounding box in the reference state [length]."""
+        return float(np.hypot(*np.ptp(self.X, axis=0)))
+
+    @cached_property
     def degree(self) -> int:
         """Polynomial degree of the facets."""
         return self.facets.shape[1] - 1
@@ -130,7 +135,14 @@ class Surface:
         return replicate(values[self.local_dofs], self.owners, self.comm)
 
     def dofs_of(self, which: Indices) -> Indices:
-        """Global dofs (..., 2 k) of the nodes ``which`` (..., k) of the surface; -1 stays -1."""
+        """Global dofs of nodes of the surface (local).
+
+        Args:
+            which: Numbers of the nodes, -1 for none, shape (..., k).
+
+        Returns:
+            Dofs, -1 for none, shape (..., 2 k).
+        """
         dofs = np.where(which[..., None] >= 0, self.dofs[which], -1)
         return dofs.reshape(*which.shape[:-1], 2 * which.shape[-1])
 

@@ -132,7 +132,10 @@ def dual_function(t, d, shape, inverse, E, E_dG):
 
 @kernel
 def takes(weights, d, i, j):
-    """Whether node i receives a share, less than all, of the function of node j."""
+    """Whether node i receives a share, less than all, of the function of node j.
+
+    ``weights`` = H (K, K); ``d`` (K,).
+    """
     return 0.0 < weights[i, j] < 1.0 and d[i].real > 0.0
 
 
@@ -168,7 +171,11 @@ def hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG):
 
 @kernel
 def dual_multipliers(place, weights, B, d, inverse, work, C, C_dG, D, D_dG):
-    """Fill C, D and their derivatives for the dual basis; ``work`` = (E (K,), E_dG)."""
+    """Fill C (K, K), D (K, K) and their derivatives by G for the dual basis.
+
+    ``place`` = (lower end, upper end) of S; ``weights`` = H (K, K); ``inverse`` (K, K) that of the
+    mass matrix; ``work`` = (E (K,), E_dG (K, 2 K - 1)), overwritten.
+    """
     E, E_dG = work
     count = d.size
     low, high = place
@@ -183,7 +190,10 @@ def dual_multipliers(place, weights, B, d, inverse, work, C, C_dG, D, D_dG):
 
 @kernel
 def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
-    """Fill C, D and their derivatives for the standard basis."""
+    """Fill C (K, K), D (K, K) and their derivatives by G for the standard basis.
+
+    ``weights`` = H (K, K); shapes of derivatives: C_dG (K, K, 2 K - 1), D_dG (K K, 2 K - 1).
+    """
     count = C.shape[0]
     C_dG[:] = 0.0
     D_dG[:] = 0.0
@@ -202,7 +212,10 @@ def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
 
 @kernel
 def edge_beyond(j, count, place):
-    """Edge of S that node ``j`` of ``count`` lies beyond: -1 lower, 1 upper, 0 none."""
+    """Edge of S that node ``j`` of ``count`` lies beyond: -1 lower, 1 upper, 0 none.
+
+    ``place`` = (lower end, upper end) of S in xi.
+    """
     xi = 2.0 * j / (count - 1.0) - 1.0
     if xi < place[0]:
         return -1

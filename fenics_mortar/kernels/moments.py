@@ -117,7 +117,7 @@ def differentiate_point(y, s, w, ends, dends, shapes, rows):
 
 @kernel
 def add_product(A, B, out):
-    """Add the matrix product A B to ``out``."""
+    """Add the matrix product A (r, c) B (c, k) to ``out`` (r, k)."""
     for r in range(A.shape[0]):
         for c in range(A.shape[1]):
             factor = A[r, c]

@@ -79,7 +79,10 @@ def add_facet(own, other, weighting, m, dm_own, dm_other):
 
 @kernel
 def edge_at(x, near, coefficients):
-    """Frame of the edge sum_k coefficients[k] x[near[k]]; it is 0 for nodes beyond an end."""
+    """Frame of the edge sum_k coefficients[k] x[near[k]], see ``edge_frame``.
+
+    ``near`` (2 p + 1,) as in ``walk``; ``coefficients`` (2 p + 1,) are 0 for nodes beyond an end.
+    """
     ex, ey = 0.0 * x[0, 0], 0.0 * x[0, 1]
     for k in range(near.size):
         if coefficients[k] != 0.0:

@@ -102,7 +102,10 @@ def is_hidden(y, N, xi, depth, view, facets):
 
 @kernel
 def sort_rows(rows, count, column):
-    """Sort the first ``count`` rows in place by one column; stable insertion sort for few rows."""
+    """Sort the first ``count`` of rows (r, c) in place by one column.
+
+    Stable insertion sort, for few rows.
+    """
     for i in range(1, count):
         for j in range(i, 0, -1):
             if rows[j, column] >= rows[j - 1, column]:
@@ -137,7 +140,7 @@ def keep_nearest(found, count, tolerance):
 def keep_near_parts(found, count, master_facets, length):
     """Drop branches too far behind the nearest one; return the number of rows kept.
 
-    Limits: ``APART`` and ``BEHIND`` times the ``length`` of the slave facet. Rows of ``found`` are
+    Limits: ``APART`` or ``BEHIND`` times the ``length`` of the slave facet. Rows of ``found`` are
     those of ``keep_nearest``; consecutive master facets that share a node form one branch.
     """
     nearest = np.inf
@@ -160,7 +163,7 @@ def keep_near_parts(found, count, master_facets, length):
 
 @kernel
 def is_next(master_facets, one, other):
-    """Whether master facet ``other`` precedes ``one``: it follows along the slave's direction."""
+    """Whether master facet ``other`` ends where ``one`` begins; they are numbers of rows (f, K)."""
     return master_facets[int(one), 0] == master_facets[int(other), -1]
 
 

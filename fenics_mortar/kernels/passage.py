@@ -82,7 +82,10 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
 
 @kernel
 def nearest_segment(x, segments, bodies, body, p, node):
-    """Squared distance and nearest segment of a body to p, without those at ``node``."""
+    """Segment of ``body`` nearest to p (2,), without those that end at ``node``.
+
+    Returns (squared distance, segment); (inf, -1) if there is none.
+    """
     best, nearest = np.inf, -1
     for e in range(segments.shape[0]):
         if bodies[e] != body or segments[e, 0] == node or segments[e, 1] == node:
@@ -105,8 +108,9 @@ def normal_of(x, segment):
 def is_beside(x, segments, links, places, max_distance):
     """Whether the outline between two points, in either direction, is close to their chord.
 
-    ``places``: two segments and coordinates on them, 0 to 1. All nodes in between must be within
-    ``max_distance`` of the chord: a path along it slid along the surface, or round a tip.
+    All nodes in between have to be within ``max_distance`` [length] of the chord: a path along the
+    chord then slides along the surface, or round a tip. ``places`` = (segment, segment, coordinate
+    on the first, on the second, 0 to 1); ``links`` = (after (m,), before (m,)).
     """
     e, f, s_e, s_f = places
     if e == f:
@@ -129,7 +133,7 @@ def is_beside(x, segments, links, places, max_distance):
 
 @kernel
 def place_on(x, segment, p):
-    """Coordinate of the projection of p on a segment, 0 to 1."""
+    """Coordinate of the point of a segment (2,) that is nearest to p (2,), 0 to 1."""
     ax, ay = x[segment[0]]
     dx, dy = x[segment[1], 0] - ax, x[segment[1], 1] - ay
     s = ((p[0] - ax) * dx + (p[1] - ay) * dy) / (dx * dx + dy * dy)

@@ -82,7 +82,8 @@ def master_to_slave(y, k, N):
 
     Newton's method, safeguarded by bisection: q must have different signs at -1 and 1, which is not
     checked here. It starts from the root of the parabola through q at -1, 0 and 1, which is exact
-    for two-node facets and has about three digits for others.
+    for two-node facets and has about three digits for others. ``y`` (6 K,); ``N`` (3, K) is
+    overwritten.
     """
     low, high = -1.0, 1.0
     first = side_of_normal(y, k, low, N)[0]

@@ -39,7 +39,7 @@ class Plane(Obstacle):
         self._normal = normal / np.linalg.norm(normal)
 
     def local(self, x: Array) -> Fields:
-        """Distance to a straight line."""
+        """Distance to a straight line; see ``Obstacle.local``."""
         gradient = np.broadcast_to(self._normal, x.shape)
         return (x - self.pivot) @ self._normal, gradient, np.zeros((len(x), 2, 2))
 
@@ -72,7 +72,10 @@ class Circle(Obstacle):
         self._radius, self._sign = float(radius), -1.0 if inside else 1.0
 
     def local(self, x: Array) -> Fields:
-        """Distance to a circle; at its centre the gradient is set to the y direction."""
+        """Distance to a circle; see ``Obstacle.local``.
+
+        At the centre the gradient is set to the y direction.
+        """
         d = x - self.pivot
         d = np.where(np.abs(d).max(axis=1, keepdims=True) > 0.0, d, [0.0, EPSILON * self._radius])
         r = np.sqrt((d * d).sum(axis=1))
@@ -124,7 +127,10 @@ class Spline(Obstacle):
         self._squares = (self._points**2).sum(axis=1)
 
     def local(self, x: Array) -> Fields:
-        """Distance to the nearest point of the curve: Newton's method from the nearest sample."""
+        """Distance to the nearest point of the curve; see ``Obstacle.local``.
+
+        Newton's method from the nearest sample.
+        """
         t = self._samples[
             np.argmin(self._squares - 2.0 * (x - self.pivot) @ self._points.T, axis=1)
         ]
@@ -206,7 +212,7 @@ class Polygon(Obstacle):
         self._corners, self._normals, self._radius = inner, normals, float(rounding)
 
     def local(self, x: Array) -> Fields:
-        """Distance to the nearest edge of the inner polygon, or to its nearest corner."""
+        """Distance to the nearest edge or corner of the inner polygon; see ``Obstacle.local``."""
         edges = edges_of(self._corners)
         away = x[:, None] - self._corners
         along = np.clip((away * edges).sum(axis=2) / (edges**2).sum(axis=1), 0.0, 1.0)
