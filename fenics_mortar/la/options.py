@@ -21,9 +21,9 @@ DIRECT = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 50,
 }
-# PETSc's own factors without pivoting, for few unknowns on one rank: MUMPS takes longer to pass the
-# matrix and to pivot than to eliminate. An exact zero is the only pivot refused; the residual of the
-# solution tells of small ones.
+# PETSc's own factors without pivoting, for few unknowns on one rank, where MUMPS spends most of its
+# time on analysis, pivoting and copies. Only an exact zero is refused as a pivot; small ones show in
+# the residual of the solution.
 SMALL = {
     "ksp_type": "preonly",
     "pc_type": "lu",

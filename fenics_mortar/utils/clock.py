@@ -38,7 +38,7 @@ class Clock:
         del self._running[depth:]
 
     def read(self) -> dict[str, float]:
-        """Seconds of all ``PHASES`` since the last call."""
+        """Wall time of each of the ``PHASES`` since the last call [s]."""
         now = time.perf_counter()
         seconds, self._seconds = self._seconds, dict.fromkeys(PHASES, 0.0)
         seconds[self._running[-1]] += now - self._since
@@ -56,17 +56,20 @@ class Phase:
         self._clock, self._phase = clock, phase
 
     def __enter__(self) -> None:
+        """Enter the phase."""
         clock, now = self._clock, time.perf_counter()
         clock._seconds[clock._running[-1]] += now - clock._since
         clock._since = now
         clock._running.append(self._phase)
 
     def __exit__(self, *_: object) -> None:
+        """Leave the phase."""
         clock, now = self._clock, time.perf_counter()
         clock._seconds[clock._running.pop()] += now - clock._since
         clock._since = now
 
     def __call__(self, function: Callable[P, T]) -> Callable[P, T]:
+        """The function, whose time counts for the phase."""
         clock, phase = self._clock, self._phase
 
         @wraps(function)

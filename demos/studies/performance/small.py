@@ -3,7 +3,7 @@
 
     /usr/bin/python3 -m demos.studies.performance.small             the run, step by step
     /usr/bin/python3 -m demos.studies.performance.small path        the same by follow_path
-    /usr/bin/python3 -m demos.studies.performance.small profile     with the functions that cost most
+    /usr/bin/python3 -m demos.studies.performance.small profile     and the most expensive functions
     /usr/bin/python3 -m demos.studies.performance.small process     imports, set-up, whole process
 
 Frictionless neo-Hookean bodies; an indenter goes 0.5 mm down in 10 steps and 4 mm along in 40.
