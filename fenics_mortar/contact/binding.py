@@ -26,8 +26,11 @@ def bind(
 
     Args:
         pairs: The pairs.
-        space: The displacement's space; nodes of its mesh may move.
-        prescribed: Local dofs with Dirichlet values.
+        space: Nodes and dofs of the displacement; nodes of the mesh may be moved.
+        prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+
+    Returns:
+        Contacts and ties in the order of the pairs.
 
     Raises:
         SurfaceError: On all ranks, if a surface is unsuitable or a gap cannot be removed.

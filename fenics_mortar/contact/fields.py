@@ -21,9 +21,8 @@ from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import ROUNDING
 
-# Diagonal of D over nodal length [1] above which a node is covered: rounding.
-MIN_NODE_COVER = 1e-10
 # Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
 # the strains e; the shear is 1000 e times the pressure.
 ELASTIC = 1e3
@@ -99,7 +98,7 @@ class InterfaceFields:
 
     @property
     def active_nodes(self) -> Indices:
-        """Numbers of the active slave nodes along the surface."""
+        """Numbers of the active slave nodes along the surface, shape (active nodes,)."""
         return np.flatnonzero(self.state.active)
 
     @field("z")
@@ -143,7 +142,11 @@ class InterfaceFields:
         return -self.operators.weight @ self.state.z
 
     def fill_inside(self, values: Array) -> Array:
-        """Set inner nodes of facets to the mean of the vertices if only these have multipliers."""
+        """Set values at inner nodes of facets to the mean of the end nodes.
+
+        Only if multipliers are at vertices only. ``values`` (slave nodes,) are changed in place and
+        returned.
+        """
         if self.sides.at_vertices:
             facets = self.sides.slave.facets
             values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
@@ -167,7 +170,7 @@ class ContactFields(InterfaceFields):
     def covered(self) -> Flags:
         """See ``InterfaceFields``."""
         return self.state.multiplier_nodes & (
-            self.operators.diagonal > MIN_NODE_COVER * self.nodal_lengths
+            self.operators.diagonal > ROUNDING * self.nodal_lengths
         )
 
     @field("multiplier_nodes")
@@ -221,7 +224,7 @@ class ContactFields(InterfaceFields):
 
     @field("z", "multiplier_nodes", "partners", "c_n")
     def nodal(self) -> Nodal:
-        """Arguments of the contact law."""
+        """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
         stiffness = self.sides.stiffness / self.nodal_lengths
         c_n = self.state.c_n * stiffness
         return Nodal(self.mean_gap, self.slip, self.z_n, self.z_tau, stiffness, c_n)

@@ -104,9 +104,16 @@ class MultiplierNodes:
         return np.where(changed, wanted, multiplier_nodes)
 
     def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
-        """Numbers of nodes next to active ones whose cover is close to ``HAND_OVER``.
+        """Nodes next to active ones whose cover is close to ``HAND_OVER`` (local).
 
         Their cover depends on whether they carry a multiplier; there may be two solutions.
+
+        Args:
+            cover: Covered fraction of each node, shape (slave nodes,) [1].
+            active: Active set, shape (slave nodes,), bool.
+
+        Returns:
+            Numbers of the nodes, shape (k,).
         """
         near = self._helped(cover) & (np.abs(cover - HAND_OVER) < VERGE * HAND_OVER)
         beside = ((self._sides >= 0) & active[self._sides]).any(axis=0)

@@ -75,7 +75,7 @@ class Equations(Protocol):
         """Break a cycle of the sets for one iteration; return a note."""
 
     def seconds(self) -> dict[str, float]:
-        """Seconds since the last call, by phase."""
+        """Wall time since the last call, by phase [s]."""
 
     def diagnose(self) -> str:
         """Message on defects of the state; "" if none are found (collective)."""

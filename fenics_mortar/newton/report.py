@@ -16,7 +16,17 @@ ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\
 
 @dataclass(frozen=True)
 class Iteration:
-    """Measures of one Newton iteration, equal on all ranks (seconds: those of the slowest)."""
+    """Measures of one Newton iteration, equal on all ranks.
+
+    Attributes:
+        residual: Norm of all equations [force].
+        gap: Largest mean gap of an active node over the node's length [1].
+        increment: Displacement increment over displacement, largest values [1].
+        fraction: Fraction of the increment that was applied [1].
+        num_active: Size of the active set.
+        num_changed: Nodes that entered or left the active set or changed their branch.
+        seconds: Wall time by phase, on the slowest rank [s].
+    """
 
     residual: float
     gap: float
@@ -70,7 +80,7 @@ class NewtonReport:
         )
 
     def total_seconds(self) -> dict[str, float]:
-        """Seconds of all iterations, by phase."""
+        """Wall time of all iterations, by phase [s]."""
         phases = {name: 0.0 for it in self.iterations for name in it.seconds}
         return {name: sum(it.seconds.get(name, 0.0) for it in self.iterations) for name in phases}
 

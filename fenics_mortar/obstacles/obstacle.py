@@ -159,7 +159,14 @@ class Obstacle(ABC):
 
     @abstractmethod
     def local(self, x: Array) -> Fields:
-        """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at points (n, 2) of the own frame."""
+        """Signed distance and derivatives at points of the own frame.
+
+        Args:
+            x: Points, shape (n, 2) [length].
+
+        Returns:
+            phi (n,) [length], gradient (n, 2) [1] and Hessian (n, 2, 2) [1 / length].
+        """
 
 
 class SignedDistance(Obstacle):
@@ -186,7 +193,7 @@ class SignedDistance(Obstacle):
         self._function = function
 
     def local(self, x: Array) -> Fields:
-        """Result of the user's function."""
+        """Result of the user's function: see ``Obstacle.local``."""
         if not len(x):
             return np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 2))
         return self._function(x)
