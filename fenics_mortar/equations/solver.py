@@ -173,7 +173,7 @@ class Solver:
             failed = error
             if e.drifts():
                 try:
-                    return solve_with_weak_springs(e, e.newton, error, most=RIGID.slight)
+                    return solve_with_weak_springs(e, e.newton, error, max_fraction=RIGID.slight)
                 except NotConvergedError as with_springs:
                     failed = NotConvergedError(error.report.reason, with_springs.report)
             e.restore(start)
