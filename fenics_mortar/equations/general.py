@@ -60,7 +60,8 @@ class Increment(NamedTuple):
 class ContactEquations:
     """Bodies, contacts and driven obstacles together; all methods are collective.
 
-    More than 20 methods: the protocols of Newton's method, damping, springs and load paths.
+    More than 20 methods and 350 lines: the protocols of Newton's method, damping, springs and load
+    paths, and their documentation.
 
     Args:
         bulk: Bulk residual and tangent.
