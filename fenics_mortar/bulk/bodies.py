@@ -128,11 +128,11 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
         body = centre_and_size(X[mine], bulk.comm)
         motions = np.zeros((3, bulk.num_owned))
         motions[:, dofs[mine]] = _rigid_motions(X[mine], *body)
-        held = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
+        at_prescribed = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
         stiffest = diagonal[dofs[mine]].max(initial=0.0)
         stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), TINY)
         stiff = bulk.to_force * _apply(bulk.K, motions) / stiffest
-        size, directions = resistance(np.hstack([held, stiff]), bulk.comm)
+        size, directions = resistance(np.hstack([at_prescribed, stiff]), bulk.comm)
         num_nodes = bulk.comm.allreduce(int(mine.sum()))
         free = directions[size < ROUNDING * np.sqrt(num_nodes)]
         if len(free):

@@ -73,7 +73,7 @@ class Bulk:
     ) -> None:
         self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
         self.comm: MPI.Comm = self.V.mesh.comm
-        self.prescribed = prescribed_dofs(space, u, bcs)
+        self.prescribed = mark_prescribed(space, u, bcs)
         self.is_linear, self.residual = False, residual
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
@@ -93,7 +93,7 @@ class Bulk:
         self.stiffness = 0.0
 
     @cached_property
-    def held(self) -> npt.NDArray[np.int32]:
+    def prescribed_dofs(self) -> npt.NDArray[np.int32]:
         """Local numbers of the owned dofs with prescribed values, shape (k,)."""
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
 
@@ -159,10 +159,10 @@ class Bulk:
         self._K_is_whole = False
 
     def distance_to_prescribed(self) -> Array:
-        """Prescribed less present values of the ``held`` dofs, shape (k,) [length] (local)."""
+        """Prescribed minus present values of ``prescribed_dofs``, shape (k,) [length] (local)."""
         values = self.u.x.array.copy()
         compat.set_prescribed(values, self.bcs)
-        return values[self.held] - self.u.x.array[self.held]
+        return values[self.prescribed_dofs] - self.u.x.array[self.prescribed_dofs]
 
     def move(self, step: PETSc.Vec, fraction: float = 1.0) -> float:
         """Add as large a fraction of a displacement increment as the cells allow (collective).
@@ -254,7 +254,7 @@ class Bulk:
         return self.cells.inverted(self.positions())
 
 
-def prescribed_dofs(space: DisplacementSpace, u: Any, bcs: Sequence[Any]) -> Flags:
+def mark_prescribed(space: DisplacementSpace, u: Any, bcs: Sequence[Any]) -> Flags:
     """Mark the local dofs with Dirichlet values, shape (local dofs,) (local).
 
     Raises:

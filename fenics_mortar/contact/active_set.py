@@ -40,7 +40,7 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
     state = replace(f.state, active=active, z=np.where(active[:, None], z, open_z), borne=None)
     changed = active != f.state.active
     f = f.after(state)
-    branch = f.sides.asker.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
+    branch = f.sides.law_calls.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
     branched = branch != state.branch
     if branched.any():
         state = replace(state, branch=branch)

@@ -50,11 +50,11 @@ def bind(
 
 
 def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
-    """Release the tied nodes that belong to other pairs (collective)."""
+    """Remove the multipliers of tied nodes that belong to other pairs (collective)."""
     used = [c.nodes for c in bound]
     for tie in ties:
         others = [nodes for nodes, c in zip(used, bound, strict=True) if c is not tie]
-        tie.release(np.isin(tie.slave.nodes, np.concatenate([np.empty(0, np.int64), *others])))
+        tie.drop(np.isin(tie.slave.nodes, np.concatenate([np.empty(0, np.int64), *others])))
 
 
 def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:

@@ -32,7 +32,7 @@ from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.integration import NO_PLACE, Integration
 from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only
-from fenics_mortar.contact.law_calls import Asker, raise_noted
+from fenics_mortar.contact.law_calls import LawCalls, raise_noted
 from fenics_mortar.contact.laws import Nodal
 from fenics_mortar.contact.multiplier_nodes import MultiplierNodes, normals_on_planes
 from fenics_mortar.contact.pair import ContactPair
@@ -76,7 +76,7 @@ class Contact(Interface):
         obstacle: The rigid master, or ``None``.
         arm: Length by which angles of the obstacle are multiplied [length].
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
-        asker: Calls the law of the pair.
+        law_calls: Calls the law of the pair.
         follows_law: Whether the contact law applies to a node: not if a component is prescribed,
             shape (slave nodes,), bool.
         plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
@@ -130,9 +130,9 @@ class Contact(Interface):
         )
         none = np.zeros(self.slave.num_nodes)
         start = Nodal(none, none, none, none, none + 1.0, none)
-        self.asker = Asker(pair.slave_name)
+        self.law_calls = LawCalls(pair.slave_name)
         at_rest = np.zeros(none.size, np.int64)
-        branch = self.asker.branch(pair.law, start, at_rest, self.slave.X)
+        branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
         self.change(multiplier_nodes=self._may_carry, branch=branch, c_n=choice.c_n)
         raise_noted(self.slave.comm, [self])
 
@@ -237,7 +237,7 @@ class Contact(Interface):
         Collective. The linear system contains the force w z of a node to first order,
         w_old z + dw z_old. If the weight more than doubles, as at a sliding edge, dw z_old may
         exceed the force, and z becomes tensile. The active set of such a node is decided by its
-        force; by z it would be released for an iteration or two.
+        force; by z it would be open for an iteration or two.
         """
         old, o = self.z, self.operators
         z = old + fraction * (z - old) if fraction < 1.0 else z

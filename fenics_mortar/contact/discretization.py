@@ -66,7 +66,7 @@ class Discretization:
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
             Steeper facets, such as the side of a block that stands on the slave, are no partners.
         c_n: Weight of the gap in the active-set test [1]. The result does not depend on it, nor do
-            the iterations from 1e-8 to 1. Larger weights release nodes because of gaps that a
+            the iterations from 1e-8 to 1. Larger weights open nodes because of gaps that a
             nonlinear step leaves.
     """
 

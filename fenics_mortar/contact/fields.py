@@ -14,7 +14,7 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from fenics_mortar.contact.law_calls import Asker
+from fenics_mortar.contact.law_calls import LawCalls
 from fenics_mortar.contact.laws import KINK, STICK, Frictionless, Nodal, Row
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import MortarOperators
@@ -156,7 +156,7 @@ class InterfaceFields:
 class ContactSides(Sides, Protocol):
     """Constants of a contact that its fields depend on."""
 
-    asker: Asker
+    law_calls: LawCalls
     follows_law: Flags
     plane_normals: Array
 
@@ -194,7 +194,7 @@ class ContactFields(InterfaceFields):
         if not law.has_adhesion:
             return none, none
         gap = self.mean_gap
-        pull, by_gap = self.sides.asker.adhesion(law, np.maximum(gap, 0.0), self.operators.x)
+        pull, by_gap = self.sides.law_calls.adhesion(law, np.maximum(gap, 0.0), self.operators.x)
         pull = pull + by_gap * np.minimum(gap, 0.0)
         return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
 
@@ -256,7 +256,7 @@ class ContactFields(InterfaceFields):
         state, node = self.state, self.nodal
         follows_law = self.sides.follows_law & ~self.attracted
         law, x = self.sides.pair.law, self.operators.x
-        ours = self.sides.asker.tangential(law, node, state.branch, follows_law, x)
+        ours = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
         without = Frictionless().tangential(node, state.branch)
         row = Row(*(np.where(follows_law, a, b) for a, b in zip(ours, without, strict=True)))
         if not state.redundant.any():
@@ -297,12 +297,12 @@ class ContactFields(InterfaceFields):
         sides = self.sides
         law, follows_law, X = sides.pair.law, sides.follows_law, sides.slave.X
         ones = np.ones(len(self.state.z))
-        at = sides.asker.friction_limit(law, pressure * ones, X)
-        beyond = sides.asker.friction_limit(law, 2.0 * pressure * ones, X)
+        at = sides.law_calls.friction_limit(law, pressure * ones, X)
+        beyond = sides.law_calls.friction_limit(law, 2.0 * pressure * ones, X)
         unlimited = np.isinf(at + beyond)
         at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
         slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
         shear = np.maximum(at - slope * pressure, 0.0)
         shear = np.where(follows_law & (shear > KINK * at), shear, 0.0)
         slope = np.where(follows_law, np.where(unlimited, np.inf, slope), 0.0)
-        return slope, shear, sides.asker.adhesion(law, 0.0 * ones, X)[0]
+        return slope, shear, sides.law_calls.adhesion(law, 0.0 * ones, X)[0]

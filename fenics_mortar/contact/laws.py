@@ -232,7 +232,7 @@ class Friction(Law):
 
     @abstractmethod
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """Friction limit b and its derivatives by the mean gap and z_n, each (slave nodes,)."""
+        """Friction limit b at ``node``, its derivatives by mean gap and z_n, (slave nodes,)."""
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
         """Stick (0) or direction of sliding (+-1); see ``Law.branch``.

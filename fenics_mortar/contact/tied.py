@@ -122,9 +122,9 @@ class Tie(Interface):
                 f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
                 "increase search_radius"
             )
-        self.release(self.operators.cover < HAND_OVER * self.nodal_lengths)
+        self.drop(self.operators.cover < HAND_OVER * self.nodal_lengths)
 
-    def release(self, nodes: Flags) -> None:
+    def drop(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
 
         Raises:
@@ -135,9 +135,9 @@ class Tie(Interface):
             self._check_multiplier_nodes(nodes)
             self._integrate()
 
-    def _check_multiplier_nodes(self, released: Flags) -> None:
+    def _check_multiplier_nodes(self, dropped: Flags) -> None:
         if not self.multiplier_nodes.any():
-            where = place(self.slave.X[np.flatnonzero(released)[0]])
+            where = place(self.slave.X[np.flatnonzero(dropped)[0]])
             raise SurfaceError(
                 f"{self._names} cannot be tied: every slave node that has a partner is prescribed "
                 f"or belongs to another pair, for example the one at {where}; exchange slave and "

@@ -41,6 +41,8 @@ class Iteration:
 class NewtonReport:
     """Record of one solve, complete on success and on failure; prints as a Markdown table.
 
+    All methods are local.
+
     Attributes:
         iterations: One row per iteration; row 0 is the state before the first linear system.
         notes: Messages on all deviations from plain Newton steps.
@@ -70,7 +72,7 @@ class NewtonReport:
         return [iteration.residual for iteration in self.iterations]
 
     def followed_by(self, other: NewtonReport) -> NewtonReport:
-        """The record of two solves in a row, with the outcome of the second."""
+        """Record of this solve and the next one, ``other``, with the outcome of the latter."""
         return replace(
             other,
             iterations=self.iterations + other.iterations[1:],

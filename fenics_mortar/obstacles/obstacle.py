@@ -138,20 +138,20 @@ class Obstacle(ABC):
 
     @property
     def turn(self) -> Array:
-        """Present rotation, shape (2, 2)."""
+        """Present rotation matrix, shape (2, 2) [1]."""
         c, s = np.cos(self.place[2]), np.sin(self.place[2])
         return np.array([[c, -s], [s, c]])
 
     def to_own_frame(self, x: Array) -> Array:
-        """Points ``x`` (n, 2) in space, transformed to the obstacle's own frame [length]."""
+        """Points ``x`` (n, 2) [length] in space, transformed to the obstacle's own frame."""
         return (x - self.pivot - self.place[:2]) @ self.turn + self.pivot
 
     def to_space(self, x: Array) -> Array:
-        """Points ``x`` (n, 2) of the obstacle's own frame, transformed to space [length]."""
+        """Points ``x`` (n, 2) [length] of the obstacle's own frame, transformed to space."""
         return (x - self.pivot) @ self.turn.T + self.pivot + self.place[:2]
 
     def motions(self, x: Array, arm: float) -> Array:
-        """V at the points ``x`` (n, 2) [length]: shape (n, 3, 2) [1]; ``arm`` [length]."""
+        """V at the points ``x`` (n, 2) [length] for a length ``arm``, shape (n, 3, 2) [1]."""
         r = (x - self.pivot - self.place[:2]) / arm
         one, zero = np.ones_like(r[:, 0]), np.zeros_like(r[:, 0])
         rows = ((one, zero), (zero, one), (-r[:, 1], r[:, 0]))

@@ -81,9 +81,13 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
 
 
 def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
-    """Create a space of several unknowns, given by family, degree and, for vectors, the shape.
+    """Create a space of several unknowns.
 
     Collective. ``ufl.MixedElement`` was replaced by ``basix.ufl.mixed_element`` in 0.7.
+
+    Args:
+        mesh: The mesh.
+        parts: Family, degree and, for vectors, the shape of each unknown.
 
     Raises:
         ValueError: If ``mesh`` is not a mesh or no part is given.
