@@ -78,7 +78,7 @@ if [ $# -gt 0 ]; then
     run "tests in serial: $*" "${pytest[@]}" "$@" || true
 else
     run "tests in serial" "${pytest[@]}" "${spread[@]}" || true
-    run_ranks 2 -m "not serial and not demo" --ignore=tests/rigid/test_held.py "${on_three[@]/#/--ignore=}"
+    run_ranks 2 -m "not serial and not demo" --ignore=tests/rigid/test_supported.py "${on_three[@]/#/--ignore=}"
     run_ranks 3 -m "not serial and not demo" "${on_three[@]}"
     run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
         "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true

@@ -38,7 +38,7 @@ def test_four_blocks_meet_in_a_point_whatever_their_roles(roles):
     problem, exact = tied(data, pairs, around, STRAIN - np.eye(2), algorithm="condensed")
     problem.solve()
     assert off(problem, exact) < EXACT
-    # nodes at the crosspoint and at the held ends carry no multiplier
+    # nodes at the crosspoint and at the fixed ends carry no multiplier
     assert [int((~tie.multiplier_nodes).sum()) for tie in problem.equations.contacts] == [
         2,
         2,
@@ -48,7 +48,7 @@ def test_four_blocks_meet_in_a_point_whatever_their_roles(roles):
 
 
 def test_four_blocks_are_as_stiff_as_one():
-    """Only top and bottom are held; the middle may not open."""
+    """Only top and bottom are fixed; the middle may not open."""
     found, stretch = [], np.diag([0.0, 0.1])
     data, pairs = four_blocks()
     problem, _ = tied(data, pairs, ["a/top", "b/top", "c/bottom", "d/bottom"], stretch)
@@ -110,7 +110,7 @@ def test_a_contact_surface_may_end_at_the_joint():
     assert max(report.num_iterations for report in reports) <= 8
 
 
-def test_a_body_that_only_a_tie_holds_does_not_float():
+def test_a_body_supported_by_a_tie_alone_does_not_float():
     """The same as the upper of two blocks; what is pulled at its top would fly off else."""
     data = blocks(layers_upper=2)
 
@@ -193,7 +193,7 @@ def test_straight_cells_of_degree_2_keep_the_gap_of_a_curve():
     tied(data, [pair], ["outer/bottom"], np.diag([0.01, 0.0]), degree=2)[0].solve()
 
 
-def test_tied_bodies_that_nothing_holds_are_named():
+def test_tied_bodies_without_supports_are_named():
     data, force = blocks(), (1.0, 0.0)
 
     def law(u):

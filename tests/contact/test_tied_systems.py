@@ -34,7 +34,7 @@ def test_matrix_of_a_linear_bulk_is_constant_and_the_condensed_one_symmetric():
 
 def prescribed(problem):
     bulk = problem.equations.bulk
-    return np.concatenate(comm.allgather(bulk.held + bulk.first))
+    return np.concatenate(comm.allgather(bulk.prescribed_dofs + bulk.first))
 
 
 def test_saddle_matrix_is_symmetric():

@@ -38,11 +38,11 @@ def assembled(problem):
     scale = np.concatenate([np.empty(0), *(np.repeat(system.scale(c), 2) for c in contacts)])
     B_T, A_z = B_T[:, order] / scale, A_z[np.ix_(order, order)] / scale
     C = C[order]
-    held = np.concatenate(
-        comm.allgather(problem.equations.bulk.held + problem.equations.bulk.first)
+    fixed = np.concatenate(
+        comm.allgather(problem.equations.bulk.prescribed_dofs + problem.equations.bulk.first)
     )
-    K[held], B_T[held] = 0.0, 0.0
-    K[held, held] = 1.0
+    K[fixed], B_T[fixed] = 0.0, 0.0
+    K[fixed, fixed] = 1.0
     n, m, k = len(K), len(A_z), 3 * len(motions.obstacles)
     A = np.zeros((n + m + k, n + m + k))
     A[:n, :n], A[:n, n : n + m], A[n : n + m, :n], A[n : n + m, n : n + m] = K, B_T, C, A_z

@@ -32,8 +32,8 @@ def test_body_is_described_by_its_place_where_there_are_no_names():
 
 
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
-def test_contact_alone_holds_a_body_that_touches(algorithm):
-    """Nodes that touch are active from the start; only sliding along is held by a condition."""
+def test_contact_alone_supports_a_body_that_touches(algorithm):
+    """Nodes that touch are active from the start; only sliding is prescribed."""
     problem = pushed_block(pin=(0,), algorithm=algorithm)
     assert problem.solve().converged
     assert problem.equations.contacts[0].total_force[1] == pytest.approx(1.0, rel=1e-8)

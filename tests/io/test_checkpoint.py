@@ -204,7 +204,7 @@ def test_restart_of_a_climb_is_the_uninterrupted_run(shared_path, law, check):
 
 
 def on_a_circle(x):
-    """A block held at its top, with small sliding on a circle that was moved before the set-up."""
+    """A block fixed at its top, with small sliding on a circle that was moved before the set-up."""
     blocks = pressed_blocks(**MESH)
     u = fem.Function(blocks.u.function_space)
     circle = fm.Circle((1.1, -1.0), 2.02)

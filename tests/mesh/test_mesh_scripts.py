@@ -26,13 +26,13 @@ def test_areas_and_lengths_of_two_blocks_are_exact(cell, inclination, rotation):
         rotation=rotation,
         grading=2.0,
     )
-    slant = 1.0 / np.cos(inclination)
+    secant = 1.0 / np.cos(inclination)
     lengths = {
-        "upper/bottom": slant,
+        "upper/bottom": secant,
         "upper/top": 1.0,
         "upper/left": 0.8 + 0.5 * np.tan(inclination),
         "lower/bottom": 2.2,
-        "lower/top": 2.2 * slant,
+        "lower/top": 2.2 * secant,
         "lower/right": 1.0 + 1.1 * np.tan(inclination),
     }
     assert area(data, "upper") == pytest.approx(0.8, rel=1e-13)

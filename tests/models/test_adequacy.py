@@ -117,11 +117,11 @@ def soft_on(tool, *, angle=0.0):
     rise = np.array([0.02, 0.03])
     plane = fm.Plane((0.0, 0.0), turn @ [0.0, 1.0])
     plane.move(x=rise[0], y=rise[1], angle=-angle)
-    held = [fm.dirichlet(u.function_space, data, "soft/top", (0.0, 0.0))]
+    fixed = [fm.dirichlet(u.function_space, data, "soft/top", (0.0, 0.0))]
     if tool == "meshed":
-        held.append(fm.dirichlet(u.function_space, data, "tool/bottom", rise))
+        fixed.append(fm.dirichlet(u.function_space, data, "tool/bottom", rise))
     pair = fm.ContactPair(data, "soft/bottom", "tool/top" if tool == "meshed" else plane)
-    problem = fm.ContactProblem(residual, u, [pair], bcs=held, petsc_options_prefix="test_")
+    problem = fm.ContactProblem(residual, u, [pair], bcs=fixed, petsc_options_prefix="test_")
     problem.solve()
     elastic = internal(w, linear_elastic(w, 100.0 * STIFFER, 0.3))
     grip = [fm.dirichlet(w.function_space, alone, "tool/bottom", (0.0, 0.0))]
@@ -205,7 +205,7 @@ def test_facets_of_a_meshed_tool_stand_beside_its_elasticity():
     assert "facets deviate" in str(check)
 
 
-def test_a_tool_has_to_be_held():
+def test_a_tool_has_to_be_fixed():
     _, tool = soft_on("rigid")
     with pytest.raises(ValueError, match="body of plane can move"):
         tool([])

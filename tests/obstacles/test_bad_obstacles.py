@@ -141,7 +141,7 @@ def test_distance_that_is_not_finite_far_from_a_start_is_a_failure_that_holds_th
     deep = Floor(lambda x, phi, g, H: (np.where(x[:, 1] < 0.9, np.nan, phi), g, H))
     data = blocks_of_arrays()
     u = fem.Function(fm.vector_space(data.mesh, 1))
-    # The block is not held against the floor at first: the prescribed push moves it through.
+    # The block does not touch the floor at first: the prescribed push moves it through.
     bcs = bcs_of(data, u.function_space, push=-0.3)
     problem = problem_on(data, [fm.ContactPair(data, "slave", deep.obstacle)], bcs=bcs, u=u)
     problem.equations.contacts[0].change(active=np.zeros_like(problem.equations.contacts[0].active))

@@ -19,7 +19,7 @@ from meshes.mapped_grids import Grid
 
 
 def c_ring(push, *, degree=1, cell="quadrilateral", comm=MPI.COMM_WORLD):
-    """A C, held at its back, with its two paired ends 0.37 apart, and forces on its right half."""
+    """A C, fixed at its back, with its two paired ends 0.37 apart, and forces on its right half."""
     shape = mapped_grids.sector(40, 3, radii=(0.8, 1.0), angles=(0.2, 2.0 * np.pi - 0.2))
     data = read(mapped_grids.build, comm=comm, grids=[Grid("ring", shape)], cell=cell)
     V = fm.vector_space(data.mesh, degree)
@@ -110,7 +110,7 @@ def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
 
 
 def block_over_plate(thickness=0.3, size=0.15, *, height=0.4, **options):
-    """A plate, held at its sides, and a block above it, moved at its top."""
+    """A plate, fixed at its sides, and a block above it, moved at its top."""
     data = read(
         rectangles,
         size=size,
