@@ -53,7 +53,7 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
 
 def _active(f: ContactFields, *, start: bool) -> Flags:
     """Nodes with z_n + a - c_n g > 0; unchanged where pressure and gap are rounding."""
-    stiffness, on = f.sides.stiffness, f.covered
+    stiffness, on = f.sides.modulus, f.covered
     gap = np.where(on, f.gap, 0.0)
     push = np.where(f.attracted, 0.0, -f.tension)  # open nodes: z_n = -a
     trial = np.where(on, push - f.state.c_n * stiffness / f.nodal_lengths * gap, 0.0)

@@ -22,7 +22,7 @@ from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
-# Diagonal of D over nodal length [1] above which a node is covered: rounding.
+# Diagonal of D over nodal length times thickness [1] above which a node is covered: rounding.
 MIN_NODE_COVER = 1e-10
 # Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
 # the strains e; the shear is 1000 e times the pressure.
@@ -53,6 +53,8 @@ class Sides(Protocol):
     slave: Surface
     master: Surface
     stiffness: Array
+    modulus: Array
+    stand_ins: tuple[Indices, Indices]
     at_vertices: bool
 
 
@@ -68,6 +70,7 @@ class InterfaceFields:
     def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
         self.sides, self.state, self.operators = sides, state, operators
         self.nodal_lengths: Array = sides.slave.nodal_lengths
+        self.nodal_areas: Array = sides.slave.nodal_areas
 
     def after(self, state: InterfaceState) -> Self:
         """The fields at another state and the same operators."""
@@ -143,7 +146,13 @@ class InterfaceFields:
         return -self.operators.weight @ self.state.z
 
     def fill_inside(self, values: Array) -> Array:
-        """Set inner nodes of facets to the mean of the vertices if only these have multipliers."""
+        """Set inner nodes of facets to the mean of the vertices if only these have multipliers.
+
+        Nodes without weight have the values of their stand-ins.
+        """
+        alone, others = self.sides.stand_ins
+        if alone.size:
+            values[alone] = values[others]
         if self.sides.at_vertices:
             facets = self.sides.slave.facets
             values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
@@ -167,7 +176,7 @@ class ContactFields(InterfaceFields):
     def covered(self) -> Flags:
         """See ``InterfaceFields``."""
         return self.state.multiplier_nodes & (
-            self.operators.diagonal > MIN_NODE_COVER * self.nodal_lengths
+            self.operators.diagonal > MIN_NODE_COVER * self.nodal_areas
         )
 
     @field("multiplier_nodes")
@@ -222,7 +231,7 @@ class ContactFields(InterfaceFields):
     @field("z", "multiplier_nodes", "partners", "c_n")
     def nodal(self) -> Nodal:
         """Arguments of the contact law."""
-        stiffness = self.sides.stiffness / self.nodal_lengths
+        stiffness = self.sides.modulus / self.nodal_lengths
         c_n = self.state.c_n * stiffness
         return Nodal(self.mean_gap, self.slip, self.z_n, self.z_tau, stiffness, c_n)
 

@@ -117,7 +117,7 @@ class Tie(Interface):
             choice.basis, "opposite", "basis", choice.integration, self._points(),
             pair.search_radius or NEAR * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
-        multiplier_nodes = self.free.sum(axis=1) == 2.0
+        multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~self.slave.weightless
         if self.at_vertices:
             multiplier_nodes &= ~self.slave.inner
         self.change(multiplier_nodes=multiplier_nodes)
@@ -128,7 +128,7 @@ class Tie(Interface):
                 f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
                 "increase search_radius"
             )
-        self.release(self.operators.cover < MIN_COVER * self.nodal_lengths)
+        self.release(self.operators.cover < MIN_COVER * self.slave.full_cover)
 
     def release(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
@@ -278,7 +278,7 @@ class Tie(Interface):
 
     def frame(self) -> tuple[Array, Array]:
         """Weights of the rows: diagonal of D [length], stiffness over it where active."""
-        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_lengths)
+        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_areas)
         return diagonal, np.where(self.active, self.stiffness / diagonal, 0.0)
 
     def law(self, frame: tuple[Array, Array]) -> Array:

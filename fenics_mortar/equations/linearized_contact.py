@@ -225,7 +225,7 @@ class LinearizedContact:
     def _typical_pressure(self) -> float:
         """Mean pressure of the nodes that bear one, or a small one where none does [stress]."""
         borne = np.concatenate([np.abs(c.pressure[c.z.any(axis=1)]) for c in self._contacts])
-        soft = min(float(contact.stiffness.min()) for contact in self._contacts)
+        soft = min(float(contact.modulus.min()) for contact in self._contacts)
         return max(float(borne.mean()) if borne.size else 0.0, SPRING * RIGID.weakest_spring * soft)
 
     def _gaps(self, used: Indices) -> tuple[Array, Array]:
@@ -328,4 +328,4 @@ def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
 def _slip_weight(contact: Contact, j: Indices) -> Array:
     """What makes rows of slip those of the gap, turned: so the compliance is symmetric."""
     o = contact.operators
-    return (contact.nodal_lengths * o.weight)[j] / o.diagonal[j] ** 2
+    return (contact.nodal_areas * o.weight)[j] / o.diagonal[j] ** 2

@@ -48,12 +48,12 @@ class Points:
         v = self.of(nodal)
         return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
 
-    def dual_moments(self, x: Array, values: Array) -> tuple[Array, Array]:
+    def dual_moments(self, w: Array, values: Array) -> tuple[Array, Array]:
         """Integrals of ``values`` (n, q) times dual functions, and of dual functions, each (n, K).
 
-        Slave nodes at ``x``; each segment must be a whole facet.
+        ``w`` (n, q): weights of the points; each segment must be a whole facet.
         """
-        N, w = self.shape, self.measure(x)
+        N = self.shape
         mass = np.einsum("nq,nqj,nqk->njk", w, N, N)
         sizes, moments = np.einsum("nq,nqj->nj", w, N), np.einsum("nq,nqj,nq->nj", w, N, values)
         return sizes * np.linalg.solve(mass, moments[..., None])[..., 0], sizes

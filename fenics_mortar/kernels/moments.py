@@ -11,6 +11,8 @@ symbol     meaning                                                              
 =========  =========================================================================  ===========
 c, h       centre and half length of the segment                                      ()
 J          |dx/dxi|, so dgamma = J h ds; W = w J h is the weight of a point           ()
+theta      out-of-plane thickness at the nodes of the facet; with it dgamma is an     (K,)
+           area, dgamma = (N theta) J h ds, and W = w J h (N theta)
 g          gap n^ . (x^ - x) = alpha |n|, n^ = n / |n|                                ()
 T          powers of t on the covered part of the facet, see ``basis``                (K,)
 G          moments int t^p dgamma, p = 0 ... 2 K - 2                                  (2 K - 1,)
@@ -34,10 +36,20 @@ from fenics_mortar.kernels.projection import combine, slave_to_master
 
 
 @kernel
-def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g):
+def thickness_at(theta, N, derivative):
+    """Thickness at a point, or its derivative by xi, from that at the nodes."""
+    value = 0.0 * theta[0]
+    for i in range(theta.size):
+        value += N[derivative, i] * theta[i]
+    return value
+
+
+@kernel
+def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g, theta=None):
     """Fill the moments T_M of a segment, add its share to ``G`` and ``T_g``.
 
-    ``shapes`` = (N, L), ``place``: lower and upper end of the covered part of the facet, numbers.
+    ``shapes`` = (N, L), ``place``: lower and upper end of the covered part of the facet, numbers;
+    without ``theta`` the thickness is one.
     """
     points, weights = rule
     N, L = shapes
@@ -52,6 +64,8 @@ def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g):
         tx, ty = combine(y, 0, N, 1)
         gap = alpha * np.sqrt(nx * nx + ny * ny)
         t, T = (xi - middle) / half, weights[i] * h * np.sqrt(tx * tx + ty * ty)
+        if theta is not None:
+            T = T * thickness_at(theta, N, 0)
         for p in range(2 * count - 1):
             G[p] += T
             if p < count:
@@ -113,6 +127,20 @@ def differentiate_point(y, s, w, ends, dends, shapes, rows):
 
 
 @kernel
+def differentiate_thickness(theta, by_x, W, N, rows):
+    """Multiply W and its derivative, in ``rows``, by the thickness of a point; return W.
+
+    ``by_x``: derivative of ``theta`` by the first coordinate of its node.
+    """
+    value, slope = thickness_at(theta, N, 0), thickness_at(theta, N, 1)
+    for k in range(rows.shape[1]):
+        rows[1, k] = rows[1, k] * value + W * slope * rows[0, k]
+    for i in range(theta.size):
+        rows[1, 2 * i] += W * by_x * N[0, i]
+    return W * value
+
+
+@kernel
 def add_product(A, B, out):
     """Add A B to ``out``."""
     for r in range(A.shape[0]):
@@ -123,11 +151,11 @@ def add_product(A, B, out):
 
 
 @kernel
-def integrate_derivatives(y, ends, dends, place, rule, functions, work, out):
+def integrate_derivatives(y, ends, dends, place, rule, functions, work, out, theta=None, by_x=0.0):
     """Fill the derivatives by ``y`` of G, M and g with fixed ``functions`` (C, C_g).
 
     ``out`` (r, 6 K) has 2 K - 1 rows for G, K K for M and K for g; ``work`` = (shapes, rows,
-    weights (r, 4) of the rows).
+    weights (r, 4) of the rows). ``theta``, ``by_x``: see ``differentiate_thickness``.
     """
     points, point_weights = rule
     C, C_g = functions
@@ -138,6 +166,8 @@ def integrate_derivatives(y, ends, dends, place, rule, functions, work, out):
     weights[:] = 0.0
     for i in range(points.size):
         xi, W, gap = differentiate_point(y, points[i], point_weights[i], ends, dends, shapes, rows)
+        if theta is not None:
+            W = differentiate_thickness(theta, by_x, W, shapes[0], rows)
         t = (xi - middle) / half
         T, T_xi = 1.0 + 0.0 * t, 0.0 * t
         for p in range(2 * count - 1):
