@@ -148,6 +148,13 @@ class Interface(ABC):
             return self.stiffness
         return self.stiffness / self.slave.mean_thickness
 
+    @property
+    def has_partner(self) -> Flags:
+        """Whether a part of the facets at a slave node is covered, shape (slave nodes,), bool."""
+        covered, (alone, others) = self.operators.cover > 0.0, self.stand_ins
+        covered[alone] = covered[others]
+        return covered
+
     def set_stiffness(self, stiffness: Array) -> None:
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
         self.stiffness = stiffness

@@ -211,7 +211,7 @@ class Tie(Interface):
         """Global numbers of the tied nodes of both sides."""
         met = np.unique(self.M.indices)
         return np.concatenate(
-            [self.slave.nodes[self.operators.cover > 0.0], self.master.nodes[met]]
+            [self.slave.nodes[self.has_partner], self.master.nodes[met]]
         )
 
     def welds(self) -> Indices:

@@ -169,5 +169,5 @@ def _certify_tie(tie: Tie) -> PairCertificate:
     return PairCertificate(
         **action_and_reaction(tie),
         overlap=float(np.nanmax(tie.gap / tie.nodal_lengths)),
-        uncovered=int((tie.operators.cover <= 0.0).sum()),
+        uncovered=int((~tie.has_partner).sum()),
     )
