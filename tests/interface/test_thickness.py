@@ -53,7 +53,7 @@ def test_D_and_M_are_areas_of_frustums(slave, basis):
     assert np.abs(D.sum(axis=1) - M.sum(axis=1)).max() < 1e-14
     if basis == "dual":
         assert np.abs(D - np.diag(np.diag(D))).max() == 0.0
-    axis = o.x[:, 0] == 0.0
+    axis = np.abs(o.x[:, 0]) < 1e-14
     assert axis.sum() == 1 and scene.contact.covered[axis].all()
 
 
@@ -71,13 +71,23 @@ OPTIONS = [
 ]
 
 
+@pytest.mark.parametrize("axis", [True, False])
 @pytest.mark.parametrize("degree, cell", DEGREES)
-def test_tangent_is_exact(degree, cell):
+def test_tangent_is_exact(degree, cell, axis):
+    """On the axis with gaps weighted by the basis: both surfaces end there, on each other.
+
+    Random motions of the ends, which the conditions do not admit, cover the slave or do not: a
+    weight by the cover has a kink there.
+    """
     choices = [*OPTIONS]
     if degree == 2:
         choices += [{"basis": "vertices"}, {"basis": "linear"}]
     for choice, slave in product(choices, ["upper", "lower"]):
-        scene = pressed_cylinders(slave=slave, pair=choice, degree=degree, cell=cell, gap=-0.01)
+        choice = {"gap_weights": "basis", **choice} if axis else choice
+        holes = (0.0, 0.0) if axis else (0.4, 0.3)
+        scene = pressed_cylinders(
+            slave=slave, pair=choice, degree=degree, cell=cell, gap=-0.01, holes=holes
+        )
         slopes = disturbed(scene).problem.check_tangent(print_table=False).slopes
         assert min(slopes.values()) > 1.9, (choice, slave, slopes)
 
@@ -240,7 +250,7 @@ def test_a_body_free_along_the_axis_is_found_and_pressed_by_a_total_force():
 
 
 def test_a_floating_ring_is_free_along_the_axis_only():
-    scene = pressed_cylinders(hole=0.5, upper_is_held=False)
+    scene = pressed_cylinders(holes=(0.5, 0.5), upper_is_held=False)
     (body,) = scene.problem.equations.floating.bodies
     assert np.abs(body.motions) == pytest.approx(np.array([[0.0, 1.0, 0.0]]), abs=1e-9)
     with pytest.raises(fm.MortarError, match=r"upper.* can move along \(0, 1\)"):
