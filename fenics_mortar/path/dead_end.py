@@ -21,12 +21,11 @@ from fenics_mortar.contact.laws import STICK
 from fenics_mortar.equations.state import State
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, place
 from fenics_mortar.verify.limits import HALF_FACET
 
-# Overlap below which surfaces slip off each other, over the shortest facet of both.
-SLIVER = 1e-3
 # Largest number n of sliding nodes whose 2^n combinations of stick and slip are all tried.
 MAX_SLIDING = 8
 
@@ -59,7 +58,7 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
         o = contact.operators
         overlap = float((o.cover / contact.slave.mean_thickness).sum())
         shortest = min(_shortest(o.slave.facets, o.x), _shortest(o.master.facets, o.m))
-        if overlap < SLIVER * shortest:
+        if overlap < RIGID.sliver * shortest:
             j = int(np.argmax(np.where(contact.active, o.cover, -1.0)))
             force = float(np.hypot(*contact.total_force))
             yield (

@@ -63,10 +63,10 @@ def test_pattern_is_made_again_where_a_node_comes_to_bear_the_multiplier_of_anot
     (contact,) = scene.problem.equations.contacts
     state = contact.operators, contact.multiplier_nodes, contact.faced()
     reach = Reach(*state)
-    assert reach.holds(*state, contact.active)
+    assert reach.contains(*state, contact.active)
     contact.operators.D[:1, 1, 0] = 0.1  # of the rank's first facet, if it has any
-    assert reach.holds(*state, contact.active) == (len(contact.operators.D) == 0)
-    assert reach.holds(*state, np.zeros_like(contact.active))
+    assert reach.contains(*state, contact.active) == (len(contact.operators.D) == 0)
+    assert reach.contains(*state, np.zeros_like(contact.active))
 
 
 def pressed_cylinder(degree, algorithm):
