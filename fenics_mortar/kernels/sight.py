@@ -12,7 +12,9 @@ that of the master's body from the partner back. The nearer way is the first one
 
     d < (t_s + t_m) / 2.
 
-Bodies that do not overlap have d >= t_s + t_m, so that such a partner is never taken. Both lengths
+Bodies that do not overlap have d >= t_s + t_m, so that such a partner is never taken. Seen through
+one part of a body that has both surfaces on it, as through a strip that is wound up, t_s = t_m = d
+but for rounding: that partner is the back of the strip, and no way out either. Both lengths
 count: with t_s alone a thin slave would lose a thick master that it enters by more than its own
 thickness, and with t_m alone, or the lesser of both, a thin master would be lost in a thick slave.
 """
@@ -93,7 +95,8 @@ def is_way_out(y, N, xi, depth, outline, bodies, least):
     if depth < 0.5 * own:
         return True
     partner[:] = start + depth * back
-    return depth < 0.5 * (own + length_inside(partner, -back, outline, bodies[1], least))
+    other = length_inside(partner, -back, outline, bodies[1], least)
+    return depth < 0.5 * (own + other) - least
 
 
 @kernel
