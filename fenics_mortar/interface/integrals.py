@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.corners import choose_facets, corners_of, one_sided
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
@@ -18,11 +19,23 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 
 
-def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
-    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 4 K - 2)."""
+def evaluate_normals(
+    surface: Surface,
+    x: Array,
+    weighting: Weighting,
+    links: tuple[Indices, Indices] | None = None,
+) -> tuple[Array, Array]:
+    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 4 K - 2).
+
+    Args:
+        surface: The surface.
+        x: Positions of its nodes, shape (n, 2) [length].
+        weighting: Weights of the facets.
+        links: Nodes before and after each one, (n,) each, if these are not the surface's.
+    """
     n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
-    curve = surface.previous, surface.following, surface.inner
-    normals.tabulate_normals(x, *curve, WEIGHTINGS[weighting], n, dn)
+    links = (surface.previous, surface.following) if links is None else links
+    normals.tabulate_normals(x, *links, surface.inner, WEIGHTINGS[weighting], n, dn)
     return n, dn
 
 
@@ -62,12 +75,18 @@ def evaluate_mortar(
     Returns:
         The operators.
     """
-    n, dn = evaluate_normals(slave, x, options.weighting)
+    used = multiplier_nodes[slave.facets].any(axis=1)
+    links = None
+    if (corners := corners_of(slave)).size and options.weighting == "opposite":
+        facets_of_corners = choose_facets(slave, corners, x, m[master.facets[:, [0, -1]]])
+        *links, dropped = one_sided(slave, corners, facets_of_corners)
+        used &= ~dropped
+    n, dn = evaluate_normals(slave, x, options.weighting, links)
     given = np.isfinite(prescribed_normals[:, 0])
     n[given], dn[given] = prescribed_normals[given], 0.0
     if not linearization.normals:
         dn = np.zeros_like(dn)
-    share = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
+    share = share_of(np.flatnonzero(used), slave.comm)
     s = find_segments(
         slave,
         master,

@@ -107,6 +107,25 @@ class Surface:
         nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
         return nodal.astype(np.float64)
 
+    @cached_property
+    def turns(self) -> Array:
+        """Turn of the curve to the left at each node, undeformed, 0 at ends, (n,) [radian]."""
+        inside = (self.previous >= 0) & (self.following >= 0) & ~self.inner
+        j, turns = np.flatnonzero(inside), np.zeros(self.num_nodes)
+        a, b = self.chords(self.X, j)
+        turns[j] = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
+        return turns
+
+    def chords(self, x: Array, nodes: Indices) -> tuple[Array, Array]:
+        """Chords of the facets that end and begin at ``nodes`` (k,), (k, 2) each [length].
+
+        Args:
+            x: Positions of all nodes, shape (n, 2) [length].
+            nodes: Ends of two facets each.
+        """
+        near = self.along(nodes, range(-self.degree, self.degree + 1, self.degree))
+        return x[near[:, 1]] - x[near[:, 0]], x[near[:, 2]] - x[near[:, 1]]
+
     def along(self, nodes: Indices, steps: range) -> Indices:
         """Nodes so many ``steps`` along the curve from ``nodes`` (k,): (k, steps); -1 is beyond."""
         columns = []
