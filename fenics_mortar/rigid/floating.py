@@ -55,6 +55,7 @@ class FloatingBodies(BodyMotions):
 
     def settle(self, evaluate: Callable[[], tuple[Array, Array]]) -> list[str]:
         """Move the bodies that contact cannot hold, until it can; see ``body_settling``."""
+        self._settling.moved = []
         if not self.bodies:
             return []
         return self._settling.settle(evaluate, RIGID.negligible if self.held else RIGID.drive)
@@ -63,6 +64,11 @@ class FloatingBodies(BodyMotions):
     def touched(self) -> list[Flags]:
         """The active sets of the contacts, ties left out, where ``settle`` began."""
         return self._settling.touched
+
+    @property
+    def moved(self) -> list[FloatingBody]:
+        """The bodies that the last ``settle`` moved rigidly."""
+        return self._settling.moved
 
     def check(self) -> list[str]:
         """Check the bodies that no contact force held or holds; see ``body_settling``."""
