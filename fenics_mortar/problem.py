@@ -5,28 +5,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import numpy as np
-
 from dolfinx import fem
 
 from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
-from fenics_mortar.bulk.residual import Bulk, prescribed_dofs
+from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.binding import bind
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.arguments import check_arguments, check_options
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.inputs import Inputs, check_roles
+from fenics_mortar.equations.line_of_sight import show_outlines
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.state import State
@@ -51,8 +48,8 @@ from fenics_mortar.verify.tangent import TangentCheck, check_tangent
 class ContactProblem:
     """Quasi-static equilibrium of bodies in contact.
 
-    All that users do with a problem is here, and nothing else: longer than other modules by its
-    documentation, with more than 20 attributes.
+    More than 350 lines by its documentation, and more than 20 methods: everything that users do
+    with a problem, one method each, and nothing else.
 
     Args:
         residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``.
@@ -135,7 +132,7 @@ class ContactProblem:
             "linearization": linearization, "newton": newton, "jacobian": jacobian,
             "displacement": displacement, "linear_bulk": linear_bulk,
         }  # fmt: skip
-        contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
+        contacts = bind(pairs, space, mark_prescribed(space, u, bcs))  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
         compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
         check_slave_nodes(contacts)
@@ -146,7 +143,8 @@ class ContactProblem:
         self.equations = ContactEquations(
             bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions()
         )
-        self._show_outlines()
+        outline, labels = self.equations.crossings.outline, self.equations.floating.labels
+        show_outlines(self.equations.contacts, outline, outline.gather(bulk.space.spread(labels)))
         if solver == "iterative" and linear_bulk is None:
             linear_bulk = False  # the factors may exceed the memory
         self._solver = Solver(
@@ -186,16 +184,6 @@ class ContactProblem:
     @newton.setter
     def newton(self, options: NewtonOptions) -> None:
         self.equations.newton = options
-
-    def _show_outlines(self) -> None:
-        """Pass the outlines of the bodies to each contact; tied bodies count as one (local)."""
-        contacts, outline = self.equations.contacts, self.equations.crossings.outline
-        labels = self.equations.bulk.space.spread(self.equations.floating.labels)
-        bodies = outline.gather(labels)[:, 0].astype(np.int64)
-        outline = replace(outline, bodies=bodies)
-        ties = [contact for contact in contacts if isinstance(contact, Tie)]
-        for contact in [*ties, *(c for c in contacts if isinstance(c, Contact))]:
-            outline = contact.see(outline)
 
     def _renew_if_interrupted(self) -> None:
         """Rebuild the solver after an interruption (collective)."""
@@ -261,7 +249,7 @@ class ContactProblem:
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
             [stress length]; their sum at prescribed dofs is the support reaction. Third, forces and
-            moments that hold the obstacles, shape (obstacles, 3), equal on all ranks.
+            moments that keep the obstacles in place, shape (obstacles, 3), equal on all ranks.
         """
         self.equations.evaluate_operators()
         return self.equations.forces()
@@ -297,7 +285,7 @@ class ContactProblem:
             u[:] = kept
 
     def adopt(self, other: ContactProblem) -> None:
-        """Take over the present state of a variant (collective)."""
+        """Take over the present state of ``other``, a variant of this problem (collective)."""
         pairs = zip(self.equations.contacts, other.equations.contacts, strict=True)
         for contact, theirs in pairs:
             if isinstance(contact, Contact) and isinstance(theirs, Contact):

@@ -66,7 +66,7 @@ class Discretization:
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
             Steeper facets, as the side of a block that stands on the slave, do not count as cover.
         c_n: Weight of the gap in the active-set test, dimensionless. The result does not depend on
-            it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
+            it; neither do the iterations from 1e-8 to 1. Larger weights open nodes for the gaps
             that a nonlinear step leaves.
     """
 

@@ -16,15 +16,13 @@ from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.options import AT_VERTICES
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.segments import POINTS, Segments
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
-# Default number of Gauss points per segment, or between two neighbouring nodes of a facet
-POINTS = 5
 
 
 def read_only(name: str) -> Any:
@@ -38,8 +36,8 @@ class Interface(ABC):
     The state is a value and is replaced by ``put`` only. ``now`` has the fields computed from state
     and operators; frequently used ones are read-only attributes.
 
-    More than 20 methods, most of a line or two: this is all that equations, linear algebra and
-    certificate need of a pair, whatever its law.
+    The class has more than 20 methods, most of one or two lines: they are the interface of a pair
+    with any law for equations, linear algebra and certificate.
 
     Attributes:
         slave, master: The surfaces.
@@ -85,9 +83,9 @@ class Interface(ABC):
 
         Args:
             pair: The pair.
-            space: The displacement's space.
-            prescribed: Local dofs with Dirichlet values.
-            welds: Pairs of nodes to be merged, see ``Surface.welded``.
+            space: Nodes and dofs of the displacement.
+            prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+            welds: Pairs of nodes to be merged, shape (k, 2); see ``Surface.welded``.
         """
         self.pair = pair
         tags = pair.data.facet_tags
@@ -166,7 +164,7 @@ class Interface(ABC):
 
     @abstractmethod
     def evaluate(self, u: Array, linearization: Linearization) -> None:
-        """Evaluate everything at the displacement ``u``, a local array (collective)."""
+        """Evaluate operators and fields at the displacement ``u``, (local dofs,) (collective)."""
 
     def _points(self) -> int:
         """Gauss points per segment, with "elements" per facet.
@@ -239,12 +237,12 @@ class Interface(ABC):
 
     @property
     def nodes(self) -> Indices:
-        """Global numbers of the nodes of both sides."""
+        """Global numbers of the nodes of both sides, shape (slave and master nodes,)."""
         return np.concatenate([self.slave.nodes, self.master.nodes])
 
     @property
     def candidate_nodes(self) -> Indices:
-        """Global numbers of the slave nodes that may carry a multiplier."""
+        """Global numbers of the slave nodes that may carry a multiplier, shape (k,)."""
         return self.slave.nodes[self._may_carry]
 
     def has_master_of(self, other: Interface) -> bool:
@@ -253,7 +251,7 @@ class Interface(ABC):
 
     @property
     def idle_nodes(self) -> Indices:
-        """Global numbers of the slave nodes that never carry a multiplier."""
+        """Global numbers of the slave nodes that never carry a multiplier, shape (k,)."""
         return self.slave.nodes[~self._may_carry]
 
     def force_blocks(self) -> list[Block]:

@@ -40,7 +40,7 @@ class Rows:
 
 
 def rows_of(f: ContactFields, frame: Frame) -> Rows:
-    """Rows of the multipliers: the gap, and the contact law."""
+    """Linearized rows of the multipliers, gap and contact law, weighted by ``frame`` (local)."""
     o = f.operators
     normal, idle, *laws = frame
     blocks: list[Block] = []
@@ -57,7 +57,10 @@ def rows_of(f: ContactFields, frame: Frame) -> Rows:
 
 
 def residual_of(f: ContactFields) -> Array:
-    """Left side of the nonlinear rows, as forces: gap and contact law, (slave nodes, 2)."""
+    """Left side of the nonlinear rows, gap and contact law (local).
+
+    Returns forces, shape (slave nodes, 2) [stress length].
+    """
     tangential, opening = (row.residual for row in f.law_rows)
     D = f.operators.diagonal
     gap = np.where(f.state.active, f.sides.stiffness * np.nan_to_num(f.gap), 0.0)

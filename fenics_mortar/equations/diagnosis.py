@@ -54,7 +54,7 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
         names = ", ".join(floating.name_of(label) for label in bodies)
         raise MortarError(
             f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
-            "the residual form has to hold the stress of every body"
+            "the residual form has to contain the stress of every body"
         )
 
 
@@ -71,7 +71,7 @@ def diagnose(
     Args:
         bulk: The bodies.
         contacts: All pairs.
-        floating: Bodies that Dirichlet conditions do not hold.
+        floating: Bodies that Dirichlet conditions leave free to move rigidly.
         obstacles: The obstacles of the pairs.
         force: Size of the forces [stress length].
         recent: Sets of the last iterations.
@@ -96,7 +96,7 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> 
             continue
         active = np.array([sets[i][0] for sets in recent])
         wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-        bound = contact.asker.friction_limit(contact.pair.law, np.zeros(1), contact.slave.X)
+        bound = contact.law_calls.friction_limit(contact.pair.law, np.zeros(1), contact.slave.X)
         if wavers.size and 0.0 < bound[0] < np.inf:
             return (
                 f"{wavers.size} nodes of '{contact.slave.name}' go on closing and opening, one "

@@ -4,7 +4,7 @@
 Residual of the bodies, laws of the contacts and balance of driven obstacles are one system, whose
 state is the displacement, the multipliers, the active sets and the places of obstacles. Here it is
 evaluated, moved by one linear solve, kept and taken up again: what ``newton``, ``damping`` and
-``release`` ask of their equations. Who chooses the linear system, the start and the model is
+``proximal`` ask of their equations. Who chooses the linear system, the start and the model is
 ``problem``.
 """
 
@@ -27,7 +27,7 @@ from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.measures import check_alike, rounding_of
 from fenics_mortar.equations.set_history import SetHistory
-from fenics_mortar.equations.springs import HoldingSprings
+from fenics_mortar.equations.springs import CombinedSprings
 from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
@@ -71,9 +71,9 @@ class ContactEquations:
 
     Attributes:
         contacts: The pairs, as they are computed with.
-        tools: The obstacles of the contacts.
-        floating: Bodies that Dirichlet conditions do not hold.
-        springs: Springs that hold bodies and obstacles where Newton fails.
+        motions: The obstacles of the contacts.
+        floating: Bodies that Dirichlet conditions leave free to move rigidly.
+        springs: Anchored springs on bodies and obstacles if Newton's method fails.
         crossings: What looks for surfaces that crossed.
         interrupted: Whether an interruption may have left matrices half made.
         last_converged: Whether the last solve ended in the present state.
@@ -103,7 +103,7 @@ class ContactEquations:
         self.floating.find()
         self.crossings = Crossings(bulk, contacts, self.floating)
         self.last_converged = self.interrupted = False
-        self.springs = HoldingSprings(self.floating, self.motions, self.stiffest, self.forces)
+        self.springs = CombinedSprings(self.floating, self.motions, self.stiffest, self.forces)
         self._history = SetHistory(contacts)
 
     def _set_stiffness(self) -> None:
@@ -142,7 +142,7 @@ class ContactEquations:
             for c in self.contacts
         )
         gap = float(max(gaps, default=0.0))
-        return Status(residual, force, gap, active, changed, self.noise(), sets)
+        return Status(residual, force, gap, active, changed, self.roundoff(), sets)
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
@@ -173,14 +173,16 @@ class ContactEquations:
 
         Gaps and distances to prescribed values count as forces by the stiffness of the bulk.
         """
-        size, held = self.bulk.num_owned, self.bulk.held
+        size, prescribed = self.bulk.num_owned, self.bulk.prescribed_dofs
         contact_force, rows = self._contact_force(), float((self.motions.residual() ** 2).sum())
         rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
         raise_noted(self.comm, self.contacts)
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = self.bulk.to_force * total
-        reactions = free[held]
-        free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
+        reactions = free[prescribed]
+        free[prescribed] = (
+            self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[prescribed]
+        )
         mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
         sums = self.comm.allreduce(np.array([*mine, rows, rows**2]))
         free2, contact2, reaction2 = sums[:3]
@@ -188,7 +190,7 @@ class ContactEquations:
         check_alike(float(sums[3]), float(sums[4]), force2, self.comm.size)
         return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
 
-    def noise(self) -> float:
+    def roundoff(self) -> float:
         """Residual that rounding leaves, however long one iterates [stress length]."""
         return rounding_of(self.bulk, self.contacts, self._largest_displacement(), self.stiffest)
 
@@ -250,10 +252,10 @@ class ContactEquations:
 
     def _settle_sets(self) -> None:
         """Where bodies float and sets do not settle, take those of the linearized problem."""
-        if not self.floating.bodies or self.floating.held or not self._history.is_unsettled:
+        if not self.floating.bodies or self.floating.anchored or not self._history.is_unsettled:
             return
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
-        if linearized.can_say:
+        if linearized.applies:
             self._history.count_call()
             self.bulk.assemble_tangent()
             linearized.choose_sets(self._redundancy.mark)
@@ -271,7 +273,7 @@ class ContactEquations:
         are driven by a small part of them, and may have no equilibrium near by; "" if there are no
         such bodies, or other forces are left as well.
         """
-        if self.floating.held or self._history.residuals[-1] > RIGID.slight * self._force:
+        if self.floating.anchored or self._history.residuals[-1] > RIGID.slight * self._force:
             return ""
         names = self.floating.names(self.floating.loose() or self.floating.bodies)
         return f"only a slight force is left, which moves {names} on" if names else ""
@@ -286,7 +288,8 @@ class ContactEquations:
         """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).
 
         At the present state, the first two as parts of this rank [stress length]. What these sum to
-        at prescribed dofs are the reactions of the supports; the third is what holds the obstacles.
+        at prescribed dofs are the reactions of the supports; the third keeps the obstacles in
+        place.
         """
         self.bulk.assemble_residual()
         bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()

@@ -95,7 +95,7 @@ class LinearBulk:
         floating = self._general.floating
         if floating.bodies:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
-            return f"Dirichlet conditions do not hold {names}"
+            return f"Dirichlet conditions leave {names} free to move"
         self._general.bulk.assemble_tangent()
         return "" if is_symmetric(self._general.bulk.K) else "its tangent is not symmetric"
 

@@ -58,7 +58,7 @@ class LinearVector:
             ``None`` in a right-hand side: zero.
         z: Of each pair both components at its slave nodes, in their order along the surface, shape
             (slave nodes, 2), alike on all ranks; ``None``: zero.
-        q: x, y and angle of each obstacle, in the order of ``problem.tools.obstacles``, shape
+        q: x, y and angle of each obstacle, in the order of ``problem.obstacles``, shape
             (obstacles, 3), alike on all ranks; ``None``: zero.
     """
 
@@ -67,7 +67,15 @@ class LinearVector:
     q: Array | None = None
 
     def dot(self, other: LinearVector, comm: MPI.Comm) -> float:
-        """Sum of the products of all entries, each counted once (collective)."""
+        """Scalar product with another vector, each entry counted once (collective).
+
+        Args:
+            other: The other vector.
+            comm: Communicator of the mesh.
+
+        Returns:
+            The sum [product of the units of both], equal on all ranks.
+        """
         pairs = [(self.q, other.q), *zip(self.z or (), other.z or (), strict=False)]
         alike = sum(float(np.vdot(a, b)) for a, b in pairs if a is not None and b is not None)
         mine = 0.0 if self.u is None or other.u is None else float(self.u @ other.u)

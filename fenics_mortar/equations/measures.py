@@ -10,11 +10,7 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.rounding import EPSILON
-
-# Squared norms of what all ranks know may differ by this part; a spread that is found as the root
-# of a difference of squares has the root of rounding.
-ALIKE = 1e-6
+from fenics_mortar.utils.rounding import EPSILON, SOLVED
 
 
 def rounding_of(
@@ -28,11 +24,11 @@ def rounding_of(
         displacement: Largest displacement of bodies and obstacles [length].
         stiffness: Largest diagonal entry of the bulk tangent [stress].
     """
-    noise = stiffness * np.sqrt(bulk.r.getSize()) * displacement
+    roundoff = stiffness * np.sqrt(bulk.r.getSize()) * displacement
     for c in contacts:
         steepest = max(stiffness, c.steepness)
-        noise += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
-    return 4.0 * EPSILON * float(noise)
+        roundoff += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
+    return 4.0 * EPSILON * float(roundoff)
 
 
 def check_alike(total: float, squares: float, force2: float, num_ranks: int) -> None:
@@ -49,7 +45,7 @@ def check_alike(total: float, squares: float, force2: float, num_ranks: int) -> 
     """
     mean = total / num_ranks
     spread = np.sqrt(max(squares / num_ranks - mean**2, 0.0))
-    if spread > ALIKE * max(mean, force2):
+    if spread > SOLVED * max(mean, force2):  # roundoff of the spread is sqrt(EPSILON) = 1.5e-8
         raise MortarError(
             "the equations of contact are not the same on all ranks: a law, a distance or "
             "something set of a contact or obstacle is another one on some of them"

@@ -13,10 +13,10 @@ does is known too:
 
     d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
 
-F being the dofs that are not held, I those of F not in S. Only new loads need the last term. A is
-the inverse of a Schur complement, K with all but S eliminated. Of W there are products with the
-changes of prescribed values so far, few of which are independent along a path. Inside the bodies
-the displacement is found where Newton has ended.
+F being the dofs that are not prescribed, I those of F not in S. Only new loads need the last
+term. A is the inverse of a Schur complement, K with all but S eliminated. Of W there are products
+with the changes of prescribed values so far, few of which are independent along a path. Inside the
+bodies the displacement is found where Newton has ended.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class ReducedEquations:
 
     def advance(self) -> Step:
         """Solve the small system; move the surfaces and the prescribed dofs."""
-        u, held = self._bulk.u.x.array, self._bulk.held
+        u, prescribed = self._bulk.u.x.array, self._bulk.prescribed_dofs
         change = self._bulk.distance_to_prescribed()
         with clock("solve"):
             without_contact = self._step_without_contact(change)
@@ -85,7 +85,7 @@ class ReducedEquations:
             step, zeta, self._force = self._solve(without_contact, laws, *parts)
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
-        moved[held] = change
+        moved[prescribed] = change
         u += moved
         self._balance(self._force)
         for contact, place in self._system.numbered():
@@ -95,25 +95,25 @@ class ReducedEquations:
 
     def _balance(self, force: Array) -> None:
         """Make the residual that of contact forces alone, as it is after a whole step."""
-        r, held = self._bulk.r.array, self._bulk.held
+        r, prescribed = self._bulk.r.array, self._bulk.prescribed_dofs
         r[self._inside] = 0.0
-        kept = r[held]
+        kept = r[prescribed]
         self._dofs.put(-force, r)
-        r[held] = kept
+        r[prescribed] = kept
 
     def _step_without_contact(self, change: Array) -> Array:
         """d_S, for a ``change`` of the prescribed values; complete on rank 0."""
         r = self._bulk.r.array_r[: self._bulk.num_owned]
         step = self._compliance.by_forces(-self._dofs.gather(r))
-        rounding = self._general.noise() / self._general.stiffest
+        rounding = self._general.roundoff() / self._general.stiffest
         step += self._compliance.by_prescribed(change, rounding)
         rest = self._bulk.r.duplicate()
         rest.array[:] = np.where(self._inside, -r, 0.0)
         forces = self._bulk.to_force * rest.array_r
-        if np.sqrt(self._comm.allreduce(float(forces @ forces))) > self._general.noise():
+        if np.sqrt(self._comm.allreduce(float(forces @ forces))) > self._general.roundoff():
             step += self._dofs.gather(self._compliance.solve(rest).array_r)
         moved = np.zeros(self._bulk.num_owned)
-        moved[self._bulk.held] = change
+        moved[self._bulk.prescribed_dofs] = change
         return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
 
     def _assemble(self, laws: Sequence[Rows]) -> list[coo_array]:

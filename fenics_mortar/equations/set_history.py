@@ -69,7 +69,7 @@ class SetHistory:
         """Leave a cycle of the active set or of sticking and sliding nodes; return a remark.
 
         All nodes that were active in it are so for one iteration, and gaps weigh less from then on,
-        in later solves too: a large c_n releases nodes for small gaps that a step leaves behind.
+        in later solves too: a large c_n opens nodes for small gaps that a step leaves behind.
         Nodes that did not always slide in one direction stick for that iteration.
         """
         wavering = 0

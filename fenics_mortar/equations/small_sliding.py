@@ -74,8 +74,8 @@ class SmallSlidingEquations(ReducedEquations):
     @clock("solve")
     def _move_without_contact(self) -> None:
         """Move all dofs to where they were without contact."""
-        u, held = self._bulk.u, self._bulk.held
-        u.x.array[held] += self._bulk.distance_to_prescribed()
+        u, prescribed = self._bulk.u, self._bulk.prescribed_dofs
+        u.x.array[prescribed] += self._bulk.distance_to_prescribed()
         u.x.scatter_forward()
         self._bulk.assemble_residual()
         rest = self._bulk.r.duplicate()

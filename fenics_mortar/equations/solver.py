@@ -18,7 +18,7 @@ from fenics_mortar.newton.damping import Damped
 from fenics_mortar.newton.loop import solve
 from fenics_mortar.newton.report import NewtonReport, once
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.release import hold_here, release_slowly
+from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.verify.certificate import Certificate, certify
@@ -94,7 +94,7 @@ class Solver:
             e.motions.follow(e.evaluate_operators)
             moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
             moved += e.floating.settle(e.evaluate_forces)
-            e.springs.let_go()
+            e.springs.remove_springs()
             if moved:
                 self._accept_moved()
             report = self._solve()
@@ -102,7 +102,7 @@ class Solver:
         except Exception:  # of whatever kind, for all ranks alike
             e.last_converged = False
             e.crossings.leave()
-            e.springs.let_go()
+            e.springs.remove_springs()
             raise
         e.last_converged = True
         accepted = [contact.accepted for contact in e.contacts]
@@ -111,7 +111,7 @@ class Solver:
         e.bulk.free_garbage()
         passages = e.crossings.passages(e.motions.places)
         report.certificate = replace(
-            self.certificate(), drift=e.motions.strayed(), passages=passages
+            self.certificate(), drift=e.motions.own_slide(), passages=passages
         )
         violations = report.certificate.violations()
         told = [f"VIOLATED: {violation}" for violation in violations]
@@ -145,7 +145,9 @@ class Solver:
                 if e.newton.tentative:
                     raise
             e.restore(start)
-            remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
+            remarks = [
+                "the reduced iteration on the contact dofs failed: this step was solved on all dofs"
+            ]
         report = self._solve_on_all_dofs()
         self.linear_bulk.count(report.num_iterations)
         report.notes[:0] = remarks
@@ -155,7 +157,7 @@ class Solver:
         """Whether the present state solves all equations and inverts no cell (collective)."""
         e = self._equations
         status = e.evaluate(start=False)
-        allowed = e.newton.residual_tolerance * max(report.force, status.force) + status.noise
+        allowed = e.newton.residual_tolerance * max(report.force, status.force) + status.roundoff
         return status.residual <= allowed and not e.bulk.inverted_cells()[0]
 
     def _solve_on_all_dofs(self) -> NewtonReport:
@@ -171,11 +173,11 @@ class Solver:
             failed = error
             if e.drifts():
                 try:
-                    return hold_here(e, e.newton, error, most=RIGID.slight)
-                except NotConvergedError as held:
-                    failed = NotConvergedError(error.report.reason, held.report)
+                    return solve_with_weak_springs(e, e.newton, error, most=RIGID.slight)
+                except NotConvergedError as with_springs:
+                    failed = NotConvergedError(error.report.reason, with_springs.report)
             e.restore(start)
-            return release_slowly(e, e.newton, failed)
+            return solve_with_springs(e, e.newton, failed)
 
     def _accept_moved(self) -> None:
         """Count slip from where bodies were moved to, but for nodes that slid there (collective).

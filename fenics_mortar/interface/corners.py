@@ -8,10 +8,10 @@ symmetric and may have no solution, so that the corner opens and closes in turns
 round the corner would find partners on the flat along the normals between, at positive gaps, and
 the nodal gap could only close by an overlap.
 
-So a corner takes the normal of that of its two facets which faces the nearest part of the master,
-and the other facet has no partner, as at the end of a surface. Where the master is oblique to both
-facets, as below a wedge, the averaged normal stays. Which of the three normals is nearest to that of
-the master depends on the present positions only; so it is a piecewise constant choice, and the
+Therefore a corner takes the normal of the one of its two facets that faces the nearest part of the
+master, and the other facet has no partner, as at the end of a surface. Where the master is oblique
+to both facets, as below a wedge, the averaged normal stays. Which of the three normals is nearest
+to that of the master depends on the present positions only: a piecewise constant choice, and the
 derivatives are those of the normal chosen.
 """
 
@@ -23,12 +23,33 @@ import numpy.typing as npt
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Turn of the outline at a node, in the undeformed mesh, above which it is a corner [radian]: that of
-# a regular hexagon. No curve is meshed coarser.
+# Turn of the outline at a node, in the undeformed mesh, above which it is a corner [radian]: that
+# of a regular hexagon. No curve is meshed coarser.
 TURN = np.pi / 3.0
 # Parts of the master that are farther from a corner than the nearest one by less than this part of
 # its facets face it as well [1]: their mean direction counts.
 ALIKE = 0.1
+
+
+def links_at_corners(
+    surface: Surface, x: Array, master: Array, weighting: str
+) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
+    """Links along a slave that end at corners with the normal of one facet (local).
+
+    Args:
+        surface: The slave.
+        x: Positions of its nodes, shape (slave nodes, 2) [length].
+        master: Ends of the master's facets, the body on their left, shape (m, 2, 2) [length].
+        weighting: Weights of the facet normals: with those of other codes all corners are averaged.
+
+    Returns:
+        Nodes before and after each one, (slave nodes,) each, and marks of the facets round a
+        corner, which have no partner, (facets,), bool.
+    """
+    corners = corners_of(surface)
+    if not corners.size or weighting != "opposite":
+        return (surface.previous, surface.following), np.zeros(len(surface.facets), bool)
+    return one_sided(surface, corners, choose_facets(surface, corners, x, master))
 
 
 def corners_of(surface: Surface) -> Indices:
@@ -79,7 +100,7 @@ def _facing(point: Array, n: Array, reach: float, master: Array) -> Array:
 
 def one_sided(
     surface: Surface, corners: Indices, facets: Indices
-) -> tuple[Indices, Indices, npt.NDArray[np.bool_]]:
+) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
     """Links along the curve that end at corners, and the facets that have no partner (local).
 
     Args:
@@ -95,7 +116,7 @@ def one_sided(
     following[corners[facets < 0]] = -1
     dropped = np.isin(surface.facets[:, 0], corners[facets < 0])
     dropped |= np.isin(surface.facets[:, -1], corners[facets > 0])
-    return previous, following, dropped
+    return (previous, following), dropped
 
 
 def _unit(vectors: Array) -> Array:

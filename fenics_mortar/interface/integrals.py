@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.corners import choose_facets, corners_of, one_sided
+from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
@@ -25,13 +25,16 @@ def evaluate_normals(
     weighting: Weighting,
     links: tuple[Indices, Indices] | None = None,
 ) -> tuple[Array, Array]:
-    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 4 K - 2).
+    """Averaged unit normals of nodes, and their derivatives (local).
 
     Args:
         surface: The surface.
-        x: Positions of its nodes, shape (n, 2) [length].
-        weighting: Weights of the facets.
-        links: Nodes before and after each one, (n,) each, if these are not the surface's.
+        x: Current positions of its n nodes, shape (n, 2) [length].
+        weighting: Weights of the facet normals at a node.
+        links: Nodes before and after each node, (n,) each, if not those of the surface.
+
+    Returns:
+        Normals (n, 2) and derivatives (n, 2, 4 K - 2) [1 / length]; see ``kernels.normals``.
     """
     n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
     links = (surface.previous, surface.following) if links is None else links
@@ -40,7 +43,7 @@ def evaluate_normals(
 
 
 def share_of(items: Indices, comm: MPI.Comm) -> Indices:
-    """This rank's contiguous, equal share of ``items``, independent of ownership (local)."""
+    """This rank's contiguous share of ``items`` (k,); all shares are equal to one item (local)."""
     bounds = [items.size * rank // comm.size for rank in (comm.rank, comm.rank + 1)]
     return items[bounds[0] : bounds[1]]
 
@@ -65,22 +68,18 @@ def evaluate_mortar(
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
         m: Current positions of the master nodes, shape (master nodes, 2) [length].
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
-            neighbours take over the weight of those that do not.
-        prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2);
-            nan elsewhere.
-        options: How to integrate.
-        linearization: Which derivatives to fill; the others are zero.
-        view: Limits of the search behind the slave's facets at these positions.
+            functions of other nodes are handed over to their neighbours.
+        prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2); nan
+            where none is prescribed.
+        options: Discretization.
+        linearization: Derivatives to evaluate; the others are zero.
+        view: Limits of the search behind the slave facets at these positions.
 
     Returns:
         The operators.
     """
-    used = multiplier_nodes[slave.facets].any(axis=1)
-    links = None
-    if (corners := corners_of(slave)).size and options.weighting == "opposite":
-        facets_of_corners = choose_facets(slave, corners, x, m[master.facets[:, [0, -1]]])
-        *links, dropped = one_sided(slave, corners, facets_of_corners)
-        used &= ~dropped
+    links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]], options.weighting)
+    used = multiplier_nodes[slave.facets].any(axis=1) & ~alone
     n, dn = evaluate_normals(slave, x, options.weighting, links)
     given = np.isfinite(prescribed_normals[:, 0])
     n[given], dn[given] = prescribed_normals[given], 0.0
@@ -113,9 +112,17 @@ def evaluate_mortar(
 def sum_over_facets(
     slave: Surface, nodes: Indices, D: Array, gap: Array, cover: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Diagonal of D, gap, cover and row sum of D of each slave node, shapes (slave nodes,).
+    """Assemble integrals of facets at the slave nodes, over all ranks (collective).
 
-    Collective; ``nodes`` (f, K), ``D`` (f, K, K), ``gap`` and ``cover`` (f, K) are of this share.
+    Args:
+        slave: The slave surface.
+        nodes: Nodes of this rank's share of facets, shape (f, K).
+        D: Slave matrices of these facets, shape (f, K, K) [length].
+        gap: Weighted gaps, shape (f, K) [length^2].
+        cover: Integrals of N over the covered parts, shape (f, K) [length].
+
+    Returns:
+        Diagonal of D, weighted gap, cover and row sum of D, each (slave nodes,).
     """
     nodal = np.zeros((4, slave.num_nodes))
     on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
@@ -149,9 +156,9 @@ def _integrate(
 ) -> tuple[Array, ...]:
     """D, dD, M, dM, g, dg and cover of the facets of this share (collective).
 
-    Where a surface is covered up to a place inside a quadratic facet, the integral of the far
-    node's shape function can be negative. Such a node carries no multiplier: its function,
-    continuous there, goes to its neighbour.
+    If the cover ends inside a quadratic facet, the integral of the shape function of the far node
+    can be negative. Such a node carries no multiplier: its function is handed over to its
+    neighbour, without a jump.
     """
     nodes = slave.facets[s.facets]
     if slave.degree > 1:
@@ -167,7 +174,7 @@ def _integrate(
         s.pair_offsets, s.rule, (*options.kinds, move_ends), values,
     )  # fmt: skip
     if options.integration == "nodes":
-        values[0][weights == 0.0] = 0.0  # but for rounding
+        values[0][weights == 0.0] = 0.0  # remove rounding
     D, dD, M, dM, *others = values
     size = nodes.shape[1]
     dD, dM = (array.reshape(len(array), size, size, array.shape[2]) for array in (dD, dM))

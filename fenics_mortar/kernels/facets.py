@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: MIT
 """D, M, the weighted gap and all derivatives of slave facets with K = 2 or 3 nodes.
 
-Two passes over the segments of a facet: the moments of its covered part make the multiplier
-functions, and with these the integrals and their derivatives follow. For the symbols see ``basis``
-and ``moments``.
+There are two passes over the segments of a facet. The first one computes the moments of the covered
+part, which determine the multiplier functions; the second one the integrals and their derivatives.
+For the symbols see ``basis`` and ``moments``.
 
-Where the functions of a facet change with its segments, M on segment i has derivatives by the nodes
-of each segment k, hence pairs (i, k). They change on curved facets, since J varies, and where a
-part of the facet has no partner and an end of the cover moves. Else the terms of all segments
-together vanish and are left out.
+If the multiplier functions of a facet vary with its segments, M on segment i has derivatives by the
+nodes of each segment k: hence pairs (i, k). They vary on curved facets, as J does, and where the
+facet is partly covered and an end of the cover moves. Otherwise the sum of these terms over the
+segments is zero, and they are left out.
 """
 
 import numpy as np
@@ -35,7 +35,10 @@ from fenics_mortar.kernels.shapes import tabulate_shapes
 
 @kernel
 def tabulate_covers(x, facets, ends, offsets, rule, cover):
-    """Fill ``cover`` (f, K): the integrals of N over the covered parts; see below."""
+    """Fill ``cover`` (f, K) with the integrals of N over the covered parts [length].
+
+    ``x`` (n, 2), ``facets`` (f, K), ``ends`` (s, 2); others as in ``tabulate_facets``.
+    """
     points, weights, spans = rule
     y, N = np.empty(6 * facets.shape[1]), np.empty((3, facets.shape[1]))
     cover[:] = 0.0
@@ -80,13 +83,13 @@ def apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g, g_dG, g_dp):
 
 @kernel
 def square(count, kind):
-    """An array (count, count) to be filled."""
+    """Uninitialized array (count, count)."""
     return np.empty((count, count), kind)
 
 
 @kernel
 def add_edge(g_dp, dend, dn_dx, nodes, row, dg):
-    """Add to dg (K, columns) what the derivative ``dend`` (6 K,) of an edge changes."""
+    """Add the change of g by the motion ``dend`` (6 K,) of an edge to ``dg`` (8 K - 4,)."""
     chain_normals(dend, dn_dx, nodes, row)
     for q in range(row.size):
         dg[q] += g_dp * row[q]
@@ -94,22 +97,23 @@ def add_edge(g_dp, dend, dn_dx, nodes, row, dg):
 
 @kernel
 def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, options, values):
-    """Make D, M and the weighted gap of all facets.
+    """Evaluate D, M, the weighted gap and their derivatives on all facets.
 
     Args:
         geometry: (x, n, dn_dx, m): slave positions, normals and their derivatives, master
-            positions.
-        facets: (slave nodes (f, K), weights H (f, K, K), partial (f,): whether the functions of a
-            facet move with its segments).
+            positions [length].
+        facets: (slave nodes (f, K), weights H (f, K, K), partial (f,): whether the multiplier
+            functions of a facet vary with its segments).
         segments: (master nodes (n, K), end_is_fixed (n, 2), ends (n, 2)).
-        offsets: Facet e has the segments offsets[e]:offsets[e+1].
-        pair_offsets: And the pairs pair_offsets[e]:pair_offsets[e+1] of them: (i, k), k running
-            fastest, if it is partial, else only i = k.
-        rule: (s, w, spans (n, 2)): segment i has the points spans[i, 0]:spans[i, 1].
-        options: (basis, what weighs the gap, whether the ends of segments have derivatives).
-        values: Filled; (D (f, K, K), dD (n, K K, C), M (n, K, K), dM (pairs, K K, C), g (f, K), dg
-            (n, K, C), cover (f, K)) with C = 8 K - 4 columns. Rows of facets without segments are
-            left as they are; dD and dM must come zeroed.
+        offsets: Segments of facet e are offsets[e]:offsets[e + 1], shape (f + 1,).
+        pair_offsets: Pairs (i, k) of segments of facet e are pair_offsets[e]:pair_offsets[e + 1],
+            shape (f + 1,): all pairs with k running fastest if it is partial, else only i = k.
+        rule: (s (p,), w (p,), spans (n, 2)): points of segment i are spans[i, 0]:spans[i, 1].
+        options: (basis, weights of the gap, whether the ends of segments have derivatives).
+        values: (D (f, K, K), dD (n, K K, C), M (n, K, K), dM (pairs, K K, C), g (f, K), dg
+            (n, K, C), cover (f, K)) with C = 8 K - 4 columns; filled. Rows of facets without
+            segments are left unchanged; dD and dM must be zero on entry. D, M, cover and dg are
+            [length], g is [length^2], dD and dM are [1].
     """
     x, n, dn_dx, m = geometry
     nodes, weights, partial = facets
@@ -118,20 +122,21 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
     basis, gap_weights, move_ends = options
     D, dD, M, dM, g, dg, cover = values
     kind, count, columns = x.dtype, nodes.shape[1], dD.shape[2]
-    size, most = 2 * count - 1, np.max(offsets[1:] - offsets[:-1]) if nodes.shape[0] else 0
+    size, max_segments = 2 * count - 1, np.max(offsets[1:] - offsets[:-1]) if nodes.shape[0] else 0
     of_M, of_g, rows = size, size + count * count, size + count * count + count
     shapes = np.empty((3, count), kind), np.empty((3, count), kind)
     work = shapes, np.empty((4, 6 * count), kind), np.empty((rows, 4), kind)
-    y, ends = np.empty((most, 6 * count), kind), np.empty((most, 2), kind)
-    dends, by_y = np.empty((most, 2, 6 * count), kind), np.empty((rows, 6 * count), kind)
-    G, T_M, T_g = np.empty(size, kind), np.empty((most, count, count), kind), np.empty(count, kind)
+    y, ends = np.empty((max_segments, 6 * count), kind), np.empty((max_segments, 2), kind)
+    dends, by_y = np.empty((max_segments, 2, 6 * count), kind), np.empty((rows, 6 * count), kind)
+    T_M = np.empty((max_segments, count, count), kind)
+    G, T_g = np.empty(size, kind), np.empty(count, kind)
     C, C_g, C_g_dp = square(count, kind), square(count, kind), square(count, kind)
     inverse, scratch = square(count, kind), square(count, kind)
     C_dG, C_g_dG = np.empty((count, count, size), kind), np.empty((count, count, size), kind)
-    M_dG, D_dG = np.empty((most, count**2, size), kind), np.empty((count**2, size), kind)
+    M_dG, D_dG = np.empty((max_segments, count**2, size), kind), np.empty((count**2, size), kind)
     g_dG = np.empty((count, size), kind)
     B, d, g_dp = np.zeros((count, size)), np.empty(count, kind), np.empty(count, kind)
-    dG, row = np.empty((most, size, columns), kind), np.empty(columns, kind)
+    dG, row = np.empty((max_segments, size, columns), kind), np.empty(columns, kind)
     for e in range(nodes.shape[0]):
         start, number = offsets[e], offsets[e + 1] - offsets[e]
         if number == 0:

@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Where points are in a triangulation, by walking through it."""
+"""Location of points in a triangulation, by walking through it."""
 
 from fenics_mortar.kernels import kernel
-
-# Tolerance of twice the area beside a point over the square of a triangle's longest side [1].
-ROUNDING = 1e-10
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
@@ -15,19 +13,20 @@ def _double_area(a, b, c):
 
 @kernel
 def locate(points, x, triangles, neighbours, found, weights):
-    """Find the triangle of each point, and what its nodes weigh there.
+    """Find the triangle of each point and the barycentric coordinates there.
 
-    A walk begins where the one before has ended, and goes across the side that the point is
-    farthest beyond: in a triangulation of Delaunay's it never comes back (Devillers, Pion and
-    Teillaud 2002). Points that follow each other should be near each other.
+    A walk begins where the previous one ended, and crosses the side that the point is farthest
+    beyond: in a Delaunay triangulation it has no cycles (Devillers, Pion and Teillaud 2002).
+    Consecutive points should be near each other. Twice an area is rounding below ``ROUNDING`` times
+    the square of the longest side.
 
     Args:
         points: Shape (n, 2) [length].
         x: Positions of the nodes, shape (nodes, 2) [length].
         triangles: Nodes of each, shape (t, 3).
-        neighbours: Triangle across from each node, -1 at the edge, shape (t, 3).
+        neighbours: Triangle opposite to each node, -1 at the boundary, shape (t, 3).
         found: Number of the triangle, -1 outside, shape (n,); filled.
-        weights: What each of its three nodes counts at the point, shape (n, 3); filled.
+        weights: Barycentric coordinates of the point, shape (n, 3) [1]; filled.
     """
     begin = 0
     for p in range(len(points)):
@@ -44,7 +43,7 @@ def locate(points, x, triangles, neighbours, found, weights):
                 if weights[p, k] < least:
                     least, across = weights[p, k], k
             if least >= -ROUNDING * size:
-                if sign * whole > ROUNDING * size:  # else it is a sliver at the edge
+                if sign * whole > ROUNDING * size:  # else a sliver at the boundary
                     found[p] = here
                     weights[p] /= sign * whole
                 break

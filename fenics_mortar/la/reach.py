@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Couplings by contact that slides over a few facets: room in the pattern of a matrix.
+"""Sparsity pattern of contact terms with a margin for sliding over a few facets.
 
-A pattern that held the present segments only would change whenever one appears, and with it the
-symbolic factorization. Zeros for the master facets next to those that a slave facet meets cost
-little, since contact is small beside the bulk. Open facets have room as well, so that contact may
-grow; but only those with a multiplier that acts add to the matrix, and only they have to stay
-within it. Others may be far apart, where surfaces that turn a little soon meet something else.
+A pattern of the present segments alone would change, and with it the symbolic factorization,
+whenever a new segment appears. Explicit zeros for neighbouring master facets cost little, since
+contact surfaces are small compared with the bulk. Open facets are included, so that contact may
+grow. A new pattern is needed only if an acting multiplier couples nodes outside of it: facets that
+are far apart change partners after small rotations, but add nothing to the matrix.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.utils.arrays import Indices
 
-# Master facets with room on either side of those that a slave facet meets [facets]: a Newton
-# iteration rarely slides further.
+# Margin on either side of the master facets that a slave facet meets [facets]: a Newton iteration
+# rarely slides further.
 MARGIN = 4
 
 
 class Reach:
-    """Master nodes that each slave facet of this rank's share may meet (all methods are local).
+    """Master nodes that the slave facets of this rank may couple to; all methods are local.
 
     Args:
         o: Operators at the present state.
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        faced: Slave nodes, and master nodes that slip couples them to.
+        faced: Slave nodes, and the master nodes that slip couples them to, shape (p,) each.
 
     Attributes:
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        idle: Whether it does not, or multipliers of others act on it as well.
+        idle: Whether it carries none, or multipliers of other nodes act on it as well.
     """
 
     def __init__(
@@ -48,14 +48,21 @@ class Reach:
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
-    def holds(
+    def contains(
         self,
         o: MortarOperators,
         multiplier_nodes: npt.NDArray[np.bool_],
         faced: tuple[Indices, Indices],
         acting: npt.NDArray[np.bool_],
     ) -> bool:
-        """Whether a state couples nothing else; only ``acting`` slave nodes (slave nodes,) do."""
+        """Whether the pattern contains all couplings of a state.
+
+        Args:
+            o: Operators of the state.
+            multiplier_nodes: Of the state, shape (slave nodes,), bool.
+            faced: Of the state, see the class.
+            acting: Slave nodes whose multipliers act; others add nothing, (slave nodes,), bool.
+        """
         slips = acting[faced[0]]
         pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
         inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
@@ -66,17 +73,17 @@ class Reach:
         return bool(inside.all() and same[near].all())
 
     def derivative_pattern(self) -> Block:
-        """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
+        """Zeros at all possible derivatives of contact forces and gaps, in displacement dofs."""
         _, rows, columns = self._coupled()
         return zeros(rows, columns)
 
     def law_pattern(self) -> tuple[Indices, Indices]:
-        """Slave nodes (p,), and dofs (p, 2) of nodes that their laws may couple them to."""
+        """Slave nodes (p,), and dofs (p, 2) of the nodes that their rows of the law may contain."""
         slave, _, columns = self._coupled()
         return slave[slave >= 0], columns[slave >= 0]
 
     def _coupled(self) -> tuple[Indices, Indices, Indices]:
-        """Pairs of nodes that a facet couples: slave node (-1: of the master) and dofs, dofs."""
+        """Pairs of nodes coupled by a facet: slave node (-1 for a master node) and dofs of both."""
         degree = self._slave.degree
         near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
         place, which = np.nonzero(near >= 0)
@@ -90,12 +97,12 @@ class Reach:
         return slave[i], dofs[i], dofs[k]
 
     def force_pattern(self, acting: npt.NDArray[np.bool_]) -> tuple[Indices, Indices]:
-        """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act, but for their own.
+        """Dofs (p, 2) of nodes on which multipliers of other nodes (p,) may act.
 
-        These are of master nodes, and of slave nodes that are ``idle``.
+        These are dofs of master nodes and of ``idle`` slave nodes.
 
         Args:
-            acting: Slave nodes whose multipliers count, shape (slave nodes,).
+            acting: Slave nodes whose multipliers count, shape (slave nodes,), bool.
         """
         degree = self._slave.degree
         carriers = self._slave.along(self._facet, range(degree + 1))
@@ -110,9 +117,9 @@ class Reach:
 
 
 def _idle(o: MortarOperators, multiplier_nodes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Slave nodes that carry no multiplier, or whose force those of others bear, (slave nodes,).
+    """Slave nodes without multiplier or loaded by multipliers of others, (slave nodes,), bool.
 
-    The second are nodes of curved facets just beyond the edge of the master, see ``mortar``.
+    The latter are nodes of curved facets just beyond the edge of the master, see ``mortar``.
     """
     facet, _, k = np.nonzero(o.D * (1.0 - np.eye(o.D.shape[1])))
     idle = ~multiplier_nodes
@@ -121,9 +128,10 @@ def _idle(o: MortarOperators, multiplier_nodes: npt.NDArray[np.bool_]) -> npt.ND
 
 
 def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
-    """Pairs of a facet with any of the ``slaves``, by its first node, and a master node: numbers.
+    """Numbers of pairs of a slave facet with any of ``slaves`` and a master node it meets.
 
-    Each facet has a pair with no node too, the number after the last: an obstacle has none.
+    A pair (first node i of the facet, master node k) has the number i (master nodes + 1) + k. Each
+    facet also has a pair with k = master nodes, since a rigid obstacle has no nodes.
     """
     s, degree, none = o.segments, o.master.degree, o.master.num_nodes
     counts = slaves[s.slave].any(axis=1)
@@ -137,7 +145,7 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
-    """Pairs as of ``_met`` of given slave and master nodes, one facet of this share a node."""
+    """Numbers as of ``_met`` of pairs of slave and master nodes, one facet per slave node."""
     facets = o.facet_nodes
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]
@@ -146,7 +154,7 @@ def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
 
 
 def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
-    """All pairs (i, k) of places in one group; ``group`` (n,) is sorted."""
+    """All pairs of positions (i, k) within the same group; ``group`` (n,) is sorted."""
     _, start, group_of, counts = np.unique(
         group, return_index=True, return_inverse=True, return_counts=True
     )

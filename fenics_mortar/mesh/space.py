@@ -67,7 +67,7 @@ class DisplacementSpace:
         return self.dofs[: self.num_nodes]
 
     def positions(self) -> Array:
-        """Positions of the nodes as an array of all local dofs; zero for other unknowns (local)."""
+        """Positions of the nodes, shape (local dofs,) [length]; zero for other unknowns (local)."""
         values = np.zeros(int(self.dofs.max(initial=-1)) + 1)
         values[self.dofs] = self.V.tabulate_dof_coordinates()[:, :2]
         return values

@@ -26,8 +26,6 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, place
 from fenics_mortar.verify.limits import HALF_FACET
 
-# Overlap below which surfaces slip off each other, over the shortest facet of both.
-SLIVER = 1e-3
 # Largest number n of sliding nodes whose 2^n combinations of stick and slip are all tried.
 MAX_SLIDING = 8
 
@@ -60,7 +58,7 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
         o = contact.operators
         overlap = float(o.cover.sum())
         shortest = min(_shortest(o.slave.facets, o.x), _shortest(o.master.facets, o.m))
-        if overlap < SLIVER * shortest:
+        if overlap < RIGID.sliver * shortest:
             j = int(np.argmax(np.where(contact.active, o.cover, -1.0)))
             force = float(np.hypot(*contact.total_force))
             yield (
@@ -104,9 +102,9 @@ def _past_each_other(problem: ContactProblem, before: State) -> str:
 def _slid_away(problem: ContactProblem, before: State) -> str:
     """Describe a body that slid out of an equilibrium since a state; "" if none (collective).
 
-    Friction held it, no contact forces balance its loads, and so it was moved rigidly. If another
-    pair stops it, as a wall does, the new place is one of rest. If only other nodes of the same
-    pairs carry it, it stopped where the nodes of a mesh let it.
+    Friction supported it, but no contact forces balance its loads now, and so it was moved rigidly.
+    If another pair stops it, as a wall does, the new place is one of rest. If only other nodes of
+    the same pairs support it, it stopped where the nodes of the mesh happen to be.
     """
     equations = problem.equations
     states = dict(zip(map(id, equations.contacts), before.interfaces, strict=True))
@@ -121,10 +119,10 @@ def _slid_away(problem: ContactProblem, before: State) -> str:
         farthest = max(float(slip.max()) for slip in slips)
         if farthest > RIGID.overlap:
             return (
-                f"no contact forces at the nodes balance the loads on "
-                f"{equations.floating.name_of(body.label)}, which was held by friction: it slid by "
-                f"{farthest:.2f} facets in one step, where only inertia would stop it; finer facets "
-                "may hold more"
+                "no contact forces at the nodes balance the loads on "
+                f"{equations.floating.name_of(body.label)}, which was supported by friction: it "
+                f"slid by {farthest:.2f} facets in one step, where only inertia would stop it; "
+                "finer facets may support more"
             )
     return ""
 

@@ -15,6 +15,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import ROUNDING
 from fenics_mortar.verify.limits import LIMITS
 
 
@@ -41,7 +42,7 @@ def balance_of_bodies(
         on_slave, on_master = contact.operators.force(contact.z)
         contact.slave.scatter_add(on_slave, total)
         contact.master.scatter_add(on_master, total)
-    total[bulk.held] = 0.0
+    total[bulk.prescribed_dofs] = 0.0
     comm, dofs = bulk.comm, bulk.space.owned_dofs
     body = labels[: len(dofs)]
     num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
@@ -50,7 +51,7 @@ def balance_of_bodies(
     motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=bulk.stiffness)
     extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)
-    rounding = LIMITS.min_force * stiffness * max(motion, LIMITS.min_motion * extent)
+    rounding = stiffness * max(LIMITS.min_force * motion, ROUNDING * extent)
     defect = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
     return float(defect) / positive_or_one(size + rounding)
 

@@ -68,7 +68,7 @@ class Certificate:
         Args:
             tolerance: Limit for quantities that the equations make zero.
             penetration: Limit for penetration, distance and crossings [facet lengths].
-            springs: Limit for the force of springs over the contact force, see ``release``.
+            springs: Limit for the force of springs over the contact force, see ``proximal``.
         """
         found = [v for pair in self.pairs for v in pair.violations(tolerance, penetration)]
         if not self.balance <= tolerance:
@@ -140,7 +140,7 @@ def _certify_pair(
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
-    limit = contact.asker.friction_limit(contact.pair.law, pressure, contact.operators.x)
+    limit = contact.law_calls.friction_limit(contact.pair.law, pressure, contact.operators.x)
     limit = np.where(contact.active, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.tension
     smallest = LIMITS.min_pressure * float(contact.stiffness.max())

@@ -82,9 +82,9 @@ def slip_defects(contact: Contact) -> Defects:
     o, facing = contact.operators, contact.partners.facing
     here = points_of(o.segments) if facing is None else facing
     slip = here.of(contact.slip) if facing is None else facing.slip(o)
-    ends, held = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
+    ends, prescribed = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
     sticking = contact.sticking[ends]
-    sticks = ((sticking | held[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
+    sticks = ((sticking | prescribed[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
     node, bound = contact.nodal, _evaluate_law(contact, "friction_limit", contact.pressure)
     shear, bound = (here.of(np.where(contact.active, a, 0.0)) for a in (node.z_tau, bound))
     lost = np.maximum(bound * np.abs(slip) - shear * slip, 0.0)

@@ -43,7 +43,7 @@ class Checkable(Protocol):
 
 @dataclass(frozen=True)
 class TangentCheck:
-    """Remainders of a Taylor test.
+    """Remainders of a Taylor test; all methods are local.
 
     Attributes:
         steps: Step sizes over the shortest slave facet, shape (s,).
@@ -56,7 +56,7 @@ class TangentCheck:
 
     @property
     def slopes(self) -> dict[str, float]:
-        """Slope per block, from steps above rounding; inf where all remainders are rounding."""
+        """Slope per block, from remainders above roundoff; inf if all are roundoff."""
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:

@@ -89,7 +89,7 @@ def _turned(y: Array, angle: Array | float) -> Array:
     return np.stack([c * y[:, 0] - s * y[:, 1], s * y[:, 0] + c * y[:, 1]], axis=1)
 
 
-def went_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array) -> Array:
+def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array) -> Array:
     """Distance from the surface of nodes that passed through an obstacle, else 0 (local).
 
     Args:

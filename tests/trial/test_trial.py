@@ -13,8 +13,13 @@ import pytest
 import fenics_mortar as fm
 from demos.studies.stability.limit_analysis import judge, touching_nodes
 from demos.studies.stability.random_cases import objections, random_case
-from demos.studies.stability.random_held import end_of_mesh, hanging_case, held_case, rigid
 from demos.studies.stability.random_shapes import FAMILIES, shape_case
+from demos.studies.stability.random_supported import (
+    end_of_mesh,
+    hanging_case,
+    rigid,
+    supported_case,
+)
 from demos.studies.stability.shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings
 from demos.studies.stability.trial import Worker, case_of, summary
 from demos.studies.stability.trial_judge import check_again, confirm, measure, run, wrongs
@@ -25,8 +30,8 @@ COMM = MPI.COMM_WORLD
 SEEDS = range(1, 21)
 # pushed, pressed, two tools, clamped and guided stack, small ones
 ON_RANKS = (2, 8, 10, 9, 129)
-# Of bodies that friction holds: row, block, wall, tower, T-junction, groove
-HELD_SEEDS = (1, 2, 3, 8, 18, 21, 37)
+# Of bodies supported by friction: row, block, wall, tower, T-junction, groove
+SUPPORTED_SEEDS = (1, 2, 3, 8, 18, 21, 37)
 # 2 folds once, spirals; tubes, plates, arms, a plate by its corners; pads, one that peels off
 OTHER_SEEDS = (
     3_000_003, 3_000_020, 4_000_001, 4_000_002, 4_000_003, 4_000_006, 4_000_027, 5_000_002,
@@ -50,12 +55,12 @@ def test_random_cases_converge_and_none_is_wrong():
 
 
 @pytest.mark.serial
-def test_bodies_that_friction_holds_stay_or_reach_a_dead_end_that_limit_analysis_confirms():
-    records = [run(held_case(seed))[0] for seed in HELD_SEEDS]
+def test_bodies_supported_by_friction_stay_or_reach_a_dead_end_that_limit_analysis_confirms():
+    records = [run(supported_case(seed))[0] for seed in SUPPORTED_SEEDS]
     table = summary(records)
     assert {record["outcome"] for record in records} <= {"converged", "dead end"}, table
-    held = {record["seed"]: record for record in records}
-    assert held[37]["outcome"] == "dead end" and held[37]["end"] < 2.0
+    by_seed = {record["seed"]: record for record in records}
+    assert by_seed[37]["outcome"] == "dead end" and by_seed[37]["end"] < 2.0
     scenes = {"row", "block", "wall", "tower", "T-junction", "groove"}
     assert {record["scene"] for record in records} == scenes
 
@@ -174,7 +179,7 @@ def test_shears_of_a_law_are_those_of_its_residual():
 def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turned():
     """The load of each case is a part of what it allows: its factor in real units is known."""
     for seed in range(1, 31):
-        case = held_case(seed)
+        case = supported_case(seed)
         found = judge(rigid(case))
         assert found.feasible == (case.end > 0.0)
         if found.feasible and np.isfinite(case.end):
@@ -184,7 +189,7 @@ def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turne
 @pytest.mark.serial
 def test_confirmed_are_dead_ends_where_bodies_give_way_alone():
     """Not earlier, not beyond, and none that slid."""
-    case = next(c for c in map(held_case, range(1, 60)) if 1.2 < c.end < 2.0)
+    case = next(c for c in map(supported_case, range(1, 60)) if 1.2 < c.end < 2.0)
     late, early = case.end + 0.2, 0.5 * case.end
     for given, outcome in (
         ({"outcome": "failed", "time": case.end}, "dead end"),
@@ -214,7 +219,7 @@ def test_case_is_the_same_on_any_number_of_ranks(seed):
 def test_seed_gives_one_reasonable_case_everywhere():
     case, again = random_case(7), random_case(7)
     assert np.array_equal(case.x, again.x) and np.array_equal(case.cells, again.cells)
-    numbers = COMM.allgather((case.x.tobytes(), case.cells.tobytes(), repr(case.held)))
+    numbers = COMM.allgather((case.x.tobytes(), case.cells.tobytes(), repr(case.prescribed)))
     assert len(set(numbers)) == 1
     assert not any(objections(case))
     assert not np.array_equal(case.x.shape, random_case(8).x.shape)
@@ -225,9 +230,9 @@ def test_refined_case_has_the_same_outline():
     for case in (random_case(1), random_case(2)):
         finer = case.refined()
         assert len(finer.cells) == 4 * len(case.cells)
-        for held in case.held:
-            coarse = case.x[case.nodes_of(held.boundary)]
-            assert np.array_equal(finer.x[finer.nodes_of(held.boundary)][::2], coarse)
+        for prescribed in case.prescribed:
+            coarse = case.x[case.nodes_of(prescribed.boundary)]
+            assert np.array_equal(finer.x[finer.nodes_of(prescribed.boundary)][::2], coarse)
 
 
 @pytest.mark.serial
@@ -240,7 +245,7 @@ def test_judge_sees_what_is_wrong():
     contact.change(z=1.01 * z)
     assert any("contact force and stresses differ" in wrong for wrong in judged(scene))
     contact.change(z=z)
-    push = case.held[1].motion[1]
+    push = case.prescribed[1].motion[1]
     upper = np.isin(
         input_nodes(scene.problem.equations.bulk.V)[:, 0], np.arange(*case.first_nodes[1:])
     )

@@ -146,7 +146,7 @@ def curved_rings(**options):
 
 
 def press_fit(n, slave, cell, basis="dual"):
-    """Two rings held at the inmost and the outmost circle, linear elastic, not yet solved."""
+    """Two rings fixed at the inmost and the outmost circle, linear elastic, not yet solved."""
     options = {"n_inner": n, "n_outer": 4 * n // 3, "layers_inner": n // 6, "layers_outer": n // 6}
     data = read(curved_rings, cell=cell, **options)
     V = fm.vector_space(data.mesh, 2)
@@ -164,8 +164,8 @@ def press_fit_pressure():
     mu, lmbda = lame(E, NU)
     radius = INTERFACE + INTERFERENCE
 
-    def traction(held, r, u):
-        A, B = np.linalg.solve([[held, 1 / held], [r, 1 / r]], [0.0, u])
+    def traction(R, r, u):
+        A, B = np.linalg.solve([[R, 1 / R], [r, 1 / r]], [0.0, u])
         return 2 * (lmbda + mu) * A - 2 * mu * B / r**2
 
     def imbalance(u):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Limit analysis of rigid bodies that touch at points: an independent judge of what friction holds.
+"""Limit analysis of rigid bodies that touch at points: an independent judge of friction.
 
 The static theorem: equilibrium is possible if and only if there are contact forces within the law's
 bounds that balance the loads, a linear program. A force at a point with the normal n and tangent t
