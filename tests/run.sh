@@ -27,8 +27,10 @@ pytest=(/usr/bin/python3 -m pytest "--color=$color")
 spread=(-n "$(env -u OMP_NUM_THREADS nproc)" --dist loadfile)
 # Each file runs in serial and on several ranks: on three those that partitions matter to most. Of the
 # scenes that friction holds those of test_floating and test_redundancy do.
-on_three=(tests/interface/test_{surfaces,operators}.py tests/contact/test_{contact,initial_gap}.py
-    tests/{mesh/test_mesh,io/test_results,la/test_system,problem/test_errors,utils/test_compat}.py
+on_three=(tests/interface/test_{surfaces,bad_surfaces,operators}.py
+    tests/contact/test_{contact,initial_gap}.py tests/mesh/test_{mesh,dirichlet,mesh_scripts}.py
+    tests/problem/test_{not_finite,bad_spaces,bad_options}.py tests/io/test_results.py
+    tests/equations/test_{singular,no_convergence}.py tests/la/test_system.py tests/utils/test_compat.py
     tests/path/test_{stepping,dead_end}.py tests/verification/test_invariance.py)
 failed=0
 summary=()

@@ -3,9 +3,9 @@
 
 import numpy as np
 import pytest
+from friction_scenes import block_on
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, nodal, pressed_blocks, read
 from scipy.optimize import brentq
-from test_friction import block_on
 
 from dolfinx import fem
 

@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
-from test_adequacy import climbing
+from test_climbing import climbing
 
 from dolfinx import fem
 

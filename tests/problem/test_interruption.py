@@ -11,7 +11,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from scenes import linear_elastic, neo_hookean, pressed_blocks
-from test_adequacy import climbing
+from test_climbing import climbing
 from test_driven import block_under
 from test_floating import falling_disk
 

@@ -9,7 +9,7 @@ import pytest
 import supported
 from scenes import internal, neo_hookean, read, rectangles
 from scipy.optimize import minimize
-from test_errors import pushed_block
+from small_scenes import pushed_block
 
 import ufl
 from dolfinx import fem
