@@ -146,13 +146,6 @@ class FloatingBodies(BodyMotions):
         springs = {body.label: float(k) for body, k in zip(bodies, stiffness, strict=True)}
         self.springs = Springs(self._spread(springs), self._place())
 
-    def stiff_elongation(self, total: Array) -> float:
-        """Elongation at which springs are as stiff as the bodies [shortest facets]."""
-        lengths = [
-            float(np.linalg.norm(self.resultant(b, total))) / b.stiffest for b in self.bodies
-        ]
-        return max(lengths, default=0.0) / self.shortest_facet()
-
     def remove_springs(self) -> None:
         """Remove the anchored springs."""
         self.springs = None

@@ -29,9 +29,6 @@ from fenics_mortar.utils.errors import NotConvergedError
 ELONGATION, ARRIVED = 0.25, 0.01
 # Factors of the elongation after a failed and after a successful solve.
 LESS, MORE = 0.125, 2.0
-# Number of failures in a row after which springs are as stiff as the bodies; the factors of the
-# elongation from then on; iterations after which such a solve is given up.
-STIFF_AFTER, STIFF_LESS, STIFF_MORE, STIFF_ITERATIONS = 2, 0.1, 3.0, 20
 MOST_SOLVES, MOST_FAILURES = 24, 5
 # Number of solves with springs that remain: contact then carries all that it can.
 REPEATS = 3
@@ -65,9 +62,6 @@ class AnchoredSprings(Protocol):
 
     def remove_springs(self) -> None:
         """Remove the springs."""
-
-    def stiff_elongation(self) -> float:
-        """Elongation at which springs are as stiff as the bodies [shortest facets]."""
 
     def max_motion(self) -> float:
         """Largest rigid motion since ``anchor`` [shortest facets]."""
@@ -160,23 +154,19 @@ def _move_on_springs(
 ) -> NewtonReport:
     """Solve with springs until their elongation vanishes, at most ``MOST_SOLVES`` times."""
     rough = replace(options, residual_tolerance=max(ROUGH, options.residual_tolerance))
-    report, aim, failures, less, more = failed.report, ELONGATION, 0, LESS, MORE
+    report, aim, failures = failed.report, ELONGATION, 0
     for _ in range(MOST_SOLVES):
         start = equations.state()
         equations.springs.anchor(aim)
         try:
             report = after(report, partial(solve, equations, rough))
         except NotConvergedError as error:
-            report, aim, failures = error.report, less * aim, failures + 1
+            report, aim, failures = error.report, LESS * aim, failures + 1
             equations.restore(start)
             if failures == MOST_FAILURES:
                 raise NotConvergedError(failed.report.reason, report) from error
-            if failures == STIFF_AFTER and less == LESS:
-                aim, less, more = equations.springs.stiff_elongation(), STIFF_LESS, STIFF_MORE
-                few = min(STIFF_ITERATIONS, options.max_iterations)
-                rough = replace(rough, max_iterations=few)
             continue
         if equations.springs.max_motion() < ARRIVED * aim / ELONGATION:
             break
-        aim, failures = min(more * aim, ELONGATION), 0
+        aim, failures = min(MORE * aim, ELONGATION), 0
     return report
