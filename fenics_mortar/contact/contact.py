@@ -54,12 +54,12 @@ from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.pairing import APART
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_lengths
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
+from fenics_mortar.utils.rounding import HALF_FACET
 
 
 class Contact(Interface):
@@ -106,6 +106,7 @@ class Contact(Interface):
         )
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
         self._master_planes = self._find_master_planes()
+        self._multiplier_nodes.possible &= ~self.slave.weightless
         self._may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
         self.follows_law: Flags = self.free.all(axis=1)
@@ -282,6 +283,13 @@ class Contact(Interface):
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
         return self.partners.pairs() if self.pair.law.has_friction else NO_PAIRS
 
+    @property
+    def covered_fraction(self) -> Array:
+        """Cover of each slave node over that of a whole cover, shape (slave nodes,) [1]."""
+        alone = self.slave.weightless
+        whole = np.where(alone, 1.0, self.slave.full_cover)
+        return np.where(alone, 0.0, self.operators.cover / whole)
+
     def update_multiplier_nodes(self) -> int:
         """Update the multiplier nodes, see ``multiplier_nodes``; return the number of changes.
 
@@ -290,8 +298,7 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
-        now = self.now
-        cover = now.operators.cover / now.nodal_lengths
+        cover = self.covered_fraction
         multiplier_nodes = self._multiplier_nodes.update(self.multiplier_nodes, cover)
         changed = int((self.multiplier_nodes != multiplier_nodes).sum())
         if changed:
@@ -303,14 +310,12 @@ class Contact(Interface):
         """Nodes whose cover is at the limit; see ``MultiplierNodes.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
-        return self._multiplier_nodes.undecided(
-            self.operators.cover / self.nodal_lengths, self.active
-        )
+        return self._multiplier_nodes.undecided(self.covered_fraction, self.active)
 
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
         if self.pair.initial_gap is not None:
-            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= APART * self.nodal_lengths
+            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= HALF_FACET * self.nodal_lengths
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:

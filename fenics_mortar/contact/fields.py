@@ -26,6 +26,9 @@ from fenics_mortar.utils.rounding import ROUNDING
 # Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
 # the strains e; the shear is 1000 e times the pressure.
 ELASTIC = 1e3
+# Softening of adhesion over the diagonal stiffness of a node [1] above which its slope is left out:
+# a node of a surface gives way by about twice what this stiffness says.
+FADES_FAST = 0.5
 
 
 class _Field(cached_property[Any]):
@@ -52,6 +55,8 @@ class Sides(Protocol):
     slave: Surface
     master: Surface
     stiffness: Array
+    modulus: Array
+    stand_ins: tuple[Indices, Indices]
     at_vertices: bool
 
 
@@ -67,6 +72,7 @@ class InterfaceFields:
     def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
         self.sides, self.state, self.operators = sides, state, operators
         self.nodal_lengths: Array = sides.slave.nodal_lengths
+        self.nodal_areas: Array = sides.slave.nodal_areas
 
     def after(self, state: InterfaceState) -> Self:
         """The fields at another state and the same operators."""
@@ -151,9 +157,12 @@ class InterfaceFields:
     def fill_inside(self, values: Array) -> Array:
         """Set values at inner nodes of facets to the mean of the end nodes.
 
-        Only if multipliers are at vertices only. ``values`` (slave nodes,) are changed in place and
-        returned.
+        Only if multipliers are at vertices only. Nodes without weight get the values of their
+        stand-ins. ``values`` (slave nodes,) are changed in place and returned.
         """
+        alone, others = self.sides.stand_ins
+        if alone.size:
+            values[alone] = values[others]
         if self.sides.at_vertices:
             facets = self.sides.slave.facets
             values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
@@ -177,7 +186,7 @@ class ContactFields(InterfaceFields):
     def covered(self) -> Flags:
         """See ``InterfaceFields``."""
         return self.state.multiplier_nodes & (
-            self.operators.diagonal > ROUNDING * self.nodal_lengths
+            self.operators.diagonal > ROUNDING * self.nodal_areas
         )
 
     @field("multiplier_nodes")
@@ -232,7 +241,7 @@ class ContactFields(InterfaceFields):
     @field("z", "multiplier_nodes", "partners", "c_n")
     def nodal(self) -> Nodal:
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
-        stiffness = self.sides.stiffness / self.nodal_lengths
+        stiffness = self.sides.modulus / self.nodal_lengths
         c_n = self.state.c_n * stiffness
         needs_slip = type(self.sides.pair.law) is not Frictionless
         slip = self.slip if needs_slip else np.zeros_like(stiffness)
@@ -280,8 +289,15 @@ class ContactFields(InterfaceFields):
 
     @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
     def law_rows(self) -> tuple[Row, Row]:
-        """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,)."""
+        """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,).
+
+        Where adhesion fades faster than the body follows, its slope is left out of the tangent: a
+        step would close the gap, and the node open and close in turns. With the pull of the last
+        iterate the gap grows from step to step to the next one that is in equilibrium.
+        """
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
+        unstable = self.operators.diagonal * np.abs(by_gap) > FADES_FAST * self.sides.stiffness
+        by_gap = np.where(unstable, 0.0, by_gap)
         return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
 
     @property

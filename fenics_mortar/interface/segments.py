@@ -43,7 +43,8 @@ class Segments:
     Attributes:
         facets: Slave facets that were searched, shape (f,).
         partial: Whether the multiplier functions of a facet vary with its segments, shape (f,),
-            bool: it is curved, or partly covered by segments with moving ends.
+            bool: it is curved, its thickness varies with its position, or it is partly covered by
+            segments with moving ends.
         offsets: Segments of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
         pair_offsets: Pairs of segments coupled by these functions: those of facet i are
             pair_offsets[i]:pair_offsets[i + 1], shape (f + 1,).
@@ -129,16 +130,16 @@ def find_segments(
         offsets, masters, branches = _intersections((*search_for, *seen, limits), points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
-        least = nodes.shape[1] if integration == "elements" else 1
+        min_points = nodes.shape[1] if integration == "elements" else 1
         offsets, masters, branches = _runs(
-            (*search_for, (*view, ROUNDING), limits), *rule, least=least
+            (*search_for, (*view, ROUNDING), limits), *rule, min_points=min_points
         )
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)
     ends, fixed = branches[:2]
     cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
     moves = np.bincount(owner, ~fixed.all(axis=1), facets.size) > 0
-    partial = ((cover < 2.0 - ROUNDING) & moves) | (slave.degree > 1)
+    partial = ((cover < 2.0 - ROUNDING) & moves) | slave.functions_move
     pair_counts = np.where(partial, counts**2, counts)
     pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
     return Segments(
@@ -172,10 +173,10 @@ def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, I
 
 
 def _runs(
-    search_for: tuple[Any, ...], xi: Array, w: Array, *, least: int
+    search_for: tuple[Any, ...], xi: Array, w: Array, *, min_points: int
 ) -> tuple[Indices, Indices, _Pieces]:
     """Offsets, master facets and pieces of runs of points of the rule ``xi``, ``w``."""
-    offsets, masters, runs = search.find_points(*search_for, xi, least)
+    offsets, masters, runs = search.find_points(*search_for, xi, min_points)
     cuts = np.concatenate([[-1.0], np.cumsum(w)[:-1] - 1.0, [1.0]])
     ends, lengths = cuts[runs], np.diff(runs, axis=1)[:, 0]
     stops = np.cumsum(lengths)

@@ -17,12 +17,11 @@ from fenics_mortar.la.options import COMPLIANCE, DIRECT, SMALL, options_added
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
+from fenics_mortar.utils.rounding import LAST_DIGITS
 
 # Largest relative residual of an accepted solution [1]: above it a direct solver has met a singular
 # matrix.
 LINEAR_TOLERANCE = 1e-5
-# Relative residual of a direct solution above which it is refined once: a few units of rounding.
-REFINED = 1e-14
 # Largest relative residual of factors without pivoting, once refined [1]: above it, growing pivots
 # have cost half of the digits.
 WITHOUT_PIVOTING = 1e-10
@@ -163,7 +162,7 @@ class LinearSolver:
         multiply = matrix.multTranspose if transpose else matrix.mult
         size = max(rhs.norm(), np.finfo(float).tiny)
         relative = _defect(multiply, rhs, solution, defect) / size
-        if self._is_direct and REFINED < relative <= LINEAR_TOLERANCE:
+        if self._is_direct and LAST_DIGITS < relative <= LINEAR_TOLERANCE:
             self._call(defect, correction, transpose)
             solution.axpy(1.0, correction)
             relative = _defect(multiply, rhs, solution, defect) / size

@@ -38,13 +38,13 @@ def whole_facet_basis() -> Iterator[None]:
 
 def integrate_facets(standard: Any, geometry: Any, sides: Any, *others: Any) -> None:
     """As ``kernels.facets.integrate_facets``, by way of the integrals of the standard basis."""
-    segments, offsets, pair_offsets, rule, (kind, *options), values, derivatives = others
+    segments, offsets, pair_offsets, rule, (kind, *options), values, derivatives, thickness = others
     if kind != basis.DUAL or sides[0].shape[1] != 2:
         standard(geometry, sides, *others)
         return
     standard(
         geometry, sides, segments, offsets, pair_offsets, rule, (basis.STANDARD, *options), values,
-        derivatives,
+        derivatives, thickness,
     )  # fmt: skip
     (D, M, g, cover), (dD, dM, dg) = values, derivatives
     nodes, weights, _ = sides
