@@ -33,7 +33,7 @@ from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.integration import NO_PLACE, Integration
 from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only
 from fenics_mortar.contact.law_calls import LawCalls, raise_noted
-from fenics_mortar.contact.laws import Nodal
+from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.multiplier_nodes import MultiplierNodes, normals_on_planes
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.rows import (
@@ -281,7 +281,10 @@ class Contact(Interface):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
-        return self.partners.pairs() if self.pair.law.has_friction else NO_PAIRS
+        law = self.pair.law
+        if type(law) is Frictionless or not law.has_friction:
+            return NO_PAIRS
+        return self.partners.pairs()
 
     @property
     def covered_fraction(self) -> Array:

@@ -207,7 +207,7 @@ class ContactFields(InterfaceFields):
         Continued linearly to negative gaps.
         """
         law, on, none = self.sides.pair.law, self.covered, np.zeros(len(self.state.z))
-        if not law.has_adhesion:
+        if type(law) in BUILT_IN or not law.has_adhesion:
             return none, none
         gap = self.mean_gap
         pull, by_gap = self.sides.law_calls.adhesion(law, np.maximum(gap, 0.0), self.operators.x)

@@ -45,6 +45,7 @@ class Interface(ABC):
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
             times the thickness.
+        modulus: ``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress].
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it still carries a multiplier, shape (slave nodes,), bool.
         stand_ins: Nodes without weight, and the nodes whose fields they show, each (k,).
@@ -99,6 +100,7 @@ class Interface(ABC):
         count = self.slave.num_nodes
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self.stiffness: Array = np.ones(count)
+        self.modulus: Array = self.stiffness / self.slave.mean_thickness
         self._may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
@@ -141,13 +143,6 @@ class Interface(ABC):
         return alone, np.where(after >= 0, after, before)
 
     @property
-    def modulus(self) -> Array:
-        """``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress]."""
-        if self.slave.thickness is None:
-            return self.stiffness
-        return self.stiffness / self.slave.mean_thickness
-
-    @property
     def has_partner(self) -> Flags:
         """Whether a part of the facets at a slave node is covered, shape (slave nodes,), bool."""
         covered, (alone, others) = self.operators.cover > 0.0, self.stand_ins
@@ -157,6 +152,7 @@ class Interface(ABC):
     def set_stiffness(self, stiffness: Array) -> None:
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
         self.stiffness = stiffness
+        self.modulus = stiffness / self.slave.mean_thickness
         if hasattr(self, "now"):
             self.show(self.operators)
 

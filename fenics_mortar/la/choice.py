@@ -58,9 +58,13 @@ def system_of(
 
 
 def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
-    """Whether factors without pivoting are tried first: few unknowns on one rank (collective)."""
+    """Whether factors without pivoting are tried first: few unknowns on one rank (collective).
+
+    Their elimination order is of SuiteSparse.
+    """
     given = PETSc.Options(prefix).getAll() or options
-    return not given and bulk.comm.size == 1 and bulk.r.getSize() <= FEW
+    few = bulk.comm.size == 1 and bulk.r.getSize() <= FEW
+    return few and not given and PETSc.Sys.hasExternalPackage("suitesparse")
 
 
 def _is_for_multigrid(

@@ -21,9 +21,9 @@ DIRECT = {
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 50,
 }
-# PETSc's own factors without pivoting, for few unknowns on one rank, where MUMPS spends most of its
-# time on analysis, pivoting and copies. Only an exact zero is refused as a pivot; small ones show in
-# the residual of the solution.
+# Factors of PETSc itself without pivoting, for few unknowns on one rank, where MUMPS spends most of
+# its time on analysis, pivoting and copies. Only an exact zero is refused as a pivot; small pivots
+# show in the residual of the solution.
 SMALL = {
     "ksp_type": "preonly",
     "pc_type": "lu",
