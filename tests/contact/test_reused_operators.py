@@ -36,7 +36,7 @@ def test_operators_are_those_of_the_last_place():
     gap = contact.gap
     problem.contacts[0].offset = np.zeros(contact.slave.num_nodes)
     equations.evaluate_operators()
-    assert np.allclose(contact.gap - gap, 1e-3, equal_nan=True)
+    assert np.allclose((contact.gap - gap)[contact.covered], 1e-3)
 
 
 class Pair:
