@@ -121,7 +121,7 @@ class SomeRows:
         large.assemble()
 
     def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
-        """Large matrix with zeros at the entries of the small one, ``num_owned`` rows (collective)."""
+        """Large matrix of ``num_owned`` rows with zeros at the entries of the small one."""
         starts, columns, values = small.getValuesCSR()
         sizes = np.zeros(num_owned + 1, PETSc.IntType)
         sizes[self.local + 1] = np.diff(starts)
