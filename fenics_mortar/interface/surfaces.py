@@ -121,6 +121,16 @@ class Surface:
         return nodal.astype(np.float64)
 
     @cached_property
+    def near_dofs(self) -> Indices:
+        """Global dofs of the nodes before each node, its own and those of two facets after it.
+
+        For the first node of a facet: of the facet before, its own and the one after. Shape
+        (n, 6 K - 4) for facets of K nodes; -1 is beyond an end.
+        """
+        degree, own = self.degree, np.arange(self.num_nodes)
+        return self.dofs_of(self.along(own, range(-degree, 2 * degree + 1)))
+
+    @cached_property
     def full_cover(self) -> Array:
         """Integral of each nodal shape function times the thickness, undeformed, (n,) [area]."""
         if self.thickness is None:
@@ -313,6 +323,8 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
     Returns:
         Values at all nodes, shape (nodes, 2), equal on all ranks.
     """
+    if comm.size == 1:
+        return np.ascontiguousarray(mine)
     everything = np.empty((owners.size, 2), mine.dtype)
     counts = np.bincount(owners, minlength=comm.size)
     comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))

@@ -221,3 +221,20 @@ def tabulate_facets(
             if g_dp[j] != 0.0:
                 edge, end = (first, 0) if j == 0 else (last, 1)
                 add_edge(g_dp[j], dends[edge, end], dn_dx, nodes[e], row, dg[start + edge, j])
+
+
+@kernel
+def integrate_facets(
+    geometry, facets, segments, offsets, pair_offsets, rule, options, values, derivatives, thickness
+):
+    """As ``tabulate_facets``, with ``values`` (D, M, g, cover) and ``derivatives`` (dD, dM, dg).
+
+    To be called from Python: numba finds out the types of tuples of more than four arrays anew in
+    each call, which takes 0.1 ms.
+    """
+    D, M, g, cover = values
+    dD, dM, dg = derivatives
+    tabulate_facets(
+        geometry, facets, segments, offsets, pair_offsets, rule, options,
+        (D, dD, M, dM, g, dg, cover), thickness,
+    )  # fmt: skip

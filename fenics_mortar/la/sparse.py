@@ -10,7 +10,7 @@ all, so they are called through ctypes from the library that petsc4py has loaded
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 from mpi4py import MPI
@@ -110,9 +110,9 @@ class SomeRows:
         """Numbers in the small matrix of ``rows`` of the subset; -1 stays -1."""
         return np.where(rows >= 0, np.searchsorted(self._rows, rows), -1)
 
-    def renumbered(self, blocks: Iterable[Block]) -> Iterator[Block]:
+    def renumbered(self, blocks: Iterable[Block]) -> list[Block]:
         """Blocks of the large matrix with the row numbers of the small one."""
-        return (Block(self.number(rows), columns, values) for rows, columns, values in blocks)
+        return [Block(self.number(rows), columns, values) for rows, columns, values in blocks]
 
     def add(self, small: PETSc.Mat, large: PETSc.Mat) -> None:
         """Add the small matrix to existing entries of the large one, in place (collective)."""
