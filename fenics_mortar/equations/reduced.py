@@ -37,6 +37,7 @@ from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
 from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.la.sparse import flatten
+from fenics_mortar.la.system import components
 from fenics_mortar.newton.loop import Status, Step
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
@@ -135,7 +136,7 @@ class ReducedEquations:
         i, j = (self._dofs.number(p) if are else p for p, are in zip(places, are_dofs, strict=True))
         parts = self._comm.gather((i, j, v)) or [(i, j, v)]
         i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
-        inside = (i >= 0) & (j >= 0)
+        inside = (i >= 0) & (j >= 0) & (v != 0.0)
         return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 
     def _solve(
@@ -172,10 +173,12 @@ class ReducedEquations:
     ) -> tuple[Array, Array, Array] | None:
         """The solution on rank 0; ``None`` if the system is singular.
 
-        Unknown are the dofs that contact touches and the multipliers that act.
+        Unknown are the multipliers that may act, and the dofs that their rows and forces touch: where
+        a law has neither displacements nor a right-hand side, the multiplier is zero.
         """
-        t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row, C.col]))
-        a = np.unique(B_T.col)
+        nodes = np.unique(np.concatenate([C.row, np.flatnonzero(rhs)]) // 2)
+        a = np.intersect1d(components(nodes[:, None]), B_T.col)
+        t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row[np.isin(B_T.col, a)], C.col]))
         K_t, B_t = _dense(K_c, t, t), _dense(B_T, t, a)
         A_t = self._compliance.A[t]
         scale = weight[a, None]
