@@ -9,8 +9,11 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-for folder in (ROOT, ROOT / "tests", ROOT / "tests" / "kernels"):
-    sys.path.insert(0, str(folder))
+# Names of modules are unique among the folders of tests.
+for module in sorted((ROOT / "tests").rglob("*.py")):
+    if str(module.parent) not in sys.path:
+        sys.path.insert(0, str(module.parent))
+sys.path.insert(0, str(ROOT))
 # numba does not see that a helper in another file has changed: never trust an old cache. The test
 # command gives all ranks one fresh folder; a plain pytest gets its own.
 os.environ.setdefault("NUMBA_CACHE_DIR", tempfile.mkdtemp(prefix="fenics_mortar-numba-"))

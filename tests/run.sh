@@ -27,8 +27,9 @@ pytest=(/usr/bin/python3 -m pytest "--color=$color")
 spread=(-n "$(env -u OMP_NUM_THREADS nproc)" --dist loadfile)
 # Each file runs in serial and on several ranks: on three those that partitions matter to most. Of the
 # scenes that friction holds those of test_floating and test_redundancy do.
-on_three=(tests/test_{surfaces,contact,mesh,results,stepping,system,operators,errors,initial_gap}.py
-    tests/test_{compat,dead_end}.py tests/verification/test_invariance.py)
+on_three=(tests/interface/test_{surfaces,operators}.py tests/contact/test_{contact,initial_gap}.py
+    tests/{mesh/test_mesh,io/test_results,la/test_system,problem/test_errors,utils/test_compat}.py
+    tests/path/test_{stepping,dead_end}.py tests/verification/test_invariance.py)
 failed=0
 summary=()
 
@@ -73,7 +74,7 @@ if [ $# -gt 0 ]; then
     run "tests in serial: $*" "${pytest[@]}" "$@" || true
 else
     run "tests in serial" "${pytest[@]}" "${spread[@]}" || true
-    run_ranks 2 -m "not serial and not demo" --ignore=tests/test_held.py "${on_three[@]/#/--ignore=}"
+    run_ranks 2 -m "not serial and not demo" --ignore=tests/rigid/test_held.py "${on_three[@]/#/--ignore=}"
     run_ranks 3 -m "not serial and not demo" "${on_three[@]}"
     run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
         "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Scenes of bodies that friction or adhesion holds, with what limit analysis says of each.
 
-    python3 tests/held.py                 all scenes by the present code, a row for each step
-    python3 tests/held.py wall tower      those whose name begins so
+    python3 tests/common/held.py                 all scenes by the present code, a row for each step
+    python3 tests/common/held.py wall tower      those whose name begins so
 
 A scene is made in a frame of its own and turned as a whole. Its loads are dead: the weight of
 bodies, a push on some of them and a torque, all spread over the body; ``Held.set`` says how large

@@ -19,7 +19,7 @@ from demos.studies.stability import atlas
 from demos.studies.stability.methods import REMEDIES
 from meshes import mapped_grids
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.serial
 Worker = atlas.Worker
 
@@ -192,7 +192,7 @@ def test_cell_is_what_theory_says(record_of, cell):
     assert reason in record["reason"]
 
 
-# A rolling wheel gets through by other steps on other machines; tests/test_floating.py has bodies
+# A rolling wheel gets through by other steps on other machines; tests/rigid has bodies
 # that fall and do not roll.
 @pytest.mark.parametrize("name", QUICK)
 def test_scene_needs_its_remedy(record_of, name):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-DEMOS = sorted((Path(__file__).resolve().parents[1] / "demos").glob("demo_*.py"))
+DEMOS = sorted((Path(__file__).resolve().parents[2] / "demos").glob("demo_*.py"))
 # two_blocks runs on two ranks in the set-up of each machine; many steps take long on busy cores
 ON_RANKS = {"demo_friction": 2, "demo_hertz": 4, "demo_paper": 2, "demo_tied": 3}
 # a demo promises a minute; a loaded machine gets four

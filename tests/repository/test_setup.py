@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = [".ci/env.sh", ".ci/lint.sh", ".ci/run", ".ci/setup.sh", "demos/run.sh", "tests/run.sh"]
 
 pytestmark = pytest.mark.serial
