@@ -107,6 +107,12 @@ class LinearSystem(ABC):
         """PETSc's solver."""
         return self.solver.ksp
 
+    def describe_solver(self) -> str:
+        """Form of the system, its solver and size, in words (local)."""
+        form = "saddle-point" if self.has_multipliers else "condensed"
+        unknowns = self.bulk.r.getSize()
+        return f"{form} system, {unknowns} unknowns of the bulk, {self.solver.describe()}"
+
     # Vectors
 
     def local(self, contact: Interface, place: Indices) -> Indices:
