@@ -43,6 +43,10 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
+# Relative motion of a facet's ends over its length above which a step may invert cells [1]: the
+# areas of cells there change by about as much, and may change by 0.8, see ``Bulk.move``.
+DISTORTION = 0.25
+
 
 class ReducedEquations:
     """The equations of a problem for ``newton.solve``, on the contact dofs.
@@ -87,12 +91,50 @@ class ReducedEquations:
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
         moved[held] = change
-        u += moved
-        self._balance(self._force)
+        part = 1.0
+        if self._distorts(step):
+            part = self._move_all(moved)
+        else:
+            u += moved
+            self._balance(self._force)
         for contact, place in self._system.numbered():
             z = zeta[place] * self._system.scale(contact)[:, None]
-            contact.move(z, 1.0, moved[: self._bulk.num_owned])
-        return self._general.step(self._bulk.largest(moved))
+            contact.move(z, part, moved[: self._bulk.num_owned])
+        return self._general.step(self._bulk.largest(moved), part)
+
+    def _distorts(self, step: Array) -> bool:
+        """Whether a step of the contact dofs may invert cells: facets change by much of their length.
+
+        Local, equal on all ranks.
+        """
+        for contact in self._general.contacts:
+            for side in (contact.slave, contact.master):
+                u = step[self._dofs.number(side.dofs)]
+                change = np.hypot(*(u[side.facets[:, -1]] - u[side.facets[:, 0]]).T)
+                if (change > DISTORTION * side.lengths).any():
+                    return True
+        return False
+
+    def _move_all(self, moved: Array) -> float:
+        """Take as large a fraction of the step as cells allow, with all dofs; returns it (collective).
+
+        The next step begins with the residual that is left.
+
+        Args:
+            moved: Increments of contact dofs and prescribed ones.
+        """
+        u = self._bulk.u.x.array
+        start = u.copy()
+        u += moved
+        self._find_inside()
+        whole = self._bulk.r.duplicate()
+        whole.array[:] = (u - start)[: self._bulk.num_owned]
+        u[:] = start
+        self._bulk.u.x.scatter_forward()
+        part = self._bulk.move(whole)
+        whole.destroy()
+        self._bulk.assemble_residual()
+        return part
 
     def _balance(self, force: Array) -> None:
         """Make the residual that of contact forces alone, as it is after a whole step."""
@@ -203,8 +245,11 @@ class ReducedEquations:
 
     def finish(self) -> None:
         """Find the displacement inside the bodies."""
-        if self._force is None:
-            return
+        if self._force is not None:
+            self._find_inside()
+
+    def _find_inside(self) -> None:
+        """Balance the forces inside the bodies by their displacement (collective)."""
         self._bulk.u.x.scatter_forward()
         self._bulk.assemble_residual()
         with clock("solve"):

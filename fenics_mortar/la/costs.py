@@ -26,9 +26,9 @@ class Costs:
         per_entry: Memory of the dense matrices that exist at a time, per entry [bytes].
     """
 
-    iteration: float = 2.3
+    iteration: float = 5.0
     first: float = 2.0
-    once: float = 6.0
+    once: float = 9.0
     dense: float = 1e-4
     expected: int = 5
     per_factor: float = 62.0

@@ -189,7 +189,7 @@ class LinearSystem(ABC):
 
     def _update_pattern(self) -> bool:
         """Whether contact goes beyond its reaches; make them anew then (collective)."""
-        now = [(c.operators, c.multiplier_nodes, c.faced()) for c in self.contacts]
+        now = [(c.operators, c.faced()) for c in self.contacts]
         acts = [c.acts | c.z.any(axis=1) for c in self.contacts]
         holds = self._pattern == self.bulk.num_patterns and all(
             reach.holds(*state, acting)
