@@ -106,7 +106,7 @@ class InputData:
         Unknowns other than the displacement count as nodes in the middle of a cell.
 
         Args:
-            dofs: Marks of all local dofs, ghosts included.
+            dofs: Marks of all local dofs, ghosts included, shape (local dofs,), bool.
         """
         if not self._comm.allreduce(bool(dofs.any()), MPI.LOR):
             return 0, "nowhere"

@@ -8,14 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.laws import KINK
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.utils.arrays import Flags
-
-# A pressure below this fraction of the stiffness, and a gap below this fraction of the largest
-# coordinate, are rounding.
-ROUNDING = 1e-14
-# Before the first solve a node is active if its gap is below this fraction of its length.
-TOUCHING = 1e-8
+from fenics_mortar.utils.rounding import LAST_DIGITS
 
 
 def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
@@ -44,7 +40,7 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
     state = replace(f.state, active=active, z=np.where(active[:, None], z, open_z), borne=None)
     changed = active != f.state.active
     f = f.after(state)
-    branch = f.sides.asker.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
+    branch = f.sides.law_calls.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
     branched = branch != state.branch
     if branched.any():
         state = replace(state, branch=branch)
@@ -52,15 +48,19 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
 
 
 def _active(f: ContactFields, *, start: bool) -> Flags:
-    """Nodes with z_n + a - c_n g > 0; unchanged where pressure and gap are rounding."""
-    stiffness, on = f.sides.stiffness, f.covered
+    """Nodes with z_n + a - c_n g > 0 (local).
+
+    Unchanged where both are rounding, the pressure compared with the stiffness and the gap with the
+    largest coordinate. With ``start`` nodes of unknown pressure and no gap are active, too.
+    """
+    stiffness, on = f.sides.modulus, f.covered
     gap = np.where(on, f.gap, 0.0)
     push = np.where(f.attracted, 0.0, -f.tension)  # open nodes: z_n = -a
     trial = np.where(on, push - f.state.c_n * stiffness / f.nodal_lengths * gap, 0.0)
-    rounding = (np.abs(push) <= ROUNDING * stiffness) & (
-        np.abs(np.nan_to_num(f.gap)) <= ROUNDING * np.abs(f.operators.x).max()
+    rounding = (np.abs(push) <= LAST_DIGITS * stiffness) & (
+        np.abs(np.nan_to_num(f.gap)) <= LAST_DIGITS * np.abs(f.operators.x).max()
     )
     active = np.where(rounding, f.state.active & on, trial > 0.0)
     if start:
-        active |= on & (np.where(on, gap, np.inf) <= TOUCHING * f.nodal_lengths)
+        active |= on & (np.where(on, gap, np.inf) <= KINK * f.nodal_lengths)
     return active

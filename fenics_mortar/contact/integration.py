@@ -74,7 +74,12 @@ class Integration:
     def evaluate(
         self, u: Array, state: InterfaceState, linearization: Linearization
     ) -> tuple[MortarOperators, Reference | None]:
-        """Operators at the displacement ``u``, a local array (collective).
+        """Evaluate the operators at a displacement (collective).
+
+        Args:
+            u: Displacement, shape (local dofs,) [length].
+            state: Its multiplier nodes and frozen operators are used.
+            linearization: Derivatives to evaluate.
 
         Returns:
             The operators, and those of the undeformed mesh if sliding is small.
@@ -91,7 +96,11 @@ class Integration:
         return kept.operators.after_small_motion(x, m, dq), kept
 
     def refer(self, multiplier_nodes: Flags) -> Reference:
-        """Evaluate the operators of the undeformed mesh (collective)."""
+        """Evaluate the operators of the undeformed mesh (collective).
+
+        Args:
+            multiplier_nodes: Whether a slave node carries a multiplier, (slave nodes,), bool.
+        """
         view, X, X_master = self._look(None)
         operators = self._integrate(X, X_master, multiplier_nodes, LINEARIZATIONS["frozen"], view)
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()

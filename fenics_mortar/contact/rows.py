@@ -18,7 +18,7 @@ from fenics_mortar.contact.laws import Row
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array
 
-# Weights of the rows: n k / D of gaps, nodal lengths of multipliers that do not act, tau D and n D
+# Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D
 # of the law; zero at nodes without such a row. Shapes (slave nodes, 2), (slave nodes,), (slave
 # nodes, 2), (slave nodes, 2).
 Frame = tuple[Array, Array, Array, Array]
@@ -40,7 +40,7 @@ class Rows:
 
 
 def rows_of(f: ContactFields, frame: Frame) -> Rows:
-    """Rows of the multipliers: the gap, and the contact law."""
+    """Linearized rows of the multipliers, gap and contact law, weighted by ``frame`` (local)."""
     o = f.operators
     normal, idle, *laws = frame
     blocks: list[Block] = []
@@ -57,7 +57,10 @@ def rows_of(f: ContactFields, frame: Frame) -> Rows:
 
 
 def residual_of(f: ContactFields) -> Array:
-    """Left side of the nonlinear rows, as forces: gap and contact law, (slave nodes, 2)."""
+    """Left side of the nonlinear rows, gap and contact law (local).
+
+    Returns forces, shape (slave nodes, 2) [stress length].
+    """
     tangential, opening = (row.residual for row in f.law_rows)
     D = f.operators.diagonal
     gap = np.where(f.state.active, f.sides.stiffness * np.nan_to_num(f.gap), 0.0)
@@ -68,7 +71,7 @@ def residual_of(f: ContactFields) -> Array:
 def frame_of(f: ContactFields) -> Frame:
     """See ``Frame``."""
     o = f.operators
-    diagonal = np.where(f.acts, o.diagonal, f.nodal_lengths)
+    diagonal = np.where(f.acts, o.diagonal, f.nodal_areas)
     closing = np.where(f.state.active, f.sides.stiffness / diagonal, 0.0)
     idle = np.where(f.acts, 0.0, diagonal)
     along, opening = diagonal * f.acts, diagonal * f.attracted

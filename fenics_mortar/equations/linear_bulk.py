@@ -20,9 +20,9 @@ from fenics_mortar.utils.clock import clock
 
 
 class LinearBulk:
-    """Chooses how a problem is solved, again before each solve.
+    """Chooses before each solve between all dofs and the contact dofs alone.
 
-    Obstacles that forces drive take the general path, and tied bodies, whose K may be singular.
+    Problems with driven obstacles or tied bodies, whose K may be singular, are solved on all dofs.
 
     Args:
         general: The general equations.
@@ -39,8 +39,8 @@ class LinearBulk:
         self._general, self._wanted, self._prefix = general, wanted, f"{prefix}{COMPLIANCE}"
         if wanted and general.newton.damped:
             raise ValueError(
-                "linear_bulk=True takes whole steps: leave out line_search and most_motion, or "
-                "give linear_bulk=False"
+                "linear_bulk=True takes full steps: expected no line_search and max_motion, or "
+                "linear_bulk=False"
             )
         linear = general.bulk.is_linear if wanted is None else wanted
         self._possible = linear and bool(general.contacts)
@@ -72,11 +72,11 @@ class LinearBulk:
         return self._equations, []
 
     def count(self, num_iterations: int) -> None:
-        """Take note of iterations of the general path."""
+        """Count iterations on all dofs (local)."""
         self._num_iterations += num_iterations
 
     def forget(self) -> None:
-        """Factor the bulk anew before it is used again."""
+        """Discard the factors of the bulk (local)."""
         self._equations, self._data, self._num_iterations = None, [], 0
 
     @property
@@ -115,7 +115,7 @@ class LinearBulk:
         floating = self._general.floating
         if floating.bodies:
             names = " and ".join(sorted(floating.name_of(body.label) for body in floating.bodies))
-            return f"Dirichlet conditions do not hold {names}"
+            return f"Dirichlet conditions leave {names} free to move"
         self._general.bulk.assemble_tangent()
         return "" if is_symmetric(self._general.bulk.K) else "its tangent is not symmetric"
 

@@ -119,11 +119,11 @@ class Predictor:
     def _go_to_guess(self, time: float, here: State) -> _Kind | None:
         """Set the guess with the smallest residual, if smaller than at the present state.
 
-        Floating bodies have to be held by contact, and pairs under pressure have to stay so:
+        Floating bodies have to be supported by contact, and pairs under pressure have to stay so:
         otherwise the solve moves bodies and obstacles rigidly before the first iteration.
         """
         problem = self._problem
-        if self._before is None or not problem.floating.held_by_contact:
+        if self._before is None or not problem.floating.supported_by_contact:
             return None
         guesses = self._find_guesses(
             (time - self._here.time) / (self._here.time - self._before.time)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Couplings by contact that slides over a few facets: room in the pattern of a matrix.
+"""Sparsity pattern of contact terms with a margin for sliding over a few facets.
 
 A pattern that held the present segments only would change whenever one appears, and with it the
 symbolic factorization. Zeros for the master facets next to those that a slave facet meets, and for
@@ -24,7 +24,7 @@ MARGIN = 4
 
 
 class Reach:
-    """Master nodes that each slave facet of this rank's share may meet (all methods are local).
+    """Master nodes that the slave facets of this rank may couple to; all methods are local.
 
     Args:
         o: Operators at the present state.
@@ -39,30 +39,37 @@ class Reach:
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
-    def holds(
+    def contains(
         self,
         o: MortarOperators,
         faced: tuple[Indices, Indices],
         acting: npt.NDArray[np.bool_],
     ) -> bool:
-        """Whether a state couples nothing else; only ``acting`` slave nodes (slave nodes,) do."""
+        """Whether the pattern contains all couplings of a state.
+
+        Args:
+            o: Operators of the state.
+            multiplier_nodes: Of the state, shape (slave nodes,), bool.
+            faced: Of the state, see the class.
+            acting: Slave nodes whose multipliers act; others add nothing, (slave nodes,), bool.
+        """
         slips = acting[faced[0]]
         pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
         inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
         return bool(inside.all())
 
     def derivative_pattern(self) -> Block:
-        """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
+        """Zeros at all possible derivatives of contact forces and gaps, in displacement dofs."""
         _, rows, columns = self._coupled()
         return zeros(rows, columns)
 
     def law_pattern(self) -> tuple[Indices, Indices]:
-        """Slave nodes (p,), and dofs (p, 2) of nodes that their laws may couple them to."""
+        """Slave nodes (p,), and dofs (p, 2) of the nodes that their rows of the law may contain."""
         slave, _, columns = self._coupled()
         return slave[slave >= 0], columns[slave >= 0]
 
     def _coupled(self) -> tuple[Indices, Indices, Indices]:
-        """Pairs of nodes that a facet couples: slave node (-1: of the master) and dofs, dofs."""
+        """Pairs of nodes coupled by a facet: slave node (-1 for a master node) and dofs of both."""
         degree = self._slave.degree
         near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
         place, which = np.nonzero(near >= 0)
@@ -87,9 +94,10 @@ class Reach:
 
 
 def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
-    """Pairs of a facet with any of the ``slaves``, by its first node, and a master node: numbers.
+    """Numbers of pairs of a slave facet with any of ``slaves`` and a master node it meets.
 
-    Each facet has a pair with no node too, the number after the last: an obstacle has none.
+    A pair (first node i of the facet, master node k) has the number i (master nodes + 1) + k. Each
+    facet also has a pair with k = master nodes, since a rigid obstacle has no nodes.
     """
     s, degree, none = o.segments, o.master.degree, o.master.num_nodes
     counts = slaves[s.slave].any(axis=1)
@@ -118,7 +126,7 @@ def _with_next_facets(
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
-    """Pairs as of ``_met`` of given slave and master nodes, one facet of this share a node."""
+    """Numbers as of ``_met`` of pairs of slave and master nodes, one facet per slave node."""
     facets = o.facet_nodes
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]
@@ -127,7 +135,7 @@ def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
 
 
 def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
-    """All pairs (i, k) of places in one group; ``group`` (n,) is sorted."""
+    """All pairs of positions (i, k) within the same group; ``group`` (n,) is sorted."""
     _, start, group_of, counts = np.unique(
         group, return_index=True, return_inverse=True, return_counts=True
     )

@@ -22,9 +22,7 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
-
-# Largest asymmetry of a symmetric matrix over its size [1]: above the rounding of assembly.
-SYMMETRIC = 1e-12
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 _petsc = ctypes.CDLL(PETSc.__file__)
 _set_pattern = _petsc.MatSetPreallocationCOO
@@ -214,7 +212,7 @@ def is_symmetric(K: PETSc.Mat) -> bool:
     x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
     K.mult(x, Kx)
     K.mult(y, Ky)
-    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SYMMETRIC * x.norm() * Ky.norm())
+    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SUM_ROUNDING * x.norm() * Ky.norm())
 
 
 def _check(code: int) -> None:

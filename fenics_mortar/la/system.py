@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""The linear system of one Newton iteration, whether saddle point (Alg. 1) or condensed (Alg. 2).
+"""The linear system of a Newton iteration, as saddle point (Alg. 1) or condensed (Alg. 2).
 
-Unknown are the increment dd and the *new* multiplier z (Foltyn & Vlach 2016, eq. 12), so the
-right-hand side holds r = f_int - f_ext without the contact force:
+The unknowns are the increment dd and the *new* multiplier z (Foltyn & Vlach 2016, eq. 12), so the
+right-hand side contains r = f_int - f_ext without the contact force:
 
     (K + K_c) dd + B^T z = -r         B^T z: +D^T z on slave, -M^T z on master rows
           C dd + A_z z   = rhs        rows of the contact law, see ``interface.Rows``
 
 with K_c = d(B^T z^k)/dd. The row of a prescribed dof is that of the identity: dd = prescribed -
-present. So the operator, called A below, is the derivative of these residuals; ``assemble``
-linearizes, ``solve`` solves with A or A^T, ``step`` solves with the right-hand side above.
+present. The operator A below is the derivative of these residuals: ``assemble`` linearizes,
+``solve`` solves with A or A^T, and ``step`` solves with the right-hand side above.
 
-The multipliers are scaled to forces, z_j = k_j zeta_j / D_jj: this keeps the system well
-conditioned where a node is only partly covered (nodal scaling, Popp, Seitz, Gee & Wall 2013) and
-does not change the iterates. Rows of prescribed dofs are scaled by the largest k_j. Neither scale
-is seen from outside: ``solve`` takes and returns unscaled vectors.
+The multipliers are scaled to forces, z_j = k_j zeta_j / D_jj. Nodal scaling (Popp, Seitz, Gee &
+Wall 2013) keeps the system well conditioned if a node is only partly covered and does not change
+the iterates. Rows of prescribed dofs are scaled by the largest k_j. Both scales are internal:
+``solve`` takes and returns unscaled vectors.
 
-Vectors of both equations are arrays of this rank: values of the owned dofs, then both components of
-each multiplier owned here, in the order of ``places``.
+Vectors are local arrays: values of the owned dofs, then both components of each multiplier owned by
+this rank, in the order of ``places``.
 """
 
 from __future__ import annotations
@@ -42,17 +42,17 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 
 class LinearSystem(ABC):
-    """The part that both forms share: numbering and scales of multipliers, blocks, the solver.
+    """Common base of both forms: numbering and scaling of multipliers, blocks, the solver.
 
     Attributes:
-        places: Global number of the multiplier of each slave node, per contact: in the order of
-            their owners, so that a rank owns a contiguous range.
-        num_multipliers: Multipliers this rank owns.
+        places: Global number of the multiplier of each slave node, (slave nodes,) per contact,
+            ordered by owner, so that a rank owns a contiguous range.
+        num_multipliers: Number of multipliers owned by this rank.
         solver: Solves with ``matrix``.
-        matrix: The matrix last assembled, scaled and with the rows of prescribed dofs.
+        matrix: The last assembled matrix, scaled, with the rows of prescribed dofs.
     """
 
-    has_multipliers: bool  # whether the matrix has rows of theirs
+    has_multipliers: bool  # whether the matrix has rows of multipliers
 
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
@@ -63,7 +63,7 @@ class LinearSystem(ABC):
             bulk: The bodies.
             contacts: The contacts.
             prefix: Prefix of PETSc's options.
-            options: These options without the prefix.
+            options: Options of PETSc without the prefix.
         """
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         owners = np.concatenate([np.empty(0, np.int64), *(c.slave.owners for c in contacts)])
@@ -80,7 +80,7 @@ class LinearSystem(ABC):
         self._reaches: list[Reach] = []
         self._pattern = 0
         self.matrix: PETSc.Mat
-        self._held_scale = 1.0
+        self._prescribed_scale = 1.0
 
     @abstractmethod
     def assemble(self) -> None:
@@ -95,7 +95,8 @@ class LinearSystem(ABC):
         """Solve A x = b, or A^T x = b, with A as last assembled (collective).
 
         Args:
-            b: Right-hand side, shape (owned dofs + 2 owned multipliers,).
+            b: Right-hand side, shape (owned dofs + 2 owned multipliers,); [stress length] in the
+                rows of free dofs.
             transpose: Whether to solve with A^T.
 
         Raises:
@@ -116,18 +117,18 @@ class LinearSystem(ABC):
     # Vectors
 
     def local(self, contact: Interface, place: Indices) -> Indices:
-        """Local positions of the multipliers owned here."""
+        """Local numbers of the owned multipliers of a contact with the numbers ``place``."""
         return place[contact.slave.owned] - self._first_multiplier
 
     def numbered(self) -> Iterator[tuple[Interface, Indices]]:
-        """Contacts with the numbers of their multipliers."""
+        """Each contact with the numbers of its multipliers, (slave nodes,)."""
         return zip(self.contacts, self.places, strict=True)
 
     def collect(self, nodal: Iterable[Array]) -> Array:
-        """Values at the multipliers owned here, shape (num_multipliers, ...) (local).
+        """Values of the owned multipliers, shape (num_multipliers, ...) (local).
 
         Args:
-            nodal: Of each contact, shape (slave nodes, ...), alike on all ranks.
+            nodal: Values of each contact, shape (slave nodes, ...), replicated.
         """
         parts = list(nodal)
         shape = parts[0].shape[1:] if parts else (2,)
@@ -137,11 +138,11 @@ class LinearSystem(ABC):
         return mine
 
     def join(self, u: Array, z: Iterable[Array]) -> Array:
-        """Vector of owned values ``u`` and of the (slave nodes, 2) of each contact (local)."""
+        """Vector of owned values of ``u`` and of ``z`` (slave nodes, 2) of each contact (local)."""
         return np.concatenate([u[: self.bulk.num_owned], self.collect(z).ravel()])
 
     def split(self, x: Array) -> tuple[Array, list[Array]]:
-        """The reverse of ``join``; values of multipliers are on all ranks then (collective)."""
+        """Inverse of ``join``; returns replicated values of multipliers (collective)."""
         mine, z = x[self.bulk.num_owned :].reshape(-1, 2), []
         for contact, place in self.numbered():
             values = np.zeros((contact.slave.num_nodes, 2))
@@ -160,7 +161,7 @@ class LinearSystem(ABC):
 
     def scale(self, contact: Interface) -> Array:
         """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
-        diagonal = np.where(contact.acts, contact.operators.diagonal, contact.nodal_lengths)
+        diagonal = np.where(contact.acts, contact.operators.diagonal, contact.nodal_areas)
         return contact.stiffness / diagonal
 
     def force_blocks(self) -> Iterable[Block]:
@@ -191,31 +192,31 @@ class LinearSystem(ABC):
         """Whether contact goes beyond its reaches; make them anew then (collective)."""
         now = [(c.operators, c.faced()) for c in self.contacts]
         acts = [c.acts | c.z.any(axis=1) for c in self.contacts]
-        holds = self._pattern == self.bulk.num_patterns and all(
-            reach.holds(*state, acting)
+        fits = self._pattern == self.bulk.num_patterns and all(
+            reach.contains(*state, acting)
             for reach, state, acting in zip(self._reaches, now, acts, strict=True)
         )
-        if self.comm.allreduce(holds, MPI.LAND):
+        if self.comm.allreduce(fits, MPI.LAND):
             return False
         self._reaches = [Reach(*state) for state in now]
         self._pattern = self.bulk.num_patterns
         return True
 
-    def _hold(self, matrix: PETSc.Mat, first_row: int) -> None:
-        """Replace the rows of prescribed dofs by k times the identity's (collective)."""
-        self._held_scale = max((float(c.stiffness.max()) for c in self.contacts), default=1.0)
+    def _prescribe_rows(self, matrix: PETSc.Mat, first_row: int) -> None:
+        """Replace the rows of prescribed dofs by k times those of the identity (collective)."""
+        self._prescribed_scale = max((float(c.stiffness.max()) for c in self.contacts), default=1.0)
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        rows = (self.bulk.held + first_row).astype(PETSc.IntType)
-        matrix.zeroRows(rows, diag=self._held_scale)
+        rows = (self.bulk.prescribed_dofs + first_row).astype(PETSc.IntType)
+        matrix.zeroRows(rows, diag=self._prescribed_scale)
 
     def _newton_force(self) -> Array:
-        """-r, and at prescribed dofs the distance to their values, (owned dofs,) (local)."""
+        """-r [stress length], at prescribed dofs the distance to their values [length] (local)."""
         f = -self.bulk.r.array_r[: self.bulk.num_owned]
-        f[self.bulk.held] = self.bulk.distance_to_prescribed()
+        f[self.bulk.prescribed_dofs] = self.bulk.distance_to_prescribed()
         return f
 
     def _solve(self, rhs: Array, *, transpose: bool = False) -> Array:
-        """Solve with ``matrix``, or its transpose; arrays of this rank's rows (collective)."""
+        """Solve with ``matrix`` or its transpose; local arrays (collective)."""
         vector = self.matrix.createVecLeft()
         vector.array[:] = rhs
         solution = self.solver.solve(self.matrix, vector, transpose=transpose)
@@ -226,6 +227,6 @@ class LinearSystem(ABC):
 
 
 def components(nodes: Indices) -> Indices:
-    """Numbers 2 k + component of the numbers ``nodes`` (..., k): shape (..., 2 k)."""
+    """Numbers 2 j + component of both components of ``nodes`` (..., k), shape (..., 2 k)."""
     numbers = 2 * nodes[..., None] + np.arange(2)
     return numbers.reshape(*nodes.shape[:-1], 2 * nodes.shape[-1])

@@ -36,7 +36,7 @@ class Status:
         gap: Largest mean gap of an active node over the node's length [1].
         num_active: Size of the active set.
         num_changed: Nodes that entered or left the active set or changed their branch.
-        noise: Rounding of the residual at this state [force].
+        roundoff: Rounding of the residual at this state [force].
         sets: Hash of the sets, to detect cycles.
         fraction: Fraction of the last step that was applied [1].
     """
@@ -46,7 +46,7 @@ class Status:
     gap: float
     num_active: int
     num_changed: int
-    noise: float
+    roundoff: float
     sets: bytes = b""
     fraction: float = 1.0
 
@@ -75,7 +75,7 @@ class Equations(Protocol):
         """Break a cycle of the sets for one iteration; return a note."""
 
     def seconds(self) -> dict[str, float]:
-        """Seconds since the last call, by phase."""
+        """Wall time since the last call, by phase [s]."""
 
     def diagnose(self) -> str:
         """Message on defects of the state; "" if none are found (collective)."""
@@ -204,7 +204,7 @@ def _failed_tests(
     status: Status, step: Step, force: float, options: NewtonOptions
 ) -> Iterator[str]:
     """Failed tests of convergence, in words."""
-    allowed = options.residual_tolerance * force + status.noise
+    allowed = options.residual_tolerance * force + status.roundoff
     if status.residual > allowed:
         yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"
     if step.increment > options.increment_tolerance:

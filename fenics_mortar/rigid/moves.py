@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One rigid move towards contact: the closest to the wanted one that no node resists."""
+"""Rigid move towards contact: closest to a given move, limited by the gaps of all nodes."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from fenics_mortar.utils.arrays import Array
 def closest_move(
     wanted: Array, closing: Sequence[Array], contacts: Sequence[Contact], back: Array | None = None
 ) -> Array:
-    """The move closest to ``wanted`` that overlaps no node by more than touching (local).
+    """The move closest to ``wanted`` that lets no node overlap by more than a little (local).
 
     Args:
-        wanted: Coefficients of the motions, shape (n,).
-        closing: Rates at which the gaps of each contact close, shapes (slave nodes, n).
-        contacts: The contacts, evaluated.
-        back: Direction, shape (n,), along which no move is taken; none by default.
+        wanted: Coefficients of the motions, shape (n,) [length].
+        closing: Closing rates of the gaps of each contact, shape (slave nodes, n) each [1].
+        contacts: The contacts, evaluated; overlaps up to ``RIGID.overlap`` are admitted.
+        back: Direction in which the move may have no component, shape (n,); none by default.
+
+    Returns:
+        Coefficients of the move, shape (n,) [length].
     """
     room = [np.nan_to_num(c.gap) + RIGID.overlap * c.nodal_lengths for c in contacts]
     rows = [np.empty((0, wanted.size)), *closing]

@@ -45,7 +45,7 @@ class Clock:
         del self._running[depth:]
 
     def read(self) -> dict[str, float]:
-        """Seconds of all ``PHASES`` since the last call."""
+        """Wall time of each of the ``PHASES`` since the last call [s]."""
         self._distribute()
         seconds, self._seconds = self._seconds, {}
         return {phase: seconds.get(phase, 0.0) for phase in PHASES}

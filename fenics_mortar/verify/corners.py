@@ -121,7 +121,7 @@ def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
         across: Direction that pressures are taken along, a unit vector out of the slave.
     """
     pressure = np.where(run, contact.z @ across, 0.0)
-    limit = contact.asker.friction_limit(contact.pair.law, pressure, contact.operators.x)
+    limit = contact.law_calls.friction_limit(contact.pair.law, pressure, contact.operators.x)
     weight = contact.operators.weight
     allowed = float((weight * np.where(run & (pressure > 0.0), limit, 0.0)).sum())
     shear = abs(float((weight * (contact.z @ _right_of(across[None])[0]))[run].sum()))
@@ -188,8 +188,8 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
         pressure: Normal multipliers, shape (slave nodes,) [stress].
     """
     slave, reach = contact.slave, contact.slave.degree
-    held = (contact.free == 0.0).any(axis=1) & np.isin(slave.nodes, contact.idle_nodes)
-    around = slave.along(np.flatnonzero(held), range(-3 * reach, 3 * reach + 1))
+    prescribed = (contact.free == 0.0).any(axis=1) & np.isin(slave.nodes, contact.idle_nodes)
+    around = slave.along(np.flatnonzero(prescribed), range(-3 * reach, 3 * reach + 1))
     there = np.where(around >= 0, pressure[around], 0.0)
     beside = there[:, 2 * reach : 4 * reach + 1].max(axis=1, initial=0.0)
     there[:, 2 * reach : 4 * reach + 1] = 0.0
@@ -199,5 +199,5 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
         ratio = np.nan_to_num(beside / there.max(axis=1, initial=0.0), posinf=np.inf)
     if not ratio.any():
         return {}
-    where = contact.operators.x[np.flatnonzero(held)[ratio.argmax()]]
+    where = contact.operators.x[np.flatnonzero(prescribed)[ratio.argmax()]]
     return {"end_pressure": float(ratio.max()), "end_pressure_at": place(where)}

@@ -84,7 +84,7 @@ def blocks(
     linear_bulk=None,
     **mesh,
 ):
-    """Two blocks, the lower one held or sliding, the upper one moved at its top by ``push``."""
+    """Two blocks, the lower one fixed or sliding, the upper one moved at its top by ``push``."""
     data = read(two_blocks.build, comm=comm, **{**GENERIC, **mesh})
     W = fm.mixed_space(data.mesh, *parts)
     w, push = fem.Function(W), fem.Constant(data.mesh, 0.0)
@@ -260,7 +260,7 @@ def test_linear_displacements_alone_lock_where_mixed_ones_do_not():
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.3])
-def test_body_without_support_is_held_by_contact_alone(gap):
+def test_body_without_conditions_is_supported_by_contact_alone(gap):
     """A traction drives the upper block down; at a free top the bodies' pressure is the load."""
     data = read(two_blocks.build, **GENERIC, gap=gap)
     W = fm.mixed_space(data.mesh, *TAYLOR_HOOD)

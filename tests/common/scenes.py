@@ -121,13 +121,13 @@ def pressed_blocks(
     comm=MPI.COMM_WORLD,
     **mesh: Any,
 ) -> Scene:
-    """Two blocks, the lower held at its bottom, the upper moved at its top by ``loads['push']``."""
+    """Two blocks, the lower fixed at its bottom, the upper moved by ``loads['push']``."""
     data = read(two_blocks.build, comm=comm, **mesh)
     V = fm.vector_space(data.mesh, degree)
     u = fem.Function(V)
-    held, push = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
+    fixed, push = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
     bcs = [
-        fm.dirichlet(V, data, "lower/bottom", held),
+        fm.dirichlet(V, data, "lower/bottom", fixed),
         fm.dirichlet(V, data, "upper/top", push),
     ]
     sides = {"upper": "upper/bottom", "lower": "lower/top"}

@@ -3,9 +3,9 @@
 
 import numpy as np
 import pytest
+from friction_scenes import block_on
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, nodal, pressed_blocks, read
 from scipy.optimize import brentq
-from test_friction import block_on
 
 from dolfinx import fem
 
@@ -53,14 +53,14 @@ def columns(law, *, degree=1, **problem):
     V = fm.vector_space(data.mesh, degree)
     u, lift = fem.Function(V), fem.Constant(data.mesh, 0.0)
     walls = [f"{body}/{side}" for body in ("upper", "lower") for side in ("left", "right")]
-    held = [fm.dirichlet(V, data, wall, 0.0, component=0) for wall in walls]
-    held += [
+    fixed = [fm.dirichlet(V, data, wall, 0.0, component=0) for wall in walls]
+    fixed += [
         fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)),
         fm.dirichlet(V, data, "upper/top", lift, component=1),
     ]
     pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
     problem_ = fm.ContactProblem(
-        internal(u, neo_hookean(u, E, NU)), u, [pair], bcs=held,
+        internal(u, neo_hookean(u, E, NU)), u, [pair], bcs=fixed,
         petsc_options_prefix="test_", newton=TIGHT, **problem,
     )  # fmt: skip
     return problem_, lift
@@ -84,7 +84,7 @@ def traction(stretch: float) -> float:
 def test_columns_are_pulled_by_the_closed_form(degree, law, options):
     """The stress of two columns of height 2 is the adhesion across their gap, to rounding.
 
-    Closed they bear all tensions up to a(0); apart they are held by a(g).
+    Closed they bear all tensions up to a(0); apart they bear a(g).
     """
     problem, lift = columns(law, degree=degree, **options)
     height = 2.0

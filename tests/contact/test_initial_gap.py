@@ -22,15 +22,15 @@ from meshes import rings
 E, NU = 100.0, 0.3
 
 
-def press_fit(material=neo_hookean, n_inner=16, n_outer=12, held=(), **pair):
-    """Rings between the radii 1, 2 and 3; the outer one held at its outside, the inner one free.
+def press_fit(material=neo_hookean, n_inner=16, n_outer=12, fixed=(), **pair):
+    """Rings between the radii 1, 2 and 3; the outer one fixed at its outside, the inner one free.
 
     Free, the inner polygon turns until it fits best, and there are several such places.
     """
     data = read(rings.build, n_inner=n_inner, n_outer=n_outer, layers_inner=3, layers_outer=3)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
-    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("outer/outside", *held)]
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("outer/outside", *fixed)]
     contact = fm.ContactPair(data, "inner/outside", "outer/inside", **pair_options(pair))
     residual = internal(u, material(u, E, NU))
     return fm.ContactProblem(
@@ -39,7 +39,7 @@ def press_fit(material=neo_hookean, n_inner=16, n_outer=12, held=(), **pair):
 
 
 def lame_pressure(interference):
-    """Pressure of an elastic ring in one held at its outside, plane strain (Lame)."""
+    """Pressure of an elastic ring in one fixed at its outside, plane strain (Lame)."""
     a, b, c = 1.0, 2.0, 3.0
     mu, lmbda = lame(E, NU)
     # u = A r + B / r, stress_rr = 2 (lmbda + mu) A - 2 mu B / r^2; unit pressure at r = b.
@@ -96,7 +96,7 @@ def test_interference_of_polygons_gives_the_pressure_of_circles(n, uneven):
 
 
 def test_ramped_overlap_ends_in_the_same_state():
-    direct, ramped = (press_fit(held=("inner/inside",)) for _ in range(2))
+    direct, ramped = (press_fit(fixed=("inner/inside",)) for _ in range(2))
     direct.solve()
     contact = ramped.equations.contacts[0]
     overlap = np.nan_to_num(contact.gap).clip(max=0.0)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Sticks that follow from other constraints: found where pairs meet, elastic, exact in patches."""
 
-import held
 import numpy as np
 import pytest
+import supported
 
 from fenics_mortar.contact.redundancy import dependent, repeating
 
@@ -31,7 +31,7 @@ def test_only_rows_whose_slave_nodes_other_pairs_touch_are_compared():
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 def test_uniform_pressure_across_a_joint_is_exact(cells, slave):
     """A facet spans the joint of two blocks; its gaps make their corners stick already."""
-    scene = held.t_junction(cells, side=0.5, slave=slave)
+    scene = supported.t_junction(cells, side=0.5, slave=slave)
     (report,) = scene.solve()
     assert report.num_iterations <= 10
     assert scene.wrong(scene) == ""
@@ -40,7 +40,7 @@ def test_uniform_pressure_across_a_joint_is_exact(cells, slave):
 @pytest.mark.parametrize("mu, cells", [(0.2, (4,)), (0.6, (4, 6, 2)), (0.4, (3, 5))])
 def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, cells):
     """Running bond, weight, then a quarter of the push that it bears; 68 to 78 before or none."""
-    scene = held.wall(2, 2, mu, push=0.25, cells=cells)
+    scene = supported.wall(2, 2, mu, push=0.25, cells=cells)
     reports = list(scene.solve())
     assert max(report.num_iterations for report in reports) <= 10
     assert all(report.certificate.violations() == [] for report in reports)
@@ -52,7 +52,7 @@ def test_walls_take_few_iterations_and_tell_of_shears_that_are_not_unique(mu, ce
 
 
 def test_state_of_redundant_shears_is_kept_by_a_further_solve():
-    scene = held.wall(2, 2, 0.6, push=0.25)
+    scene = supported.wall(2, 2, 0.6, push=0.25)
     list(scene.solve())
     before = [contact.z.copy() for contact in scene.problem.equations.contacts]
     scene.problem.solve()

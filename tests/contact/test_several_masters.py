@@ -37,7 +37,7 @@ def problem_on(data, slave, masters, *, strain="finite", bcs=None, load=None, pa
 
 
 def disk(half, depth=None, **options):
-    """A disk in a groove: pushed down at its middle, or held by nothing and heavy."""
+    """A disk in a groove: pushed down at its middle, or heavy without Dirichlet conditions."""
     sides = flanks(half)
     shape = sector(72, 4, radii=(0.5, 1.0), centre=(0.0, 1.0 / np.sin(half)))
     data = read(lambda: mapped_grids.build([Grid("disk", shape, closed=True)]))
@@ -140,7 +140,7 @@ def test_corner_in_the_tip_of_a_groove_is_pressed_evenly(strain, sliding):
 
 
 def test_driven_separately():
-    """Two walls of a channel press a disk that they alone hold: each with its own force."""
+    """Two walls of a channel press a disk that they alone support: each with its own force."""
     walls = (
         fm.Plane((-1.05, 0.0), (1.0, 0.0), name="left"),
         fm.Plane((1.0, 0.0), (-1.0, 0.0), name="right"),
@@ -220,7 +220,7 @@ PATH = [
     [(False, "finite", None), (True, "finite", None), (False, "linear", True)],
 )
 def test_corner_sticks_to_floor_and_wall(meshed, strain, linear_bulk):
-    """Two gaps hold it, and stick does so again: of obstacles the system would be singular.
+    """Two gaps fix it, and stick does so again: of obstacles the system would be singular.
 
     Floor and wall that deform by themselves leave it free to stick to both.
     """

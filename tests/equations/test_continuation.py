@@ -95,7 +95,8 @@ def test_states_and_laws_that_a_user_sets_are_taken_as_they_are():
     assert np.array_equal(starts.solve(0.0, -0.15)[0], states[1])
 
 
-def test_step_that_failed_and_is_cut_by_the_user_starts_where_the_last_two_lead():
+def test_step_that_failed_and_is_cut_by_the_user_is_part_of_the_path():
+    """The guess failed, so that the next step has none; the one after that starts from a guess."""
     starts, states = pressed_twice()
     here, options = starts.problem.state(), starts.problem.newton
     starts.problem.newton = replace(options, max_iterations=1, residual_tolerance=1e-15)
@@ -103,8 +104,10 @@ def test_step_that_failed_and_is_cut_by_the_user_starts_where_the_last_two_lead(
         starts.solve(0.0, -0.15)
     starts.problem.newton = options
     starts.problem.restore(here)
-    begun, _ = starts.solve(0.0, -0.125)
-    assert np.abs(begun - extrapolated(*states, 0.5)).max(initial=0.0) < 1e-12
+    assert np.array_equal(starts.solve(0.0, -0.125)[0], states[1])
+    cut = starts.state()
+    begun, _ = starts.solve(0.0, -0.15)
+    assert np.abs(begun - extrapolated(states[1], cut)).max(initial=0.0) < 1e-12
 
 
 def test_plain_loop_takes_the_iterations_of_a_path():

@@ -7,12 +7,15 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from scenes import linear_elastic, neo_hookean, nodal, pressed_blocks
+from scenes import internal, linear_elastic, neo_hookean, nodal, pressed_blocks, read
 
 import ufl
+from dolfinx import fem
 
+import fenics_mortar as fm
 from fenics_mortar.equations import linear_bulk
 from fenics_mortar.la.costs import COSTS
+from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD
 MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
@@ -73,21 +76,25 @@ def test_many_solves_pay_for_dense_matrices(monkeypatch):
     assert "factored once" in report.solver
 
 
+def disc_on_block(reduced):
+    """A half disc on a block, whose facets are ten times shorter than the way of its flat side."""
+    build = half_cylinder_on_block.build
+    data = read(build, radius=1.0, width=4.0, height=2.0, h=0.012, fine=0.05, growth=0.4)
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, -0.12))
+    bcs = [fm.dirichlet(V, data, "block/bottom", (0.0, 0.0))]
+    bcs.append(fm.dirichlet(V, data, "cylinder/top", push))
+    pair = fm.ContactPair(data, "cylinder/arc", "block/top")
+    residual = internal(u, linear_elastic(u, 1.0, 0.3))
+    return fm.ContactProblem(
+        residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", linear_bulk=reduced
+    )
+
+
 def test_steps_that_would_invert_cells_are_shortened_as_on_all_dofs():
-    """The top goes down by a whole layer of cells: one node touches first, and would hold it."""
-    found = []
-    for reduced in (False, True):
-        scene = pressed_blocks(
-            material=linear_elastic, problem={"linear_bulk": reduced}, n_upper=24, n_lower=36,
-            layers_upper=24, layers_lower=24,
-        )  # fmt: skip
-        scene.loads["push"].value[:] = (0.0, -0.1)
-        scene.problem.equations.contacts[0].offset = np.where(
-            np.abs(scene.contact.slave.X[:, 0] - scene.contact.slave.X[:, 0].mean()) < 1e-6,
-            0.08, 0.0,
-        )  # fmt: skip
-        found.append((scene.problem, scene.problem.solve(accept_violations=True)))
-    (one, general), (other, report) = found
+    """One node touches at first, and would hold the disc's cells."""
+    one, other = (disc_on_block(reduced) for reduced in (False, True))
+    general, report = one.solve(), other.solve()
     assert min(it.fraction for it in general.iterations) < 1.0
     assert [it.fraction for it in general.iterations] == [it.fraction for it in report.iterations]
     assert "factored once" in report.solver and not any("astray" in n for n in report.notes)

@@ -10,7 +10,7 @@ import pytest
 import test_adhesion
 import test_mixed
 import test_several_masters
-import test_tied
+import tied_scenes
 from scenes import TIGHT, internal, linear_elastic, neo_hookean, pressed_blocks, read
 from test_obstacles import KINDS, block_under
 from test_operators import dense
@@ -38,11 +38,11 @@ def assembled(problem):
     scale = np.concatenate([np.empty(0), *(np.repeat(system.scale(c), 2) for c in contacts)])
     B_T, A_z = B_T[:, order] / scale, A_z[np.ix_(order, order)] / scale
     C = C[order]
-    held = np.concatenate(
-        comm.allgather(problem.equations.bulk.held + problem.equations.bulk.first)
+    fixed = np.concatenate(
+        comm.allgather(problem.equations.bulk.prescribed_dofs + problem.equations.bulk.first)
     )
-    K[held], B_T[held] = 0.0, 0.0
-    K[held, held] = 1.0
+    K[fixed], B_T[fixed] = 0.0, 0.0
+    K[fixed, fixed] = 1.0
     n, m, k = len(K), len(A_z), 3 * len(motions.obstacles)
     A = np.zeros((n + m + k, n + m + k))
     A[:n, :n], A[:n, n : n + m], A[n : n + m, :n], A[n : n + m, n : n + m] = K, B_T, C, A_z
@@ -205,9 +205,9 @@ def test_several_pairs_and_ties(algorithm):
 
 
 def test_ties_with_a_crosspoint():
-    data, pairs = test_tied.four_blocks()
+    data, pairs = tied_scenes.four_blocks()
     around = ["c/bottom", "d/bottom", "a/top", "b/top"]
-    problem, _ = test_tied.tied(data, pairs, around, 0.05 * test_tied.STRAIN)
+    problem, _ = tied_scenes.tied(data, pairs, around, 0.05 * tied_scenes.STRAIN)
     problem.solve()
     check(problem)
 
@@ -228,11 +228,11 @@ def test_multigrid(algorithm):
 
 def test_multigrid_of_tied_bodies():
     """Its cycle is conjugate gradients, to 1e-9 of their own."""
-    data = test_tied.blocks((5, 8), width_lower=1.2)
+    data = tied_scenes.blocks((5, 8), width_lower=1.2)
     options = {"solver": "iterative", "petsc_options": {"ksp_rtol": 1e-13}}
-    problem, _ = test_tied.tied(
-        data, [fm.TiedPair(data, *test_tied.ROLES[0])], test_tied.ENDS, 0.1 * test_tied.STRAIN,
-        law=test_tied.linear, **options,
+    problem, _ = tied_scenes.tied(
+        data, [fm.TiedPair(data, *tied_scenes.ROLES[0])], tied_scenes.ENDS,
+        0.1 * tied_scenes.STRAIN, law=tied_scenes.linear, **options,
     )  # fmt: skip
     problem.solve()
     check(problem)

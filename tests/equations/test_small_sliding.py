@@ -120,11 +120,11 @@ def test_obstacles(obstacle):
         tool = (
             fm.Plane((1.1, 1.0), (0.1, 1.0)) if obstacle == "plane" else fm.Circle((1.1, -1.0), 2.0)
         )
-        held = [fm.dirichlet(V, scene.data, "upper/top", np.zeros(2))]
-        held += [fm.dirichlet(V, scene.data, "lower/bottom", np.zeros(2))]
+        fixed = [fm.dirichlet(V, scene.data, "upper/top", np.zeros(2))]
+        fixed += [fm.dirichlet(V, scene.data, "lower/bottom", np.zeros(2))]
         pair = fm.ContactPair(scene.data, "upper/bottom", tool, sliding="small")
         problem = fm.ContactProblem(
-            internal(u, linear_elastic(u, 100.0, 0.3)), u, [pair], bcs=held,
+            internal(u, linear_elastic(u, 100.0, 0.3)), u, [pair], bcs=fixed,
             petsc_options_prefix="test_", linear_bulk=linear_bulk,
         )  # fmt: skip
         for height in (0.02, 0.05):

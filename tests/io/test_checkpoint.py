@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
-from test_adequacy import climbing
+from test_climbing import climbing
 
 from dolfinx import fem
 
@@ -204,7 +204,7 @@ def test_restart_of_a_climb_is_the_uninterrupted_run(shared_path, law, check):
 
 
 def on_a_circle(x):
-    """A block held at its top, with small sliding on a circle that was moved before the set-up."""
+    """A block fixed at its top, with small sliding on a circle that was moved before the set-up."""
     blocks = pressed_blocks(**MESH)
     u = fem.Function(blocks.u.function_space)
     circle = fm.Circle((1.1, -1.0), 2.02)

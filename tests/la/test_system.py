@@ -110,12 +110,12 @@ def test_node_with_prescribed_displacement_has_no_multiplier(algorithm):
     assert np.abs(contact.z[0]).max() == 0.0
     forces = contact.operators.force(contact.z)
     assert np.abs(forces[0].sum(axis=0) + forces[1].sum(axis=0)).max() < 1e-13
-    assert np.abs(forces[0][0]).max() > 0.0  # the neighbour's weight reaches the held node
+    assert np.abs(forces[0][0]).max() > 0.0  # the neighbour's weight reaches the fixed node
 
 
 @pytest.mark.parametrize("algorithm", [None, "saddle"])
 def test_body_that_moves_only_vertically_feels_the_oblique_normal(algorithm):
-    """The upper block is held sideways: the force is along the normal all the same."""
+    """The upper block is fixed sideways: the force is along the normal all the same."""
     data = read(two_blocks.build, inclination=np.radians(25), **MESH)
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)

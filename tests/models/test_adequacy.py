@@ -3,16 +3,8 @@
 
 import numpy as np
 import pytest
-from scenes import (
-    TIGHT,
-    internal,
-    linear_elastic,
-    neo_hookean,
-    nodal,
-    pressed_blocks,
-    read,
-    rotation,
-)
+from adequacy_scenes import MESH, blocks
+from scenes import internal, linear_elastic, neo_hookean, nodal, pressed_blocks, read, rotation
 
 import ufl
 from dolfinx import fem
@@ -32,26 +24,6 @@ from fenics_mortar.models.model_error import (
 )
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, sector
-
-MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
-
-
-def blocks(push, *, strain="linear", sliding="finite", solve=True, **check):
-    """Two blocks, solved by a rung of the ladder; a check that knows the finite residual."""
-    scene = pressed_blocks(**MESH)
-    data, V, bcs = scene.data, scene.u.function_space, scene.problem.equations.bulk.bcs
-    u = fem.Function(V)
-    laws = {"linear": linear_elastic, "finite": neo_hookean}
-    forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in laws.items()}
-    richer = {"finite_strain": forms["finite"]} if strain == "linear" else {}
-    problem = fm.ContactProblem(
-        forms[strain], u, [fm.ContactPair(data, "upper/bottom", "lower/top", sliding=sliding)],
-        bcs=bcs, petsc_options_prefix="test_",
-        adequacy=fm.AdequacyCheck(**{"tolerance": 0.02, **richer, **check}),
-    )  # fmt: skip
-    scene.loads["push"].value[:] = push
-    return problem, (problem.solve() if solve else None)
-
 
 RUNGS = [("linear", "finite"), ("finite", "small"), ("linear", "small")]
 
@@ -145,11 +117,11 @@ def soft_on(tool, *, angle=0.0):
     rise = np.array([0.02, 0.03])
     plane = fm.Plane((0.0, 0.0), turn @ [0.0, 1.0])
     plane.move(x=rise[0], y=rise[1], angle=-angle)
-    held = [fm.dirichlet(u.function_space, data, "soft/top", (0.0, 0.0))]
+    fixed = [fm.dirichlet(u.function_space, data, "soft/top", (0.0, 0.0))]
     if tool == "meshed":
-        held.append(fm.dirichlet(u.function_space, data, "tool/bottom", rise))
+        fixed.append(fm.dirichlet(u.function_space, data, "tool/bottom", rise))
     pair = fm.ContactPair(data, "soft/bottom", "tool/top" if tool == "meshed" else plane)
-    problem = fm.ContactProblem(residual, u, [pair], bcs=held, petsc_options_prefix="test_")
+    problem = fm.ContactProblem(residual, u, [pair], bcs=fixed, petsc_options_prefix="test_")
     problem.solve()
     elastic = internal(w, linear_elastic(w, 100.0 * STIFFER, 0.3))
     grip = [fm.dirichlet(w.function_space, alone, "tool/bottom", (0.0, 0.0))]
@@ -233,7 +205,7 @@ def test_facets_of_a_meshed_tool_stand_beside_its_elasticity():
     assert "facets deviate" in str(check)
 
 
-def test_a_tool_has_to_be_held():
+def test_a_tool_has_to_be_fixed():
     _, tool = soft_on("rigid")
     with pytest.raises(ValueError, match="body of plane can move"):
         tool([])
@@ -353,116 +325,3 @@ def test_friction_counts_the_slip_of_all_steps():
     (assumption,) = report.adequacy.assumptions
     for name in QUANTITIES:
         assert 0.8 < assumption.errors[name] / true[name] < 1.25, (name, true, assumption.errors)
-
-
-STRICT = {"tolerance": 1e-6, "discretisation": 1e-6}
-PATH = [(0.0, -0.02), (0.05, -0.1), (0.1, -0.1)]
-
-
-def climbing(law=None, **check):
-    """Blocks of the full model, alone or with a climb, and how often K is factored for them."""
-    scene = pressed_blocks(**MESH)
-    u = fem.Function(scene.u.function_space)
-    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", law=law)
-    problem = fm.ContactProblem(
-        internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=scene.problem.equations.bulk.bcs,
-        petsc_options_prefix="test_", newton=TIGHT,
-        adequacy=fm.AdequacyCheck(hierarchy=True, **check) if check else None,
-    )  # fmt: skip
-    steps, advance = [], problem.equations.advance
-    problem.equations.advance = lambda: steps.append(1) or advance()
-    return problem, scene.loads["push"].value, steps
-
-
-@pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
-def test_climb_reaches_the_full_model_where_it_is_needed(law):
-    """Slip counts from the accepted states, whatever models were tried in between."""
-    (full, push, _), (problem, same_push, _) = climbing(law), climbing(law, **STRICT)
-    for step in PATH:
-        push[:] = same_push[:] = step
-        full.solve()
-        report = problem.solve()
-        assert report.certificate.violations() == []
-        assert report.adequacy.suffices and not report.adequacy.assumptions
-        u, w = nodal(full), nodal(problem)
-        assert np.abs(u - w).max() < 1e-9 * np.abs(u).max()
-        z, w = full.equations.contacts[0].z, problem.equations.contacts[0].z
-        assert np.abs(z - w).max() < 1e-8 * np.abs(z).max()
-
-
-def test_climb_stays_where_it_is_enough():
-    """A step of the full model for a load instead of all; the answer is the cheap model's.
-
-    For the second load there is none: it is by a tenth more than what was checked before.
-    """
-    (full, push, steps), (problem, same_push, few) = climbing(), climbing(tolerance=0.05)
-    for depth in (0.005, 0.0055, 0.02):
-        push[1] = same_push[1] = -depth
-        full.solve()
-        report = problem.solve()
-        (assumption,) = report.adequacy.assumptions
-        assert assumption.name == "linear strain and small sliding" and report.adequacy.suffices
-        assert report.certificate.violations() == []
-        true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
-        for name in QUANTITIES:  # of the rung's own forces, not of its pressures on moved segments
-            assert 0.9 < assumption.errors[name] / true[name] < 1.1, (name, true)
-    assert len(few) == 2 and len(steps) >= 8
-
-
-def test_climb_ends_on_a_rung_between():
-    """Slip of a facet, hardly any strain: linear, but sliding as it is."""
-    problem, push, steps = climbing(tolerance=0.02)
-    full, same_push, _ = climbing()
-    push[:] = same_push[:] = (0.3, -0.003)
-    names = [a.name for a in problem.solve().adequacy.assumptions]
-    assert names == ["linear strain"]
-    full.solve()
-    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
-    assert 1e-5 < true[ENERGY] < 0.02
-    del steps[:]
-    problem.solve()
-    assert not steps  # the rung below is not tried again, nor this one checked where it was
-
-
-def test_climb_stops_at_the_error_of_the_mesh():
-    """Known or estimated; the table says so."""
-    for known in ({}, {"discretisation": 0.5}):
-        problem, push, _ = climbing(tolerance=1e-4, **known)
-        push[1] = -0.02
-        adequacy = problem.solve().adequacy
-        (assumption,) = adequacy.assumptions
-        assert not adequacy.suffices and adequacy.discretisation > adequacy.error
-        assert adequacy.verdict(assumption) == "refine the mesh first"
-
-
-def test_the_error_of_the_mesh_is_not_that_of_the_model():
-    """Slip of facets with small sliding leaves residuals that are no fault of the mesh."""
-    problem, push, _ = climbing(tolerance=1e-4)
-    (full, same_push, _) = climbing()
-    push[:] = same_push[:] = (0.4, -0.03)
-    adequacy = problem.solve().adequacy
-    full.solve()
-    assert adequacy.discretisation == pytest.approx(full.estimate().relative, rel=0.2)
-    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))[ENERGY]
-    assert true < adequacy.discretisation
-
-
-def test_climb_goes_on_where_a_rung_fails(monkeypatch):
-    """A cheap model that has no solution leaves no trace."""
-    (full, push, _), (problem, same_push, _) = climbing(), climbing(tolerance=0.5)
-    hierarchy = problem._adequacy._hierarchy
-    models = [hierarchy._model, *hierarchy._models]
-    hierarchy._models = iter(models[1:])
-    assert len(models) == 2
-    for model in models:
-
-        def fail(rung=model.problem):
-            rung.equations.bulk.u.x.array[:] = 0.01
-            raise fm.MortarError("no")
-
-        monkeypatch.setattr(model.problem, "solve", fail)
-    push[:] = same_push[:] = PATH[1]
-    full.solve()
-    problem.solve()
-    u, w = nodal(full), nodal(problem)
-    assert np.abs(u - w).max() < 1e-9 * np.abs(u).max()

@@ -9,7 +9,7 @@ import pytest
 import fenics_mortar as fm
 from fenics_mortar.newton.loop import LOOSEST, Status, Step, forcing, period_of, solve
 from fenics_mortar.newton.report import Iteration, NewtonReport, once
-from fenics_mortar.rigid import release
+from fenics_mortar.rigid import proximal
 
 
 class Root:
@@ -159,7 +159,7 @@ def test_linear_solves_are_asked_for_something_whatever_the_residuals(residuals,
 
 
 class Springs:
-    """Equations that springs hold, in name only."""
+    """Equations with springs, in name only."""
 
     def __init__(self):
         self.springs = self
@@ -170,17 +170,17 @@ class Springs:
     def restore(self, state):
         pass
 
-    def hold(self, travel):
+    def anchor(self, elongation):
         pass
 
-    def let_go(self):
+    def remove_springs(self):
         pass
 
-    def travel(self):
+    def max_motion(self):
         return 0.0
 
 
-def test_record_of_a_slow_release_that_fails_has_all_iterations(monkeypatch):
+def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
     """Tied by springs it converges, free it does not, nor tied again."""
     iteration = Iteration(1.0, 0.0, 0.0, 1.0, 0, 0, {})
     outcomes = iter([(5, True), (30, False), (7, False)])
@@ -192,10 +192,10 @@ def test_record_of_a_slow_release_that_fails_has_all_iterations(monkeypatch):
             return report
         raise fm.NotConvergedError("", report)
 
-    monkeypatch.setattr(release, "solve", solve)
+    monkeypatch.setattr(proximal, "solve", solve)
     first = fm.NotConvergedError("", NewtonReport([iteration] * 31))
     with pytest.raises(fm.NotConvergedError) as error:
-        release.release_slowly(Springs(), fm.NewtonOptions(), first)
+        proximal.solve_with_springs(Springs(), fm.NewtonOptions(), first)
     assert error.value.report.num_iterations == 30 + 5 + 30 + 7
 
 

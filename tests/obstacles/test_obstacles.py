@@ -41,7 +41,7 @@ KINDS = {
 
 
 def block_under(obstacle, *, degree=1, pair=None, material=neo_hookean, **options):
-    """The lower block, held at its bottom, with its top against ``obstacle``."""
+    """The lower block, fixed at its bottom, with its top against ``obstacle``."""
     size = {"n_lower": 8, "layers_lower": 6} if degree == 1 else {"n_lower": 4, "layers_lower": 3}
     data = read(two_blocks.build, width_lower=1.0, gap=3.0, **size)
     V = fm.vector_space(data.mesh, degree)

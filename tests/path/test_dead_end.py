@@ -43,7 +43,7 @@ def ironing(mu):
             Body(Grid("tool", tool), E=10.0),
         ],
         pairs=[("ground/top", "tool/bottom")],
-        supports=[families.HELD, Support(["tool/top"], path)],
+        supports=[families.FIXED, Support(["tool/top"], path)],
         steps=18,
         pair={"law": fm.Coulomb(mu)},
     )

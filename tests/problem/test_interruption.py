@@ -11,7 +11,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 from scenes import linear_elastic, neo_hookean, pressed_blocks
-from test_adequacy import climbing
+from test_climbing import climbing
 from test_driven import block_under
 from test_floating import falling_disk
 
@@ -59,7 +59,7 @@ def everything(problem):
     contacts = [c.operators for c in problem.equations.contacts]
     options = PETSc.Options("test_").getAll()
     of = problem.equations
-    springs = [id(held.springs) for held in (of.floating, of.motions)]  # frozen values
+    springs = [id(each.springs) for each in (of.floating, of.motions)]  # frozen values
     return state, contacts, options, problem.newton, springs, clock.depth
 
 
@@ -126,8 +126,8 @@ def test_a_solve_may_be_interrupted_anywhere(name):
 
 
 @pytest.mark.serial
-def test_a_release_by_springs_may_be_interrupted_anywhere():
-    """A disk that may roll, held by springs that let go."""
+def test_a_solve_with_springs_may_be_interrupted_anywhere():
+    """A disk that may roll, by the proximal point method with springs."""
     problem = falling_disk(0.1)
     interrupt_at_random(problem, problem.solve, seed=3, times=2)
 

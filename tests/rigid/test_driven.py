@@ -58,7 +58,7 @@ def test_force_leads_to_where_displacement_did(kind, degree, algorithm):
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_egg_rolls_until_it_lies(degree):
-    """An ellipse, free to move and to turn, on nodes that hardly resist its rolling: springs hold
+    """An ellipse, free to move and to turn, on nodes that hardly resist its rolling: springs anchor
     it and let go. At rest it is pressed by its push alone, with an axis along the surface.
     """
     t = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
@@ -73,8 +73,8 @@ def test_egg_rolls_until_it_lies(degree):
     part = report.certificate.springs
     assert egg.reaction == pytest.approx((0.0, 0.2, 0.0), abs=0.2 * max(part, 1e-8))
     rise = (0.4**2 - 0.25**2) / 0.25  # of the height of its middle by the angle squared, twice
-    held = part * problem.equations.contacts[0].arm / rise
-    assert egg.place[2] == pytest.approx(-slope, abs=1e-3 + held)
+    tolerance = part * problem.equations.contacts[0].arm / rise
+    assert egg.place[2] == pytest.approx(-slope, abs=1e-3 + tolerance)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_newton_is_quadratic(kind, solver):
 
 
 def columns(obstacle, **heights):
-    """Blocks side by side, held at their bottoms, with their tops against one obstacle."""
+    """Blocks side by side, fixed at their bottoms, with their tops against one obstacle."""
     boxes = {name: (2.0 * i, 0.0, 1.0, h) for i, (name, h) in enumerate(heights.items())}
     data = read(rectangles, size=0.25, **boxes)
     V = fm.vector_space(data.mesh, 1)
@@ -187,9 +187,9 @@ def test_forces_and_moments_of_supports_and_obstacle_cancel():
     obstacle.push(x=0.01, y=-6.0, moment=0.5)
     problem.solve()
     bulk, contact, _ = problem.forces()
-    held = np.zeros(bulk.size)
-    held[problem.equations.bulk.held] = (bulk + contact)[problem.equations.bulk.held]
-    on_nodes = held.reshape(-1, 2)
+    prescribed, reactions = problem.equations.bulk.prescribed_dofs, np.zeros(bulk.size)
+    reactions[prescribed] = (bulk + contact)[prescribed]
+    on_nodes = reactions.reshape(-1, 2)
     x = problem.equations.bulk.positions()[: len(on_nodes)]
     mine = [*on_nodes.sum(axis=0), (x[:, 0] * on_nodes[:, 1] - x[:, 1] * on_nodes[:, 0]).sum()]
     supports = comm.allreduce(np.array(mine))
@@ -201,7 +201,7 @@ def test_forces_and_moments_of_supports_and_obstacle_cancel():
 
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_body_falls_on_a_rigid_floor(algorithm):
-    """Nothing holds the block but the floor: it is let down by its weight, and lies evenly."""
+    """Nothing supports the block but the floor: it is let down by its weight, and lies evenly."""
     data = read(rectangles, size=0.25, block=(0.0, 0.3, 1.0, 1.0))
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
@@ -224,7 +224,7 @@ def test_body_falls_on_a_rigid_floor(algorithm):
 
 
 def test_block_between_a_floor_and_a_lid():
-    """Nothing holds the block but two planes: one at rest, one driven."""
+    """Nothing supports the block but two planes: one at rest, one driven."""
     data = read(rectangles, size=0.25, block=(0.0, 0.0, 1.0, 1.0))
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
@@ -290,7 +290,7 @@ def test_loaded_obstacle_that_slides_away_is_named():
 
 @pytest.mark.serial
 def test_wheel_that_friction_lets_go_slides_no_further_than_a_step_may():
-    """It is held on the slope of a pit, y = 0.3 x^2, and let go, by one step or along a path.
+    """A force keeps it on the slope y = 0.3 x^2 and is removed in one step or along a path.
 
     It slides to where the slope is the coefficient of friction, x = 0.1667; its middle is then
     above sin(angle) further inside. Corners of facets turn the slope by up to 0.3 h = 0.02.
@@ -312,14 +312,14 @@ def test_wheel_that_friction_lets_go_slides_no_further_than_a_step_may():
     )
     wheel.push(y=-1.0)
     problem.solve()
-    start, held = problem.state(), -wheel.reaction[0]
+    start, force = problem.state(), -wheel.reaction[0]
     wheel.push(x=0.0)
     (violation,) = problem.solve(accept_violations=True).certificate.violations()
     assert "slid away" in violation
     end = wheel.place.copy()
     problem.restore(start)
     path = fm.follow_path(
-        problem, lambda time: wheel.push(x=(1.0 - time) * held), fm.SteppingOptions(step=1.0)
+        problem, lambda time: wheel.push(x=(1.0 - time) * force), fm.SteppingOptions(step=1.0)
     )
     assert path.num_cuts and "slid away" in path.steps[0].failures[0].reason
     assert np.abs(wheel.place - end).max() < 1e-9

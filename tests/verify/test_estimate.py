@@ -120,8 +120,8 @@ def test_facets_that_are_covered_in_part_bear_the_force_on_that_part(degree, sla
     (contact,), rule = problem.equations.contacts, gauss_rule(3)
     contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
     contact.change(z=np.tile([1.0, -3.0], (len(contact.z), 1)))
-    held = problem.equations.bulk.prescribed.astype(float)
-    for surface, tractions in interface_tractions(contact, held, rule):
+    prescribed = problem.equations.bulk.prescribed.astype(float)
+    for surface, tractions in interface_tractions(contact, prescribed, rule):
         ends = np.sort(surface.X[surface.facets[:, [0, -1]], 0])
         covered = np.diff(np.clip(ends, 0.5, 1.5))
         force = np.einsum("q,fqc->fc", rule[1], tractions) * np.diff(ends) / 2

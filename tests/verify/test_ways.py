@@ -8,7 +8,7 @@ from test_crossing_kernels import circle, outline, rectangle
 
 import fenics_mortar as fm
 from fenics_mortar.kernels import passage
-from fenics_mortar.verify.ways import Motions, own_frame, went_through
+from fenics_mortar.verify.ways import Motions, own_frame, passed_through
 
 
 def count_passages(x0, x1, segments, after, before, bodies):
@@ -103,5 +103,5 @@ def test_nodes_on_an_obstacle_that_turns_with_them_do_not_go_through(seed):
             for x, place in ((block, (0.0, 0.0, 0.0)), (end, (*shift, angle)))
         )
         knots = Motions(x0, x1, np.zeros(len(x0), np.int64)).ways()
-        depth = went_through(sheet, knots, np.zeros(len(x0)), np.full(len(x0), 0.1))
+        depth = passed_through(sheet, knots, np.zeros(len(x0)), np.full(len(x0), 0.1))
         assert (depth > 0.0).any() == through

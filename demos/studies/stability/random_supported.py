@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Random scenes of bodies that contact with friction alone holds, each from a seed.
+"""Random scenes of bodies supported by contact with friction alone, each from a seed.
 
 First the weight grows, until time 1, then another load: it is drawn as a part of what limit
 analysis of the rigid bodies allows, from little to more than that. So each case knows whether, and
@@ -21,16 +21,17 @@ from demos.studies.stability.limit_analysis import (
     judge,
     normal_of,
     touching_lines,
+    touching_nodes,
     touching_plane,
 )
 from demos.studies.stability.placement import draw_placement
 from demos.studies.stability.random_bodies import Array, Body, draw_cells, split
-from demos.studies.stability.random_cases import Case, Held
+from demos.studies.stability.random_cases import Case, Prescribed
 from demos.studies.stability.user_laws import Rule
 
 # Elastic bodies move by up to this many times the sum of the loads over Young's modulus.
 YIELDING = 60.0
-# Limit analysis is of rigid bodies; elastic ones may give way, or hold, that much earlier or later.
+# Limit analysis is of rigid bodies; elastic ones may slide or stay that much earlier or later.
 MARGIN = 0.05
 # The same where the certificate tells of a coarse mesh: forces at edges are right to a facet then.
 TOLD_MARGIN = 0.25
@@ -45,8 +46,8 @@ DOWN = np.array([0.0, -1.0])
 
 
 @dataclass(frozen=True)
-class HeldCase(Case):
-    """A scene of bodies that friction holds.
+class SupportedCase(Case):
+    """A scene of bodies supported by friction.
 
     Attributes:
         planes: Rigid planes by name, among the masters.
@@ -54,7 +55,7 @@ class HeldCase(Case):
         pulls: Adhesion of each pair; none if empty [stress].
         fade: Gap over which adhesion falls to a third [length].
         loads: Force and moment about its centre of each body at times 0, 1, 2, (3, bodies, 3).
-        clamped: Names of the bodies that are held.
+        clamped: Names of the bodies that do not move.
         end: Time at which limit analysis sees bodies give way; infinite if never.
         yielding: Largest displacement that is elastic [length].
     """
@@ -127,8 +128,14 @@ def measured(body: Body) -> tuple[float, Array, float]:
 # Limit analysis of a case
 
 
-def rigid(case: HeldCase) -> Structure:
-    """Its rigid bodies and where they touch; dead is the load at time 1, live what is added."""
+def rigid(case: SupportedCase, *, at_nodes: bool = False) -> Structure:
+    """Its rigid bodies and where they touch; dead is the load at time 1, live what is added.
+
+    Args:
+        case: The case.
+        at_nodes: Whether forces act at nodes of the slaves only, as the mesh lets them, and without
+            friction at those that a guide holds along the surface, as those on symmetry planes.
+    """
     free = [body.name for body in case.bodies if body.name not in case.clamped]
     number = {name: k for k, name in enumerate(free)}
     of_body = {body.name: k for k, body in enumerate(case.bodies)}
@@ -141,36 +148,56 @@ def rigid(case: HeldCase) -> Structure:
             rows.append([x, y, m + centre[0] * y - centre[1] * x])
         wrenches.append(np.array(rows))
     guided = np.zeros((len(free), 3), bool)
-    for held in case.held:
-        name = held.boundary.split("/")[0]
-        if held.component is not None and name in number:
-            guided[number[name], [held.component, 2]] = True
+    for prescribed in case.prescribed:
+        name = prescribed.boundary.split("/")[0]
+        if prescribed.component is not None and name in number:
+            guided[number[name], [prescribed.component, 2]] = True
     points = [
         Point(
             number.get(slave.split("/")[0], GROUND),
             number.get(master.split("/")[0], GROUND),
             x,
             n,
-            rule.mu,
+            0.0 if at_nodes and _is_guided(case, slave, x, n) else rule.mu,
             length * rule.stress if rule.kind == "sticky" else 0.0,
         )
         for (slave, master), rule in zip(case.pairs, case.rules)
-        for x, n, length in _touching(case, slave, master)
+        for x, n, length in _touching(case, slave, master, at_nodes=at_nodes)
     ]
     return Structure(points, *wrenches, guided)
 
 
-def _touching(case: HeldCase, slave: str, master: str) -> list[tuple[Array, Array, float]]:
+def _is_guided(case: SupportedCase, slave: str, x: Array, n: Array) -> bool:
+    """Whether a node of a slave is prescribed along the surface: such nodes bear no friction."""
+    return any(
+        held.component is not None
+        and abs(n[held.component]) < 0.5
+        and held.boundary.split("/")[0] == slave.split("/")[0]
+        and bool((case.x[case.nodes_of(held.boundary)] == x).all(axis=1).any())
+        for held in case.held
+    )
+
+
+def end_of_mesh(case: SupportedCase) -> float:
+    """Time at which bodies give way if forces act at nodes of the slaves only."""
+    verdict = judge(rigid(case, at_nodes=True))
+    return 1.0 + verdict.factor if verdict.feasible else 0.0
+
+
+def _touching(
+    case: SupportedCase, slave: str, master: str, *, at_nodes: bool
+) -> list[tuple[Array, Array, float]]:
     """Places where a pair touches, the normals on the slave there, and the lengths that belong."""
     line = _line(case, slave)
     if master in case.planes:
         point, normal = case.planes[master]
         return [(x, normal, share) for x, share in touching_plane(line, point, normal)]
     other = _line(case, master)
-    return [(x, normal_of(other, x), share) for x, share in touching_lines(line, other)]
+    places = touching_nodes if at_nodes else touching_lines
+    return [(x, normal_of(other, x), share) for x, share in places(line, other)]
 
 
-def _line(case: HeldCase, boundary: str) -> Array:
+def _line(case: SupportedCase, boundary: str) -> Array:
     """Nodes of a boundary, the body on the left."""
     x = case.x[case.nodes_of(boundary)]
     return x[::-1] if boundary.split("/")[1] in ("top", "left") else x
@@ -179,14 +206,14 @@ def _line(case: HeldCase, boundary: str) -> Array:
 # Drawing
 
 
-def hanging_case(seed: int) -> HeldCase:
+def hanging_case(seed: int) -> SupportedCase:
     """Draw a scene of blocks that hang by adhesion."""
     rng = np.random.default_rng([seed, 18])
     draw = _hanging if rng.random() < 0.7 else _glued
     return _placed(rng, _loaded(rng, draw(rng, seed)))
 
 
-def held_case(seed: int) -> HeldCase:
+def supported_case(seed: int) -> SupportedCase:
     """Draw a scene; its seeds have nothing to do with those of ``random_case``."""
     rng = np.random.default_rng([seed, 17])
     draw = rng.choice([_block, _wall, _tower, _junction, _groove, _row, _arch])
@@ -220,14 +247,16 @@ def _counts(rng: np.random.Generator, width: float = 1.0) -> tuple[int, int]:
     return max(round(width * rng.integers(2, 6)), 1), int(rng.integers(1, 4))
 
 
-def _scene(seed: int, about: dict[str, Any], bodies, pairs, **options: Any) -> HeldCase:
+def _scene(seed: int, about: dict[str, Any], bodies, pairs, **options: Any) -> SupportedCase:
     """Put a scene together; loads are still missing."""
     still = np.zeros((3, 2))
     clamped = options.get("clamped", ())
-    held = [Held(f"{name}/{side}", still) for name, side in options.pop("supports", [])]
-    held += [Held(f"{name}/{side}", still, c) for name, side, c in options.pop("guides", [])]
-    about = {"held": True, **about, "clamped": list(clamped)}
-    return HeldCase(seed, about, bodies, pairs, held, "", still, 1.0, **options)
+    prescribed = [Prescribed(f"{name}/{side}", still) for name, side in options.pop("supports", [])]
+    prescribed += [
+        Prescribed(f"{name}/{side}", still, c) for name, side, c in options.pop("guides", [])
+    ]
+    about = {"supported": True, **about, "clamped": list(clamped)}
+    return SupportedCase(seed, about, bodies, pairs, prescribed, "", still, 1.0, **options)
 
 
 def _on(rng, x: float, width: float, cells: str) -> dict[str, Any]:
@@ -247,7 +276,7 @@ def _with_roles(rng: np.random.Generator, pairs: list[tuple[str, str]]) -> list[
     return [pair[::-1] if "/" in pair[1] and rng.random() < 0.5 else pair for pair in pairs]
 
 
-def _block(rng: np.random.Generator, seed: int) -> HeldCase:
+def _block(rng: np.random.Generator, seed: int) -> SupportedCase:
     """A block on the ground."""
     cells = draw_cells(rng)
     width, height = rng.uniform(0.5, 1.5), rng.uniform(0.3, 1.2)
@@ -258,7 +287,9 @@ def _block(rng: np.random.Generator, seed: int) -> HeldCase:
     return _scene(seed, {"scene": "block"}, bodies, pairs, friction=[rng.uniform(0.1, 1.0)], **on)
 
 
-def _courses(rng: np.random.Generator, seed: int, rows: list[list[float]], name: str) -> HeldCase:
+def _courses(
+    rng: np.random.Generator, seed: int, rows: list[list[float]], name: str
+) -> SupportedCase:
     """Rows of blocks upon each other; ``rows``: places of the joints of each."""
     cells, upright = draw_cells(rng), rng.random() < 0.8
     alike = int(rng.integers(2, 5)) if rng.random() < 0.4 else 0
@@ -289,7 +320,7 @@ def _courses(rng: np.random.Generator, seed: int, rows: list[list[float]], name:
     return _scene(seed, about, bodies, _with_roles(rng, pairs), friction=friction, **on)
 
 
-def _wall(rng: np.random.Generator, seed: int) -> HeldCase:
+def _wall(rng: np.random.Generator, seed: int) -> SupportedCase:
     """A wall whose joints are anywhere, or in running bond."""
     rows, length = int(rng.integers(2, 5)), float(rng.integers(1, 4))
     courses = []
@@ -301,7 +332,7 @@ def _wall(rng: np.random.Generator, seed: int) -> HeldCase:
     return _courses(rng, seed, courses, "wall")
 
 
-def _tower(rng: np.random.Generator, seed: int) -> HeldCase:
+def _tower(rng: np.random.Generator, seed: int) -> SupportedCase:
     """Blocks upon each other with offsets."""
     x, courses = 0.0, []
     for _ in range(rng.integers(2, 9)):
@@ -311,7 +342,7 @@ def _tower(rng: np.random.Generator, seed: int) -> HeldCase:
     return _courses(rng, seed, courses, "tower")
 
 
-def _junction(rng: np.random.Generator, seed: int) -> HeldCase:
+def _junction(rng: np.random.Generator, seed: int) -> SupportedCase:
     """A block upon two others that touch."""
     left, right = rng.uniform(0.6, 1.2, 2)
     ends = [rng.uniform(-0.9, -0.3) * left, rng.uniform(0.3, 0.9) * right]
@@ -320,7 +351,7 @@ def _junction(rng: np.random.Generator, seed: int) -> HeldCase:
     return _courses(rng, seed, [[-left, 0.0, right], ends], "T-junction")
 
 
-def _groove(rng: np.random.Generator, seed: int) -> HeldCase:
+def _groove(rng: np.random.Generator, seed: int) -> SupportedCase:
     """A block on its corner in a groove that fits."""
     cells, half = draw_cells(rng), rng.uniform(0.3, 1.2)
     e = np.array([np.cos(half), np.sin(half)])  # along the right flank
@@ -354,7 +385,7 @@ def _groove(rng: np.random.Generator, seed: int) -> HeldCase:
     return _scene(seed, about, bodies, pairs, friction=[mu, mu], **options)
 
 
-def _row(rng: np.random.Generator, seed: int) -> HeldCase:
+def _row(rng: np.random.Generator, seed: int) -> SupportedCase:
     """Blocks in a row between a clamped and a guided jaw, which is pressed."""
     cells, x, mu = draw_cells(rng), 0.0, rng.uniform(0.3, 1.0)
     height = rng.uniform(0.5, 1.0)
@@ -380,7 +411,7 @@ def _row(rng: np.random.Generator, seed: int) -> HeldCase:
     )
 
 
-def _arch(rng: np.random.Generator, seed: int) -> HeldCase:
+def _arch(rng: np.random.Generator, seed: int) -> SupportedCase:
     """Voussoirs between rigid springings."""
     cells, number = draw_cells(rng), int(rng.integers(3, 9))
     thickness, mu = rng.uniform(0.08, 0.3), rng.uniform(0.4, 1.0)
@@ -407,10 +438,10 @@ def _arch(rng: np.random.Generator, seed: int) -> HeldCase:
     )
 
 
-def _hanging(rng: np.random.Generator, seed: int) -> HeldCase:
+def _hanging(rng: np.random.Generator, seed: int) -> SupportedCase:
     """Blocks that hang below each other, the first from a rigid or a clamped ceiling.
 
-    Friction is of pressures alone, so that nothing but a guide holds them sideways; loads pull
+    Friction is of pressures alone, so that only a guide fixes them sideways; loads pull
     straight down.
     """
     cells, y = draw_cells(rng), 0.0
@@ -445,7 +476,7 @@ def _hanging(rng: np.random.Generator, seed: int) -> HeldCase:
     )  # fmt: skip
 
 
-def _glued(rng: np.random.Generator, seed: int) -> HeldCase:
+def _glued(rng: np.random.Generator, seed: int) -> SupportedCase:
     """A tall block that stands, and sticks too much to slide: adhesion keeps it from tipping."""
     cells = draw_cells(rng)
     width, height = rng.uniform(0.3, 0.6), rng.uniform(0.8, 1.5)
@@ -459,7 +490,7 @@ def _glued(rng: np.random.Generator, seed: int) -> HeldCase:
     )  # fmt: skip
 
 
-def _loaded(rng: np.random.Generator, case: HeldCase) -> HeldCase:
+def _loaded(rng: np.random.Generator, case: SupportedCase) -> SupportedCase:
     """Draw weight, another load as a part of what limit analysis allows, and stiffness."""
     areas = np.array([area for area, *_ in case.areas])
     free = np.array([body.name not in case.clamped for body in case.bodies])
@@ -503,16 +534,18 @@ def _loaded(rng: np.random.Generator, case: HeldCase) -> HeldCase:
     )  # fmt: skip
 
 
-def _placed(rng: np.random.Generator, case: HeldCase) -> HeldCase:
+def _placed(rng: np.random.Generator, case: SupportedCase) -> SupportedCase:
     """Turn, move and scale a scene; guides need directions along the axes."""
-    placement = draw_placement(rng, guided=any(held.component is not None for held in case.held))
+    placement = draw_placement(
+        rng, guided=any(prescribed.component is not None for prescribed in case.prescribed)
+    )
     turn, length, stress = placement.turn, placement.length, placement.stress
     bodies = list(map(placement.body, case.bodies))
-    held = [
+    prescribed = [
         h
         if h.component is None
         else replace(h, component=int(np.abs(turn[:, h.component]).argmax()))
-        for h in case.held
+        for h in case.prescribed
     ]
     planes = {name: (placement.points(x), n @ turn.T) for name, (x, n) in case.planes.items()}
     loads = stress * length * case.loads
@@ -527,7 +560,7 @@ def _placed(rng: np.random.Generator, case: HeldCase) -> HeldCase:
         }
     )
     return replace(
-        case, bodies=bodies, held=held, planes=planes, loads=loads,
+        case, bodies=bodies, prescribed=prescribed, planes=planes, loads=loads,
         pulls=[stress * pull for pull in case.pulls], fade=length * case.fade,
         yielding=length * case.yielding, about=about,
     )  # fmt: skip

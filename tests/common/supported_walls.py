@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Assemblies that friction holds: arches, walls, T-junctions, towers."""
+"""Assemblies supported by friction: arches, walls, T-junctions, towers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from held_parts import Body, Flat, Touch, structure
-from held_problem import NU, Held, floor_of, pose
 from scenes import linear_elastic, rotation
+from supported_parts import Body, Flat, Touch, structure
+from supported_problem import NU, Assembly, floor_of, pose
 
 import fenics_mortar as fm
 from demos.studies.stability.limit_analysis import judge
@@ -27,7 +27,7 @@ def arch(
     E: float = 1e6,
     weight: float = 1.0,
     **options: Any,
-) -> Held:
+) -> Assembly:
     """A semicircular arch of voussoirs with mean radius one, on rigid springings."""
     law = fm.Coulomb(mu)
     angles = np.linspace(0.0, np.pi, number + 1)
@@ -65,7 +65,7 @@ def wall(
     friction: bool = True,
     E: float = 1e4,
     **options: Any,
-) -> Held:
+) -> Assembly:
     """Bricks in running bond; odd rows begin and end with half a brick.
 
     Weight one a brick, then a push of the part ``push`` of mu times the weight.
@@ -155,10 +155,10 @@ def t_junction(
     layers: int = 2,
     joint_slave: str = "A",
     **options: Any,
-) -> Held:
+) -> Assembly:
     """C upon A and B side by side, with friction everywhere: a homogeneous state without slip.
 
-    A and B stand on a frictionless guide, A's left side is held along x; ``pressure`` on C's top,
+    A and B stand on a frictionless guide, A's left side is fixed along x; ``pressure`` on C's top,
     ``side`` on the right sides of B and C and the left one of C [stress]; ``None`` holds these
     along x instead. Exact is a linear displacement, with the pressure ``pressure`` on the level
     joint per reference length and ``side`` on the upright one; see ``t_junction_exact``.
@@ -179,11 +179,11 @@ def t_junction(
     if slave == "lower":
         level = [pair[::-1] for pair in level]
     joint = ("A/right", "B/left") if joint_slave == "A" else ("B/left", "A/right")
-    held = [("A/bottom", 1, 0.0), ("B/bottom", 1, 0.0), ("A/left", 0, 0.0)]
+    prescribed = [("A/bottom", 1, 0.0), ("B/bottom", 1, 0.0), ("A/left", 0, 0.0)]
     loaded = ["C/top", "B/right", "C/right", "C/left"]
-    sides = "held" if side is None else f"{side:g}"
+    sides = "fixed" if side is None else f"{side:g}"
     if side is None:
-        held += [(name, 0, 0.0) for name in loaded[1:]]
+        prescribed += [(name, 0, 0.0) for name in loaded[1:]]
         loaded, side = loaded[:1], pressure * NU / (1.0 - NU)
     scene = pose(
         f"T-junction cells={','.join(map(str, cells))} mu={mu:g} side={sides} slave={slave}"
@@ -194,7 +194,7 @@ def t_junction(
         E=E,
         material=material or linear_elastic,
         traction=loaded,
-        held=held,
+        prescribed=prescribed,
         small=20.0 * (pressure + side) / E,
         note=lambda scene: f"pressure off by {t_junction_error(scene):.1e}",
         wrong=lambda scene: "pressure" if t_junction_error(scene) > 1e-6 else "",
@@ -225,7 +225,7 @@ def t_junction_exact(pressure: float, side: float, E: float) -> dict[str, float]
     }
 
 
-def t_junction_error(scene: Held) -> float:
+def t_junction_error(scene: Assembly) -> float:
     """Largest error of pressure and shear at nodes that carry any, over the largest pressure."""
     exact, worst = scene.exact, 0.0  # type: ignore[attr-defined]
     for contact, what in zip(scene.problem.equations.contacts, ("level", "level", "upright")):
@@ -242,7 +242,7 @@ def tower(
     base: str = "plane",
     E: float = 1e5,
     **options: Any,
-) -> Held:
+) -> Assembly:
     """4 to 8 blocks with random sizes, offsets and friction; then a lateral force.
 
     ``part``: of the lateral force, spread like the weight, that limit analysis allows.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""All scenes of ``held`` by the present code, each judged by limit analysis."""
+"""All scenes of ``supported.py`` by the present code, each judged by limit analysis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from held import (
+from supported import (
     arch,
     block_and_wall,
     hanging,
@@ -22,7 +22,7 @@ from held import (
     wall,
     wheel,
 )
-from held_problem import Held
+from supported_problem import Assembly
 
 import fenics_mortar as fm
 
@@ -30,7 +30,7 @@ import fenics_mortar as fm
 MARGIN = 0.02
 
 
-def everything() -> Iterator[tuple[Callable[..., Held], dict[str, Any]]]:
+def everything() -> Iterator[tuple[Callable[..., Assembly], dict[str, Any]]]:
     """The scenes of the table."""
     for mu in (0.2, 0.5, 0.9):
         for base in ("plane", "body"):
@@ -45,7 +45,7 @@ def everything() -> Iterator[tuple[Callable[..., Held], dict[str, Any]]]:
             yield wheel, {"part": part, "groove": groove}
     for base in ("plane", "body"):
         for factor in (0.9, 0.97, 1.03, 1.3):
-            yield ladder, {"lean": np.arctan(factor / 0.8), "mu": 0.4, "base": base}
+            yield ladder, {"angle": np.arctan(factor / 0.8), "mu": 0.4, "base": base}
     for base in ("plane", "body"):
         for weight in (0.1, 0.8, 1.2):
             yield hanging, {"weight": weight, "base": base}
@@ -79,40 +79,40 @@ def everything() -> Iterator[tuple[Callable[..., Held], dict[str, Any]]]:
         yield tower, {"seed": seed}
 
 
-def trial(build: Callable[..., Held], options: dict[str, Any]) -> dict[str, Any]:
+def trial(build: Callable[..., Assembly], options: dict[str, Any]) -> dict[str, Any]:
     """Set up one scene, solve it step by step, and judge."""
     begin = time.perf_counter()
     row: dict[str, Any] = {"scene": f"{build.__name__} {options}", "steps": []}
     try:
-        held = build(**options)
+        scene = build(**options)
     except Exception as error:
         return row | {"steps": [f"set-up: {type(error).__name__}: {error}"], "judgement": "WRONG"}
-    row["scene"] = held.name
+    row["scene"] = scene.name
     good = True
-    for step, loads in enumerate(held.path):
-        said, allowed = limit(held, step)
-        held.set(**loads)
+    for step, loads in enumerate(scene.path):
+        said, allowed = limit(scene, step)
+        scene.set(**loads)
         outcome, ended = "", ""
         try:
-            report = held.problem.solve()
-            moved, defects = held.largest(), report.certificate.violations()
-            ended = "stays" if moved <= held.small else "moved"
-            if held.stop is not None and abs(moved / held.stop - 1.0) < 0.01:
+            report = scene.problem.solve()
+            moved, defects = scene.largest(), report.certificate.violations()
+            ended = "stays" if moved <= scene.small else "moved"
+            if scene.stop is not None and abs(moved / scene.stop - 1.0) < 0.01:
                 ended = "at its stop"
             if defects:
                 ended = "violated"
-            elif held.wrong(held):
+            elif scene.wrong(scene):
                 ended = "wrong"
             words = defects[0][:60] if defects else "clean"
-            outcome = f"{report.num_iterations} it, moved {moved:.2g}, {words} {held.note(held)}"
-            outcome += f" {held.wrong(held)}"
+            outcome = f"{report.num_iterations} it, moved {moved:.2g}, {words} {scene.note(scene)}"
+            outcome += f" {scene.wrong(scene)}"
         except fm.MortarError as error:
             ended, outcome = "refused", f"{type(error).__name__}: {str(error)[:110]}"
         except Exception as error:
             ended, outcome = "crash", f"{type(error).__name__}: {str(error)[:110]}"
         rights = {"stays": {"stays"}, "moves": {"refused"}, "open": {"stays", "refused", "moved"}}
         right = ended in rights[allowed]
-        if held.stop is not None:
+        if scene.stop is not None:
             right = ended in {"stays": {"stays"}, "moves": {"at its stop"}}.get(allowed, {ended})
         good &= right
         row["steps"].append(
@@ -123,15 +123,15 @@ def trial(build: Callable[..., Held], options: dict[str, Any]) -> dict[str, Any]
     return row | {"judgement": "right" if good else "WRONG", "seconds": time.perf_counter() - begin}
 
 
-def limit(held: Held, step: int) -> tuple[str, str]:
+def limit(scene: Assembly, step: int) -> tuple[str, str]:
     """What limit analysis says of a step, in words, and whether bodies stay, move, or either."""
-    if not any(body.weight for body in held.bodies):
-        return "by construction", _of_pressing(held, step)
-    verdict, needed = held.verdict(step)
+    if not any(body.weight for body in scene.bodies):
+        return "by construction", _of_pressing(scene, step)
+    verdict, needed = scene.verdict(step)
     allowed = "open"
     if verdict.feasible and verdict.factor > 1.0 + MARGIN:
         allowed = "stays"
-    bears_more = verdict.factor * (1.0 + held.reserve) if verdict.factor else 0.0
+    bears_more = verdict.factor * (1.0 + scene.reserve) if verdict.factor else 0.0
     if not verdict.feasible or bears_more < 1.0 - MARGIN:
         allowed = "moves"
     words = "feasible" if verdict.feasible and verdict.factor >= 1.0 else "infeasible"
@@ -139,12 +139,12 @@ def limit(held: Held, step: int) -> tuple[str, str]:
     return f"{words}, factor {factor:.3f}, friction needed {needed:.3f}", allowed
 
 
-def _of_pressing(held: Held, step: int) -> str:
+def _of_pressing(scene: Assembly, step: int) -> str:
     """The same where a prescribed motion presses: mu times the force that it took."""
     if step == 0:
         return "stays"
-    push = held.path[step]["push"] * sum(body.push for body in held.bodies)
-    part = push / (held.touches[0].law.mu * held.force(0)[1])
+    push = scene.path[step]["push"] * sum(body.push for body in scene.bodies)
+    part = push / (scene.touches[0].law.mu * scene.force(0)[1])
     return "stays" if part < 1.0 - MARGIN else "moves" if part > 1.0 + MARGIN else "open"
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Limit analysis of rigid bodies: what contact can hold, against closed forms."""
+"""Limit analysis of rigid bodies: what contact can support, against closed forms."""
 
 import numpy as np
 import pytest
 
-from fenics_mortar.rigid.holding import Touching, unresisted_motion
+from fenics_mortar.rigid.limit_analysis import Touching, unresisted_motion
 
 pytestmark = pytest.mark.serial
 
@@ -34,7 +34,7 @@ def test_block_slides_at_mu_and_tips_at_its_width(mu, turn):
             assert moves(R @ [part * critical, -1.0, 0.0], touching) == expected
 
 
-def test_shear_without_pressure_adds_to_friction_and_adhesion_holds_a_block_up():
+def test_shear_without_pressure_adds_to_friction_and_adhesion_supports_a_block():
     touching, _ = block(4.0, mu=0.5, shear=0.1)
     assert not moves([0.69, -1.0, 0.0], touching)
     assert moves([0.71, -1.0, 0.0], touching)
@@ -43,13 +43,13 @@ def test_shear_without_pressure_adds_to_friction_and_adhesion_holds_a_block_up()
     assert moves([0.0, 0.61, 0.0], touching)
 
 
-def test_what_never_slips_is_held_however_it_is_pushed():
+def test_what_never_slips_is_supported_however_it_is_pushed():
     touching, _ = block(10.0, mu=np.inf)
     assert not moves([3.0, -1.0, 0.0], touching)
     assert moves([3.0, 0.1, 0.0], touching)
 
 
-def test_only_the_body_that_nothing_holds_moves():
+def test_only_the_unsupported_body_moves():
     """Two blocks side by side on one plane, the second pushed beyond its friction."""
     one, _ = block(4.0, mu=0.5)
     zero = np.zeros_like(one.opening)

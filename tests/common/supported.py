@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Scenes of bodies that friction or adhesion holds, with what limit analysis says of each.
+"""Scenes of bodies supported by friction or adhesion, each with the verdict of limit analysis.
 
-    python3 tests/common/held.py                 all scenes by the present code, a row for each step
-    python3 tests/common/held.py wall tower      those whose name begins so
+    python3 tests/common/supported.py               all scenes, a row for each step
+    python3 tests/common/supported.py wall tower    those whose name begins so
 
 A scene is made in a frame of its own and turned as a whole. Its loads are dead: the weight of
-bodies, a push on some of them and a torque, all spread over the body; ``Held.set`` says how large
-they are. ``Held.path`` holds the loads of its steps.
+bodies, a push on some of them and a torque, all spread over the body; ``Assembly.set`` says how
+large they are. ``Assembly.path`` has the loads of its steps.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from held_parts import Array, Body, Flat, Glue, Touch
-from held_problem import Held, floor_of, pose
-from held_walls import arch, t_junction, tower, wall
 from scenes import rotation
+from supported_parts import Array, Body, Flat, Glue, Touch
+from supported_problem import Assembly, floor_of, pose
+from supported_walls import arch, t_junction, tower, wall
 
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, mapped, sector
@@ -41,7 +41,7 @@ def incline(
     weight: float = 1.0,
     turn: float | None = None,
     **options: Any,
-) -> Held:
+) -> Assembly:
     """A block on an incline; by default turned so that gravity points down."""
     bodies, floor = floor_of(base, width=3.0 * width, columns=n_base, left=-width)
     grid = Grid("block", block(n, rows, width=width, height=height))
@@ -71,7 +71,7 @@ def block_and_wall(
     weight: float = 1.0,
     at_once: bool = False,
     **options: Any,
-) -> Held:
+) -> Assembly:
     """A block pushed towards a frictionless wall."""
     bodies, floor = floor_of(base, width=3.0 * width, columns=n_base, left=-width)
     grid = Grid("block", block(n, rows, width=width, height=height))
@@ -83,19 +83,19 @@ def block_and_wall(
         [Touch("block/bottom", floor, fm.Coulomb(mu)), Touch("block/right", wall)],
         path[1:] if at_once else path,
         stop=gap,
-        note=lambda held: f"wall force {-held.force(1)[0]:.3g}",
+        note=lambda scene: f"wall force {-scene.force(1)[0]:.3g}",
         wrong=wall_force,
         **options,
     )
 
 
-def wall_force(held: Held) -> str:
+def wall_force(scene: Assembly) -> str:
     """A block that slid bears on the wall what friction leaves; one that sticks is not there."""
-    push, (slid, *_) = held.path[-1].get("push", 0.0), held.motion("block")
-    slid = slid > 0.5 * held.stop
-    pushed = held.push.value @ rotation(held.turn)[:, 0]
-    exact = max(pushed - held.touches[0].law.mu, 0.0) if slid else 0.0
-    found = -held.force(1)[0]
+    push, (slid, *_) = scene.path[-1].get("push", 0.0), scene.motion("block")
+    slid = slid > 0.5 * scene.stop
+    pushed = scene.push.value @ rotation(scene.turn)[:, 0]
+    exact = max(pushed - scene.touches[0].law.mu, 0.0) if slid else 0.0
+    found = -scene.force(1)[0]
     size = max(abs(push), 1e-300)
     return (
         f"wall force {found:.3g} instead of {exact:.3g}" if abs(found - exact) > 0.02 * size else ""
@@ -112,7 +112,7 @@ def wheel(
     n_groove: int = 8,
     weight: float = 1.0,
     **options: Any,
-) -> Held:
+) -> Assembly:
     """A wheel in a right-angled groove under a part of the torque that friction bears."""
     x = sector(n, 2, radii=(0.4 * radius, radius))
     most = np.sqrt(2.0) * mu / (1.0 + mu**2) * weight * radius
@@ -140,14 +140,14 @@ def wheel(
         [wheel, *bodies],
         touches,
         [{"weight": 1.0}, {"weight": 1.0, "torque": part}],
-        note=lambda held: f"turned {held.motion('wheel')[2]:.2g}",
+        note=lambda scene: f"turned {scene.motion('wheel')[2]:.2g}",
         reserve=np.inf,  # a polygon rests on its facets, and a dead couple fades with the turn
         **options,
     )
 
 
 def ladder(
-    lean: float = 1.0,
+    angle: float = 1.0,
     mu: float = 0.4,
     *,
     length: float = 1.0,
@@ -159,14 +159,14 @@ def ladder(
     weight: float = 1.0,
     E: float = 1e5,
     **options: Any,
-) -> Held:
-    """A beam at an angle ``lean`` [radian] above a rough floor, against a frictionless wall.
+) -> Assembly:
+    """A beam at an angle ``angle`` [radian] above a rough floor, against a frictionless wall.
 
     It stands on a plane on its corner, on a body on a foot that is cut level, or ``on_corner``,
     with its end and its lower side as slave.
     """
     square = base == "plane" or on_corner
-    e = np.array([np.cos(lean), np.sin(lean)])
+    e = np.array([np.cos(angle), np.sin(angle)])
     across = thick * np.array([-e[1], e[0]])
     head = length * e + (0.0 if square else np.array([thick / e[1], 0.0]))
 
@@ -182,7 +182,7 @@ def ladder(
     at = [(0.0, 0.0)] if square else None
     joined = {"bottom": "ladder/left"} if on_corner else {}
     return pose(
-        f"ladder tan={np.tan(lean):.3f} mu={mu:g} {base}",
+        f"ladder tan={np.tan(angle):.3f} mu={mu:g} {base}",
         [Body(Grid("ladder", mapped(n, rows, shape), joined), weight=weight), *bodies],
         [
             Touch("ladder/left", floor, fm.Coulomb(mu), at=at),
@@ -208,7 +208,7 @@ def hanging(
     n: int = 4,
     rows: int = 2,
     **options: Any,
-) -> Held:
+) -> Assembly:
     """A block on an adhesive ceiling that pulls with ``pull`` per width."""
     grid = Grid("block", block(n, rows, width=width, height=height, corner=(0.0, -height)))
     bodies = [Body(grid, weight=1.0, push=1.0)]
@@ -239,7 +239,7 @@ def jaws(
     n: int = 3,
     E: float = 1e4,
     **options: Any,
-) -> Held:
+) -> Assembly:
     """Blocks in a row between two jaws that a force presses together; weight in a second step."""
     law = fm.Coulomb(mu)
     row = [
@@ -298,8 +298,8 @@ def pressed(
     rows: int = 2,
     E: float = 1e4,
     **options: Any,
-) -> Held:
-    """A block whose top is moved down by ``depth``, free along x; friction alone holds it there.
+) -> Assembly:
+    """A block whose top is moved down by ``depth``, free along x; friction alone supports it.
 
     ``push`` is the part of about mu times the pressing force.
     """
@@ -311,15 +311,17 @@ def pressed(
         [Body(grid, push=mu * force, guided=(("top", 1),)), *bodies],
         [Touch("block/bottom", floor, fm.Coulomb(mu))],
         [{}, {"push": push}],
-        held=[("block/top", 1, -depth)],
+        prescribed=[("block/top", 1, -depth)],
         small=20.0 * depth,
         E=E,
-        note=lambda held: f"shear/pressure {-held.force(0)[0] / max(held.force(0)[1], 1e-300):.3g}",
+        note=lambda scene: (
+            f"shear/pressure {-scene.force(0)[0] / max(scene.force(0)[1], 1e-300):.3g}"
+        ),
         **options,
     )
 
 
 if __name__ == "__main__":
-    from held_table import main
+    from supported_table import main
 
     main()

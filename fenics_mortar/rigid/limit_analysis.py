@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Whether contact can hold rigid bodies: limit analysis by linear programming.
+"""Whether contact can support rigid bodies: limit analysis by linear programming.
 
 Loads with resultants w on the rigid motions v of all bodies are in equilibrium with contact forces
 that the law admits if and only if they do no work on any motion that these forces cannot resist
@@ -8,9 +8,9 @@ u_j of each touching node, and admissible forces p_j >= -a_j, |s_j| <= s_j0 + mu
 
     maximize  (w - sum_j a_j g_j) . v - sum_j s_j0 |u_j|,    g_j >= mu_j |u_j|,    |v| <= 1.
 
-A positive maximum is refutation: the bodies move. Zero says only that contact may hold them, since
-Coulomb's law is not associated: a motion does not open as much as g_j >= mu_j |u_j| says. The
-solution of the contact problem then decides.
+If the maximum is positive, the bodies move. If it is zero, contact may support them; the solution
+of the contact problem decides. The condition is only necessary, since Coulomb's law is not
+associated: a motion does not open by as much as g_j >= mu_j |u_j| requires.
 """
 
 from __future__ import annotations
@@ -22,21 +22,20 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 from scipy.sparse import csr_array, hstack, vstack
 
+from fenics_mortar.utils.rounding import SOLVED
+
 Array = npt.NDArray[np.float64]
-# Work of the loads on a motion of size one, over the size of the loads, below which contact holds
-# them [1]: above the feasibility tolerance of the linear program, 1e-7.
-HELD_WORK = 1e-6
 
 
 class Touching(NamedTuple):
-    """Touching nodes as rigid bodies meet there, n of them; m motions.
+    """n touching nodes of rigid bodies with m motions.
 
     Attributes:
-        opening: Opening rate by each motion, shape (n, m).
-        slip: Slip rate by each motion, shape (n, m).
-        slope: Friction per pressure mu_j, inf where nothing slips, shape (n,).
-        shear: Friction s_j0 without pressure [force], shape (n,).
-        adhesion: Pull a_j that holds a node closed [force], shape (n,).
+        opening: Opening rate of each motion, shape (n, m) [1].
+        slip: Slip rate of each motion, shape (n, m) [1].
+        slope: Coefficient of friction mu_j, inf for nodes that cannot slip, shape (n,) [1].
+        shear: Friction s_j0 without pressure, shape (n,) [force].
+        adhesion: Largest tensile force a_j, shape (n,) [force].
     """
 
     opening: Array
@@ -47,14 +46,18 @@ class Touching(NamedTuple):
 
 
 def unresisted_motion(loads: Array, touching: Touching) -> Array:
-    """The rigid motion on which loads do most work that no contact force can resist.
+    """Rigid motion with the largest work of the loads that no contact force can resist (local).
 
     Args:
         loads: Resultants of the loads along the motions, shape (m,) [force].
         touching: The touching nodes.
 
     Returns:
-        Its coefficients, none larger than one; zero if contact may hold the bodies.
+        Coefficients of the motions, shape (m,), at most one in size [length]; zero if contact may
+        support the bodies.
+
+    Raises:
+        ArithmeticError: If the linear program fails.
     """
     size = float(np.abs(loads).sum())
     if size == 0.0:
@@ -83,14 +86,15 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
         b_ub=np.zeros(rows.shape[0]),
         bounds=bounds,
         method="highs",
-        options={"presolve": False},  # that of scipy 1.10 takes feasible programs for infeasible
+        options={"presolve": False},  # in scipy 1.10 it declares feasible programs infeasible
     )
     if not found.success:
         raise ArithmeticError(f"linear program of rigid bodies: {found.message}")
-    return found.x[: loads.size] if -found.fun > HELD_WORK else np.zeros(loads.size)
+    # SOLVED is above the feasibility tolerance of the linear program, 1e-7
+    return found.x[: loads.size] if -found.fun > SOLVED else np.zeros(loads.size)
 
 
 def _unit(rows: int, columns: int) -> csr_array:
-    """The unit matrix, or zeros where there are other than ``columns`` rows."""
+    """Unit matrix if ``rows == columns``, else zeros, (rows, columns)."""
     shape = (rows, columns)
     return csr_array(np.eye(*shape)) if rows == columns else csr_array(shape)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Parts of scenes that friction or adhesion holds, and the rigid bodies that they make."""
+"""Parts of scenes supported by friction or adhesion, and the rigid bodies that they make."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class Body:
         push: Force along the push, where the push is one.
         torque: Moment about its centre, where the torque is one.
         E: Young's modulus over that of the scene.
-        clamped: Sides that are held.
-        guided: Sides of which one component is held, and which one.
+        clamped: Sides that are fixed.
+        guided: Sides of which one component is fixed, and which one.
     """
 
     grid: Grid

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A scene of bodies that friction or adhesion holds as a contact problem with its loads."""
+"""A scene of bodies supported by friction or adhesion as a contact problem with its loads."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-from held_parts import Array, Body, Flat, Loads, Touch, flat_nodes, measure, structure
 from scenes import internal, neo_hookean, read, rotation
+from supported_parts import Array, Body, Flat, Loads, Touch, flat_nodes, measure, structure
 
 import ufl
 from dolfinx import fem
@@ -27,7 +27,7 @@ NU = 0.3
 
 
 @dataclass
-class Held:
+class Assembly:
     """A scene: the problem, and what turns its loads.
 
     Attributes:
@@ -61,8 +61,8 @@ class Held:
     obstacles: dict[str, Any]
     stop: float | None = None
     reserve: float = 0.0
-    note: Callable[[Held], str] = lambda held: ""
-    wrong: Callable[[Held], str] = lambda held: ""
+    note: Callable[[Assembly], str] = lambda scene: ""
+    wrong: Callable[[Assembly], str] = lambda scene: ""
 
     def set(self, weight: float = 0.0, push: float = 0.0, torque: float = 0.0) -> None:
         """Set all loads; what is not given is zero."""
@@ -136,14 +136,14 @@ def pose(
     cell: str = "quadrilateral",
     material: Callable[..., Any] = neo_hookean,
     traction: Sequence[str] = (),
-    held: Sequence[tuple[str, int, float]] = (),
+    prescribed: Sequence[tuple[str, int, float]] = (),
     reserve: float = 0.0,
-    note: Callable[[Held], str] = lambda held: "",
-    wrong: Callable[[Held], str] = lambda held: "",
+    note: Callable[[Assembly], str] = lambda scene: "",
+    wrong: Callable[[Assembly], str] = lambda scene: "",
     algorithm: str | None = None,
     newton: fm.NewtonOptions | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
-) -> Held:
+) -> Assembly:
     """Make the problem of a scene (collective).
 
     Args:
@@ -159,8 +159,8 @@ def pose(
         stop: Displacement at which something stops a body that slides.
         cell: "quadrilateral" or "triangle".
         material: Stress.
-        traction: Boundaries with a traction per reference length, ``Held.traction``.
-        held: Boundaries with one prescribed component and its value.
+        traction: Boundaries with a traction per reference length, ``Assembly.traction``.
+        prescribed: Boundaries with one prescribed component and its value.
         reserve: Part by which a body that has moved may bear more.
         note: What a row of the table shows besides.
         wrong: What is wrong with a solved scene.
@@ -199,7 +199,7 @@ def pose(
         for side in b.clamped
     ]
     guides = [(f"{b.grid.name}/{side}", c, 0.0) for b in bodies for side, c in b.guided]
-    for side, component, value in [*guides, *held]:
+    for side, component, value in [*guides, *prescribed]:
         along = R @ np.eye(2)[component]
         axis = int(np.abs(along).argmax())
         if not abs(abs(along[axis]) - 1.0) < 1e-12:
@@ -224,7 +224,7 @@ def pose(
         u,
         pairs,
         bcs=bcs,
-        petsc_options_prefix="held_",
+        petsc_options_prefix="supported_",
         algorithm=algorithm,
         newton=newton,
     )
@@ -238,7 +238,7 @@ def pose(
         for loads in path
     ]
     directions = {"gravity": np.array(gravity, float), "push": np.array(push, float)}
-    return Held(
+    return Assembly(
         name, problem, data, list(bodies), list(touches), pull, thrust, torque, tractions,
         directions, list(path), turn, small or 20.0 * max(forces) / E, obstacles, stop, reserve,
         note, wrong,
