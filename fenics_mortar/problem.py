@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -22,6 +23,7 @@ from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.arguments import check_arguments, check_options
+from fenics_mortar.equations.continuation import Continuation
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.inputs import Inputs, check_roles
 from fenics_mortar.equations.line_of_sight import show_outlines
@@ -173,6 +175,7 @@ class ContactProblem:
             linear_bulk=linear_bulk,
             prefix=petsc_options_prefix,
         )
+        self._continuation = Continuation(self.equations)
         self._estimator: Estimator | None = None
         self._inputs = Inputs(bulk, contacts, self.obstacles)
         self._adequacy = adequacy
@@ -212,12 +215,14 @@ class ContactProblem:
 
     # Solving
 
-    def solve(self, *, accept_violations: bool = False) -> NewtonReport:
+    def solve(self, *, accept_violations: bool = False, predict: bool = True) -> NewtonReport:
         """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
 
         Collective.
 
         Args:
+            predict: Extrapolate the initial guess from the last two solves where the loads continue
+                in their direction, see ``continuation``; the last state is the guess otherwise.
             accept_violations: Return a state that violates its certificate instead of raising; see
                 ``report.certificate``.
 
@@ -236,11 +241,18 @@ class ContactProblem:
         """
         self._renew_if_interrupted()
         self.equations.bulk.check_input()
-        remarks = self._inputs.check(self.newton, accept_violations)
+        remarks = self._inputs.check(
+            self.newton, accept_violations=accept_violations, predict=predict
+        )
         with undone_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
-                report = self._solver.solve(remarks, accept_violations=accept_violations)
+                solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
+                if predict and self._adequacy is None and not self.newton.tentative:
+                    report = self._continuation.solve(solve)
+                else:
+                    self._continuation.forget()
+                    report = solve()
             if self._adequacy is not None:
                 report.adequacy = self._adequacy.assess(self)
         return report

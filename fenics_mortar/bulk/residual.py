@@ -224,6 +224,10 @@ class Bulk:
         """
         self._input.check()
 
+    def loads(self) -> list[Array]:
+        """Copies of prescribed values and of the data of the forms, see ``InputData`` (local)."""
+        return self._input.loads()
+
     def count_nodes(self, dofs: Flags) -> tuple[int, str]:
         """Number of nodes with any of the marked local dofs, and a place (collective).
 
