@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import revolved
 from revolved import cylinders, disturbed, on_axis, pressed_cylinders
-from scenes import TIGHT, internal, neo_hookean, pressed_blocks
+from scenes import TIGHT, neo_hookean, pressed_blocks
 from test_operators import dense
 
 import ufl

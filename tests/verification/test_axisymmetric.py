@@ -68,9 +68,7 @@ def test_axial_pressure_is_uniform(material, degree, cell):
     if degree == 2:
         choices += [{"basis": "vertices"}, {"basis": "linear"}]
     for sides, choice in product(SLAVES, choices):
-        problem, exact = homogeneous(
-            material, (a, STRETCH), ENDS, data, sides, degree, choice
-        )
+        problem, exact = homogeneous(material, (a, STRETCH), ENDS, data, sides, degree, choice)
         problem.solve()
         contact = problem.contacts[0]
         assert np.abs(contact.pressure / pressure - 1).max() < EXACT
@@ -92,9 +90,7 @@ def test_all_round_pressure_passes_a_conical_interface():
     data = read(build, grids=grids, cell="triangle")
     names = [f"{body}/{side}" for body in ("upper", "lower") for side in ("left", "right")]
     for sides in SLAVES:
-        problem, exact = homogeneous(
-            revolved.neo_hookean, (a, a), [*names, *ENDS], data, sides
-        )
+        problem, exact = homogeneous(revolved.neo_hookean, (a, a), [*names, *ENDS], data, sides)
         problem.solve()
         contact = problem.equations.contacts[0]
         z = contact.pressure[contact.multiplier_nodes]
