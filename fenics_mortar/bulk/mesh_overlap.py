@@ -128,7 +128,7 @@ def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
 def _folded(mesh: Any, sides: _Sides) -> Array:
     """Midpoints of the owned facets whose two cells lie on the same side, (n, 2) (collective).
 
-    A rank without ghost cells knows one cell only of a facet between two ranks: such facets are
+    Without ghost cells, a rank has one cell only of a facet between two ranks; such facets are
     gathered.
     """
     index_map = mesh.topology.index_map(1)

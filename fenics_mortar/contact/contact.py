@@ -54,12 +54,12 @@ from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.pairing import APART
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_lengths
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
+from fenics_mortar.utils.rounding import HALF_FACET
 
 
 class Contact(Interface):
@@ -311,7 +311,7 @@ class Contact(Interface):
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
         if self.pair.initial_gap is not None:
-            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= APART * self.nodal_lengths
+            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= HALF_FACET * self.nodal_lengths
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:

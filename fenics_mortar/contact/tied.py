@@ -42,11 +42,10 @@ from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.pairing import APART
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
-from fenics_mortar.utils.rounding import LAST_DIGITS, SAME_PLACE
+from fenics_mortar.utils.rounding import HALF_FACET, LAST_DIGITS, SAME_PLACE
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,7 @@ class Tie(Interface):
         choice = pair.discretization
         self.options = MortarOptions(
             choice.basis, "opposite", "basis", choice.integration, self._points(),
-            pair.search_radius or APART * longest, float(np.cos(np.radians(choice.max_angle))),
+            pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
         multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~self.slave.weightless
         if self.at_vertices:

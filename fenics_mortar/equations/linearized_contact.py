@@ -43,7 +43,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 SPRING = 1e-3
 # Largest number of nodes that may touch: with more, Lemke's dense tableau of four rows a node takes
 # longer than the iterations saved (about 2 s for this number).
-MOST_NODES = 250
+MAX_NODES = 250
 PREFIX = "fenics_mortar_settling_"
 
 
@@ -119,7 +119,7 @@ class LinearizedContact:
         """
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
-        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MOST_NODES:
+        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MAX_NODES:
             return False
         laws = [contact.pair.law for contact in self._contacts]
         if not any(law.has_friction for law in laws):

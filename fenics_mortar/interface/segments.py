@@ -130,8 +130,8 @@ def find_segments(
         offsets, masters, branches = _intersections(search_for, points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
-        least = nodes.shape[1] if integration == "elements" else 1
-        offsets, masters, branches = _runs(search_for, *rule, least=least)
+        min_points = nodes.shape[1] if integration == "elements" else 1
+        offsets, masters, branches = _runs(search_for, *rule, min_points=min_points)
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)
     ends, fixed = branches[:2]
@@ -171,10 +171,10 @@ def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, I
 
 
 def _runs(
-    search_for: tuple[Any, ...], xi: Array, w: Array, *, least: int
+    search_for: tuple[Any, ...], xi: Array, w: Array, *, min_points: int
 ) -> tuple[Indices, Indices, _Pieces]:
     """Offsets, master facets and pieces of runs of points of the rule ``xi``, ``w``."""
-    offsets, masters, runs = search.find_points(*search_for, xi, least)
+    offsets, masters, runs = search.find_points(*search_for, xi, min_points)
     cuts = np.concatenate([[-1.0], np.cumsum(w)[:-1] - 1.0, [1.0]])
     ends, lengths = cuts[runs], np.diff(runs, axis=1)[:, 0]
     stops = np.cumsum(lengths)

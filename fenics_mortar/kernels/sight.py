@@ -2,8 +2,8 @@
 """Which of the partners behind a slave point resolve the overlap by the nearer way out.
 
 A line from a slave point x along -n, with the coordinate r >= 0, crosses the outline of a body at
-exits and entries. The level at r, the number of exits less that of entries beyond r, tells how
-often the body covers the point: once in the interior, more often where it overlaps itself.
+exits and entries. The level at r is the number of exits less that of entries beyond r. It is the
+number of times that the body covers the point: one inside, more where the body overlaps itself.
 
 A master facet that faces the slave at a depth d > 0 lies behind the slave surface. The bodies can
 be separated along the line in two ways: the master moves back by d, or it moves on by t_s + t_m - d

@@ -24,7 +24,7 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, place
-from fenics_mortar.verify.limits import HALF_FACET
+from fenics_mortar.utils.rounding import HALF_FACET
 
 # Largest number n of sliding nodes whose 2^n combinations of stick and slip are all tried.
 MAX_SLIDING = 8

@@ -33,7 +33,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.locate import locate
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.verify.limits import HALF_FACET
+from fenics_mortar.utils.rounding import HALF_FACET
 
 # Contacts on one body move together if their motions differ by no more than this fraction of them.
 TOGETHER = 0.5

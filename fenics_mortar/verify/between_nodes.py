@@ -14,7 +14,8 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import place
-from fenics_mortar.verify.limits import HALF_FACET, LIMITS
+from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.limits import LIMITS
 
 
 def between_nodes(contact: Contact) -> dict[str, Any]:

@@ -6,13 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.rounding import SOLVED
-
-# Half a facet [facet lengths]: a mesh resolves positions no better. Deeper overlaps and wider gaps
-# between the nodes are errors, nodes deeper inside another body need a partner or mark a path that
-# ends there, deeper overlaps of unpaired bodies in the mesh are intended, and contact that moves
-# less along a body leaves its nodes in contact.
-HALF_FACET = 0.5
+from fenics_mortar.utils.rounding import HALF_FACET, SOLVED
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 
 # Largest rotation of a body in one straight section of its path [radian], which shrinks the body by
 # 8 %; rotation up to which one section is enough: the error is L / 200 for a sliding distance L.
 LARGEST_TURN, SMALL_TURN = np.pi / 4, 0.02
-# Cosine between normals at entry and exit [1] below which they are opposed (100 degrees: not round
-# a corner of a block), and between those at start and end above which nothing was passed.
-OPPOSITE, ALIKE = -0.17, 0.7
+# Cosine between normals at start and end [1] above which nothing was passed.
+ALIKE = 0.7
 # Distance of points at the surface [facets], and their largest number.
 FINE, MAX_POINTS = 0.05, 400
 
@@ -154,7 +154,7 @@ def _trace(
         skips &= ((step * slope).sum(axis=1) < 0.0) & ((step * now).sum(axis=1) > 0.0)
         first = np.where(leaves[:, None], entry_slope, slope)
         middle = np.where(leaves[:, None], 0.5 * (entry + here), 0.5 * (before + here))
-        opposed = (leaves | skips) & ((first * now).sum(axis=1) < OPPOSITE)
+        opposed = (leaves | skips) & ((first * now).sum(axis=1) < OPPOSED)
         if opposed.any():
             opposed[opposed] = _goes_on(
                 obstacle, middle[opposed], first[opposed], lengths[opposed],
