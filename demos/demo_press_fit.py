@@ -5,8 +5,8 @@
 #
 # ## Problem
 # A hub of steel, outer radius c = 20 mm and 40 mm long, sits on a solid shaft of radius b = 10 mm
-# that is 10 um too thick. Then the shaft is pulled, with Coulomb friction, until the hub slips. In a
-# long hub the pressure is that of Lame, of the interference D on the radius (plane stress),
+# that is 10 um too thick. Then the shaft is pulled, with Coulomb friction, until the hub slips. In
+# a long hub the pressure is that of Lame, of the interference D on the radius (plane stress),
 #
 # p = D E / (b ((c^2 + b^2) / (c^2 - b^2) + 1)).
 #

@@ -10,7 +10,7 @@ from fenics_mortar.utils.arrays import Array
 
 
 def facet_measures(X: Array, thickness: Array | None = None) -> Array:
-    """Integrals of the shape functions over facets at ``X`` (m, K, 2): shape (m, K) [length] (local).
+    """Integrals of the shape functions over facets at ``X`` (m, K, 2), (m, K) [length] (local).
 
     With ``thickness`` (m, K) [length] those of the shape functions times it.
     """
