@@ -54,6 +54,15 @@ class Cells:
         """
         return _areas(x, self._nodes, self._gradients) / self._undeformed_areas
 
+    def hoop_strains(self, x: Array) -> Array:
+        """Mean strain around the axis x = 0 of the cells, shape (cells,) (local).
+
+        Args:
+            x: Positions of the local nodes, shape (n, 2) [length].
+        """
+        now, before = (place[self._nodes, 0].mean(axis=1) for place in (x, self.X))
+        return now / before - 1.0
+
     def inverted(self, x: Array) -> tuple[int, str]:
         """Number of inverted cells at positions ``x`` (n, 2), and a place (collective).
 

@@ -289,6 +289,8 @@ class Contact(Interface):
     @property
     def covered_fraction(self) -> Array:
         """Cover of each slave node over that of a whole cover, shape (slave nodes,) [1]."""
+        if self.slave.thickness is None:
+            return self.operators.cover / self.slave.full_cover
         alone = self.slave.weightless
         whole = np.where(alone, 1.0, self.slave.full_cover)
         return np.where(alone, 0.0, self.operators.cover / whole)

@@ -40,7 +40,7 @@ import numpy.typing as npt
 from dolfinx import mesh as dmesh
 
 from fenics_mortar.interface.curves import number_nodes, order_curves
-from fenics_mortar.kernels.shapes import lagrange
+from fenics_mortar.interface.measures import facet_measures
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import NodalThickness
 from fenics_mortar.utils import compat
@@ -48,8 +48,8 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import SurfaceError, count_places
 
 # Integral of a shape function times the thickness over nodal area [1] below which a node carries no
-# multiplier: as small, or negative, after slight motions. The axis of revolution at 1/20 of a facet
-# beside a vertex of quadratic facets leaves it 0.1; all other nodes have 0.6 or more.
+# multiplier: it may be zero or negative after slight motions. A vertex of quadratic facets with the
+# axis of revolution 1/40 of a facet away has 0.05; those of linear facets have 2/3 or more.
 MIN_WEIGHT = 0.05
 
 
@@ -111,12 +111,12 @@ class Surface:
     @cached_property
     def lengths(self) -> Array:
         """Reference lengths of the facets, shape (m,) [length]."""
-        return _measures(self.X[self.facets]).sum(axis=1)
+        return facet_measures(self.X[self.facets]).sum(axis=1)
 
     @cached_property
     def nodal_lengths(self) -> Array:
         """Integral of each nodal shape function over the reference surface, shape (n,) [length]."""
-        measures = _measures(self.X[self.facets])
+        measures = facet_measures(self.X[self.facets])
         nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
         return nodal.astype(np.float64)
 
@@ -131,12 +131,17 @@ class Surface:
         return self.dofs_of(self.along(own, range(-degree, 2 * degree + 1)))
 
     @cached_property
+    def _areas(self) -> Array:
+        """Integrals of the shape functions times the thickness over the facets, (m, K)."""
+        assert self.thickness is not None
+        return facet_measures(self.X[self.facets], self.thickness.at(self.X)[self.facets])
+
+    @cached_property
     def full_cover(self) -> Array:
         """Integral of each nodal shape function times the thickness, undeformed, (n,) [area]."""
         if self.thickness is None:
             return self.nodal_lengths
-        measures = _measures(self.X[self.facets], self.thickness.at(self.X)[self.facets])
-        nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
+        nodal = np.bincount(self.facets.ravel(), self._areas.ravel(), self.num_nodes)
         return nodal.astype(np.float64)
 
     @cached_property
@@ -144,11 +149,9 @@ class Surface:
         """Mean thickness of the facets at each node, undeformed, shape (n,); 1.0 without one."""
         if self.thickness is None:
             return 1.0
-        areas = _measures(self.X[self.facets], self.thickness.at(self.X)[self.facets]).sum(axis=1)
-        sums = [
-            np.bincount(self.facets.ravel(), np.repeat(of_facets, self.degree + 1), self.num_nodes)
-            for of_facets in (areas, self.lengths)
-        ]
+        sums = np.zeros((2, self.num_nodes))
+        for total, of_facets in zip(sums, (self._areas.sum(axis=1), self.lengths), strict=True):
+            np.add.at(total, self.facets, of_facets[:, None])
         return np.asarray(sums[0] / sums[1])
 
     @cached_property
@@ -385,18 +388,3 @@ def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
         ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
     return ends
-
-
-def _measures(X: Array, thickness: Array | None = None) -> Array:
-    """Integrals of the shape functions over facets at ``X`` (m, K, 2): shape (m, K) [length].
-
-    With ``thickness`` (m, K) [length] those of the shape functions times it.
-    """
-    if X.shape[1] == 2 and thickness is None:
-        return np.repeat(np.linalg.norm(X[:, 1] - X[:, 0], axis=1)[:, None] / 2, 2, axis=1)
-    points, weights = np.polynomial.legendre.leggauss(5)
-    N, dN = lagrange(points, X.shape[1] - 1)
-    J = np.linalg.norm(np.einsum("pk,mkc->mpc", dN, X), axis=2)
-    if thickness is not None:
-        J = J * np.einsum("pk,mk->mp", N, thickness)
-    return np.einsum("pk,mp,p->mk", N, J, weights)
