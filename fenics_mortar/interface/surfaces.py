@@ -41,6 +41,7 @@ from dolfinx import mesh as dmesh
 
 from fenics_mortar.interface.curves import number_nodes, order_curves
 from fenics_mortar.kernels.shapes import lagrange
+from fenics_mortar.mesh.numbering import input_nodes
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
@@ -274,7 +275,7 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
             f"one at {where}; expected part of the outline of one body"
         )
     ends = facet_nodes(V, tagged)
-    names = compat.input_nodes(V)
+    names = input_nodes(V)
     given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
     to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
     x = V.tabulate_dof_coordinates()[:, :2]
