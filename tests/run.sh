@@ -25,6 +25,8 @@ if [ -t 1 ]; then color=yes; fi
 pytest=(/usr/bin/python3 -m pytest "--color=$color")
 # Files of tests over the cores; each test is on one rank. (nproc would answer with OMP_NUM_THREADS.)
 spread=(-n "$(env -u OMP_NUM_THREADS nproc)" --dist loadfile)
+# xdist 3.7 and later would begin with files of many tests, not with those of long ones.
+if "${pytest[@]}" --help | grep -q no-loadscope-reorder; then spread+=(--no-loadscope-reorder); fi
 # Each file runs in serial and on several ranks: on three those that partitions matter to most. Of the
 # scenes that friction holds those of test_floating and test_redundancy do.
 on_three=(tests/interface/test_{surfaces,bad_surfaces,operators}.py

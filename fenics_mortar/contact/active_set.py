@@ -53,7 +53,7 @@ def _active(f: ContactFields, *, start: bool) -> Flags:
     Unchanged where both are rounding, the pressure compared with the stiffness and the gap with the
     largest coordinate. With ``start`` nodes of unknown pressure and no gap are active, too.
     """
-    stiffness, on = f.sides.stiffness, f.covered
+    stiffness, on = f.sides.modulus, f.covered
     gap = np.where(on, f.gap, 0.0)
     push = np.where(f.attracted, 0.0, -f.tension)  # open nodes: z_n = -a
     trial = np.where(on, push - f.state.c_n * stiffness / f.nodal_lengths * gap, 0.0)

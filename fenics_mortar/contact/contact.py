@@ -65,11 +65,8 @@ from fenics_mortar.utils.rounding import HALF_FACET
 class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
-    Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
-
-    The class has more than 20 methods since it implements ``Interface``, one short method for each
-    operation of the equations. Computations are in other modules: fields, rows, active set, slip,
-    multiplier nodes, integration.
+    Replicated: all attributes except the blocks in ``operators`` are equal on all ranks. The class
+    has more than 20 methods since it implements ``Interface``; computations are in other modules.
 
     Attributes:
         integration: Evaluates the operators.
@@ -106,6 +103,7 @@ class Contact(Interface):
         )
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
         self._master_planes = self._find_master_planes()
+        self._multiplier_nodes.possible &= ~self.slave.weightless
         self._may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
         self.follows_law: Flags = self.free.all(axis=1)
@@ -278,6 +276,13 @@ class Contact(Interface):
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
         return self.partners.pairs() if self.pair.law.has_friction else super().faced()
 
+    @property
+    def covered_fraction(self) -> Array:
+        """Cover of each slave node over that of a whole cover, shape (slave nodes,) [1]."""
+        alone = self.slave.weightless
+        whole = np.where(alone, 1.0, self.slave.full_cover)
+        return np.where(alone, 0.0, self.operators.cover / whole)
+
     def update_multiplier_nodes(self) -> int:
         """Update the multiplier nodes, see ``multiplier_nodes``; return the number of changes.
 
@@ -286,11 +291,10 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
-        cover = self.operators.cover / self.nodal_lengths
-        multiplier_nodes = self._multiplier_nodes.update(self.multiplier_nodes, cover)
-        changed = int((self.multiplier_nodes != multiplier_nodes).sum())
+        new = self._multiplier_nodes.update(self.multiplier_nodes, self.covered_fraction)
+        changed = int((self.multiplier_nodes != new).sum())
         if changed:
-            self.change(multiplier_nodes=multiplier_nodes)
+            self.change(multiplier_nodes=new)
         return changed
 
     @property
@@ -298,9 +302,7 @@ class Contact(Interface):
         """Nodes whose cover is at the limit; see ``MultiplierNodes.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
-        return self._multiplier_nodes.undecided(
-            self.operators.cover / self.nodal_lengths, self.active
-        )
+        return self._multiplier_nodes.undecided(self.covered_fraction, self.active)
 
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""

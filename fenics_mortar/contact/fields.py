@@ -52,6 +52,8 @@ class Sides(Protocol):
     slave: Surface
     master: Surface
     stiffness: Array
+    modulus: Array
+    stand_ins: tuple[Indices, Indices]
     at_vertices: bool
 
 
@@ -67,6 +69,7 @@ class InterfaceFields:
     def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
         self.sides, self.state, self.operators = sides, state, operators
         self.nodal_lengths: Array = sides.slave.nodal_lengths
+        self.nodal_areas: Array = sides.slave.nodal_areas
 
     def after(self, state: InterfaceState) -> Self:
         """The fields at another state and the same operators."""
@@ -144,9 +147,12 @@ class InterfaceFields:
     def fill_inside(self, values: Array) -> Array:
         """Set values at inner nodes of facets to the mean of the end nodes.
 
-        Only if multipliers are at vertices only. ``values`` (slave nodes,) are changed in place and
-        returned.
+        Only if multipliers are at vertices only. Nodes without weight get the values of their
+        stand-ins. ``values`` (slave nodes,) are changed in place and returned.
         """
+        alone, others = self.sides.stand_ins
+        if alone.size:
+            values[alone] = values[others]
         if self.sides.at_vertices:
             facets = self.sides.slave.facets
             values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
@@ -169,9 +175,7 @@ class ContactFields(InterfaceFields):
     @field("multiplier_nodes")
     def covered(self) -> Flags:
         """See ``InterfaceFields``."""
-        return self.state.multiplier_nodes & (
-            self.operators.diagonal > ROUNDING * self.nodal_lengths
-        )
+        return self.state.multiplier_nodes & (self.operators.diagonal > ROUNDING * self.nodal_areas)
 
     @field("multiplier_nodes")
     def mean_gap(self) -> Array:
@@ -225,7 +229,7 @@ class ContactFields(InterfaceFields):
     @field("z", "multiplier_nodes", "partners", "c_n")
     def nodal(self) -> Nodal:
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
-        stiffness = self.sides.stiffness / self.nodal_lengths
+        stiffness = self.sides.modulus / self.nodal_lengths
         c_n = self.state.c_n * stiffness
         return Nodal(self.mean_gap, self.slip, self.z_n, self.z_tau, stiffness, c_n)
 

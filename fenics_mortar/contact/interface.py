@@ -42,9 +42,11 @@ class Interface(ABC):
     Attributes:
         slave, master: The surfaces.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
-        stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress].
+        stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
+            times the thickness.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it still carries a multiplier, shape (slave nodes,), bool.
+        stand_ins: Nodes without weight, and the nodes whose fields they show, each (k,).
         now: Fields at the last evaluated displacement and the present state.
     """
 
@@ -99,6 +101,7 @@ class Interface(ABC):
         self._may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
+        self.stand_ins = self._find_stand_ins()
         none = np.zeros(count, bool)
         self._state = InterfaceState(
             z=np.zeros((count, 2)), active=none, branch=np.zeros(count, np.int64),
@@ -127,6 +130,28 @@ class Interface(ABC):
     @abstractmethod
     def _fields(self, operators: MortarOperators) -> InterfaceFields:
         """The fields of the present state with these operators."""
+
+    def _find_stand_ins(self) -> tuple[Indices, Indices]:
+        """Nodes without weight, and the next nodes that may have a multiplier, each (k,)."""
+        alone, step = np.flatnonzero(self.slave.weightless), 1
+        if self.at_vertices:
+            step = self.slave.degree
+        before, after = self.slave.along(alone, range(-step, step + 1, 2 * step)).T
+        return alone, np.where(after >= 0, after, before)
+
+    @property
+    def modulus(self) -> Array:
+        """``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress]."""
+        if self.slave.thickness is None:
+            return self.stiffness
+        return self.stiffness / self.slave.mean_thickness
+
+    @property
+    def has_partner(self) -> Flags:
+        """Whether a part of the facets at a slave node is covered, shape (slave nodes,), bool."""
+        covered, (alone, others) = self.operators.cover > 0.0, self.stand_ins
+        covered[alone] = covered[others]
+        return covered
 
     def set_stiffness(self, stiffness: Array) -> None:
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
@@ -234,6 +259,11 @@ class Interface(ABC):
     def nodal_lengths(self) -> Array:
         """Tributary length of each slave node, undeformed, shape (slave nodes,) [length]."""
         return self.slave.nodal_lengths
+
+    @property
+    def nodal_areas(self) -> Array:
+        """Nodal lengths times the mean thickness, shape (slave nodes,): size of weights."""
+        return self.slave.nodal_areas
 
     @property
     def nodes(self) -> Indices:

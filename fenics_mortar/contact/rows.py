@@ -18,7 +18,7 @@ from fenics_mortar.contact.laws import Row
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array
 
-# Weights of the rows: n k / D of gaps, nodal lengths of multipliers that do not act, tau D and n D
+# Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D
 # of the law; zero at nodes without such a row. Shapes (slave nodes, 2), (slave nodes,), (slave
 # nodes, 2), (slave nodes, 2).
 Frame = tuple[Array, Array, Array, Array]
@@ -71,7 +71,7 @@ def residual_of(f: ContactFields) -> Array:
 def frame_of(f: ContactFields) -> Frame:
     """See ``Frame``."""
     o = f.operators
-    diagonal = np.where(f.acts, o.diagonal, f.nodal_lengths)
+    diagonal = np.where(f.acts, o.diagonal, f.nodal_areas)
     closing = np.where(f.state.active, f.sides.stiffness / diagonal, 0.0)
     idle = np.where(f.acts, 0.0, diagonal)
     along, opening = diagonal * f.acts, diagonal * f.attracted

@@ -110,7 +110,7 @@ class Tie(Interface):
             choice.basis, "opposite", "basis", choice.integration, self._points(),
             pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
-        multiplier_nodes = self.free.sum(axis=1) == 2.0
+        multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~self.slave.weightless
         if self.at_vertices:
             multiplier_nodes &= ~self.slave.inner
         self.change(multiplier_nodes=multiplier_nodes)
@@ -121,7 +121,7 @@ class Tie(Interface):
                 f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
                 "increase search_radius"
             )
-        self.drop(self.operators.cover < HAND_OVER * self.nodal_lengths)
+        self.drop(self.operators.cover < HAND_OVER * self.slave.full_cover)
 
     def drop(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
@@ -203,9 +203,7 @@ class Tie(Interface):
     def nodes(self) -> Indices:
         """Global numbers of the tied nodes of both sides, shape (k,)."""
         met = np.unique(self.M.indices)
-        return np.concatenate(
-            [self.slave.nodes[self.operators.cover > 0.0], self.master.nodes[met]]
-        )
+        return np.concatenate([self.slave.nodes[self.has_partner], self.master.nodes[met]])
 
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2)."""
@@ -274,7 +272,7 @@ class Tie(Interface):
 
         Each of shape (slave nodes,).
         """
-        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_lengths)
+        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_areas)
         return diagonal, np.where(self.active, self.stiffness / diagonal, 0.0)
 
     def law(self, frame: tuple[Array, Array]) -> Array:

@@ -152,9 +152,10 @@ def _integrate(
     neighbour, without a jump.
     """
     nodes = slave.facets[s.facets]
+    thickness = slave.thickness.for_kernels if slave.thickness else None
     if slave.degree > 1:
         cover = np.empty(nodes.shape)
-        facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
+        facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
         nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
         slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
@@ -162,7 +163,7 @@ def _integrate(
     values = _empty_values(s, nodes.shape[1])
     facets.tabulate_facets(
         geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
-        s.pair_offsets, s.rule, (*options.kinds, move_ends), values,
+        s.pair_offsets, s.rule, (*options.kinds, move_ends), values, thickness,
     )  # fmt: skip
     if options.integration == "nodes":
         values[0][weights == 0.0] = 0.0  # remove rounding

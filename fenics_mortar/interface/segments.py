@@ -43,7 +43,8 @@ class Segments:
     Attributes:
         facets: Slave facets that were searched, shape (f,).
         partial: Whether the multiplier functions of a facet vary with its segments, shape (f,),
-            bool: it is curved, or partly covered by segments with moving ends.
+            bool: it is curved, its thickness varies with its position, or it is partly covered by
+            segments with moving ends.
         offsets: Segments of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
         pair_offsets: Pairs of segments coupled by these functions: those of facet i are
             pair_offsets[i]:pair_offsets[i + 1], shape (f + 1,).
@@ -136,7 +137,7 @@ def find_segments(
     ends, fixed = branches[:2]
     cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
     moves = np.bincount(owner, ~fixed.all(axis=1), facets.size) > 0
-    partial = ((cover < 2.0 - ROUNDING) & moves) | (slave.degree > 1)
+    partial = ((cover < 2.0 - ROUNDING) & moves) | slave.functions_move
     pair_counts = np.where(partial, counts**2, counts)
     pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
     return Segments(

@@ -15,12 +15,11 @@ from fenics_mortar.la.multigrid import TouchingBodies
 from fenics_mortar.la.options import COMPLIANCE, DIRECT, options_added
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError, raise_together
+from fenics_mortar.utils.rounding import LAST_DIGITS
 
 # Largest relative residual of an accepted solution [1]: above it a direct solver has met a singular
 # matrix.
 LINEAR_TOLERANCE = 1e-5
-# Relative residual of a direct solution above which it is refined once: a few units of rounding.
-REFINED = 1e-14
 # PETSc's reasons for the end of a linear solve by number, and those of a zero or nan pivot.
 REASONS = {
     number: name
@@ -131,7 +130,7 @@ class LinearSolver:
             return solution, f": {error}"
         defect = rhs.duplicate()
         relative = _defect(matrix, rhs, solution, defect, transpose)
-        if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
+        if self.ksp.getType() == "preonly" and LAST_DIGITS < relative <= LINEAR_TOLERANCE:
             correction = rhs.duplicate()
             self._call(defect, correction, transpose)
             solution.axpy(1.0, correction)

@@ -56,7 +56,7 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
         if not (isinstance(contact, Contact) and contact.active.any() and not contact.obstacle):
             continue
         o = contact.operators
-        overlap = float(o.cover.sum())
+        overlap = float((o.cover / contact.slave.mean_thickness).sum())
         shortest = min(_shortest(o.slave.facets, o.x), _shortest(o.master.facets, o.m))
         if overlap < RIGID.sliver * shortest:
             j = int(np.argmax(np.where(contact.active, o.cover, -1.0)))

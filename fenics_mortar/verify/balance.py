@@ -24,6 +24,8 @@ def balance_of_bodies(
 ) -> float:
     """Largest sum of reactions, loads and contact forces of a body or obstacle (collective).
 
+    With axisymmetry the axial one: hoop stresses bear radial forces.
+
     Internal forces sum to zero, so the sum of r over a body is minus the load applied to it; the
     reaction at a prescribed dof is the remainder of r and contact forces.
 
@@ -46,7 +48,8 @@ def balance_of_bodies(
     comm, dofs = bulk.comm, bulk.space.owned_dofs
     body = labels[: len(dofs)]
     num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
-    sums = [np.bincount(body, component, num_bodies) for component in total[dofs].T]
+    components = total[dofs].T[1:] if bulk.space.is_axisymmetric else total[dofs].T
+    sums = [np.bincount(body, component, num_bodies) for component in components]
     defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r[dofs]).sum()))
     motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=bulk.stiffness)

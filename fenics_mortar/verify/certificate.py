@@ -139,7 +139,7 @@ def _certify_pair(
     limit = contact.law_calls.friction_limit(contact.pair.law, pressure, contact.operators.x)
     limit = np.where(contact.active, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.tension
-    smallest = LIMITS.min_pressure * float(contact.stiffness.max())
+    smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
     return PairCertificate(
@@ -169,5 +169,5 @@ def _certify_tie(tie: Tie) -> PairCertificate:
     return PairCertificate(
         **action_and_reaction(tie),
         overlap=float(np.nanmax(tie.gap / tie.nodal_lengths)),
-        uncovered=int((tie.operators.cover <= 0.0).sum()),
+        uncovered=int((~tie.has_partner).sum()),
     )

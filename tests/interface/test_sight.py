@@ -201,11 +201,20 @@ def bump(x, middle, width):
 
 
 @pytest.mark.parametrize(
-    "slave, barb, wide", [
-        ("hook", 0.1, 0.35), ("catch", 0.1, 0.35), ("catch", 0.15, 0.2),
-        ("hook", 0.1, 0.12), ("catch", 0.1, 0.12),  # barbs of five facets
+    "slave, barb, wide",
+    [
+        ("catch", 0.1, 0.35),
+        *(
+            pytest.param(*each, marks=pytest.mark.serial)
+            for each in (
+                ("hook", 0.1, 0.35),
+                ("catch", 0.15, 0.2),
+                ("hook", 0.1, 0.12),  # a barb of five facets
+                ("catch", 0.1, 0.12),
+            )
+        ),
     ],
-)  # fmt: skip
+)
 def test_hook_snaps_behind_a_catch(slave, barb, wide):
     """A barb on an arm is pushed over a ridge, with whole outlines, and rests behind it."""
 
@@ -300,7 +309,7 @@ def test_tube_in_a_tube_with_whole_outlines_is_that_with_the_sides_that_meet(sla
     assert found[0][1] > 1e-4 * E
 
 
-@pytest.mark.parametrize("slave", ["spiral", "wall"])
+@pytest.mark.parametrize("slave", ["spiral", pytest.param("wall", marks=pytest.mark.serial)])
 def test_spiral_is_touched_by_a_wall_at_its_outer_winding_only(slave):
     """Two windings, and a wall whose back faces the inner ones through both of them."""
 

@@ -151,7 +151,16 @@ def pressed_cylinder(refinements, cylinder, block):
     return 8.0 * iteration[last].sum() / np.log10(left[first] / left[last]).sum()
 
 
-@pytest.mark.parametrize("cylinder, block, most", [(1, 1, 13), (1000, 1, 11.5), (1, 1000, 13)])
+@pytest.mark.parametrize(
+    "cylinder, block, most",
+    [
+        (1, 1, 13),
+        *(
+            pytest.param(*each, marks=pytest.mark.serial)
+            for each in ((1000, 1, 11.5), (1, 1000, 13))
+        ),
+    ],
+)
 def test_iterations_do_not_grow_where_the_contact_is_curved(cylinder, block, most):
     """From nothing, so that the active set moves all the time: by a fifth at the most, too.
 

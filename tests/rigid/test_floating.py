@@ -152,7 +152,9 @@ def falling_disk(size):
     return fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="disk_")
 
 
-@pytest.mark.parametrize("size", [0.1, 0.085, 0.06])
+@pytest.mark.parametrize(
+    "size", [0.1, *(pytest.param(s, marks=pytest.mark.serial) for s in (0.085, 0.06))]
+)
 def test_disk_that_may_roll_falls_in_one_solve(size):
     """No Dirichlet condition on it: contact carries the weight, forces of springs are reported."""
     problem = falling_disk(size)

@@ -56,8 +56,7 @@ def gives_way(scene):
 # One body
 
 
-@BASES
-@pytest.mark.parametrize("mu", [0.2, 0.9])
+@pytest.mark.parametrize("mu, base", [(0.2, "body"), (0.9, "plane")])
 def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(mu, base):
     """The contact force is the weight, upright; the shear strains the block a little downhill."""
     for factor in (0.5, 0.95):
@@ -215,13 +214,12 @@ def bears(scene, number):
     assert left[1] == pytest.approx(0.5, rel=0.005)
 
 
-@pytest.mark.parametrize("number", [7, pytest.param(9, marks=pytest.mark.slow)])
-def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough(number):
+def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough():
     """Milankovitch: t/R = 0.1075 for many; for few limit analysis knows."""
-    scene = arch(0.15, number)
+    scene = arch(0.15, 7)
     stays(scene, most=MOST)
-    bears(scene, number)
-    gives_way(arch(0.07, number))
+    bears(scene, 7)
+    gives_way(arch(0.07, 7))
 
 
 @pytest.mark.parametrize(
@@ -233,6 +231,7 @@ def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough(number):
         (0.2, 4, {"mu": 0.6}),
         (0.2, 5, {"n": 2}),
         (0.15, 5, {"E": 1e4}),
+        (0.15, 9, {}),
         (0.15, 11, {"mu": 0.5}),
     ],
     ids=str,

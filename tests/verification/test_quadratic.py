@@ -17,7 +17,18 @@ from scenes import (
     rotation,
 )
 from scipy.optimize import brentq
-from test_patch import CELLS, EXACT, NU, SLAVES, STRETCH, E, assert_uniform, blocks, uniaxial
+from test_patch import (
+    CELLS,
+    EXACT,
+    NU,
+    SLAVES,
+    STRETCH,
+    E,
+    assert_uniform,
+    blocks,
+    half_of,
+    uniaxial,
+)
 
 from dolfinx import fem
 
@@ -35,7 +46,9 @@ def test_uniaxial_pressure_is_uniform(material, angle, basis):
     a, pressure = uniaxial(material)
     turn = rotation(np.radians(angle))
     gradient = turn @ np.diag([a - 1, STRETCH - 1]) @ turn.T
-    for counts, slave, cell in product(RATIOS, SLAVES, CELLS):
+    for counts, slave, cell in half_of(
+        RATIOS, SLAVES, CELLS, skip=BASES.index(basis) + (angle > 0)
+    ):
         scene = homogeneous_blocks(
             gradient,
             ["lower/bottom", "upper/top"],
@@ -58,7 +71,9 @@ def test_all_round_pressure_passes_an_inclined_interface(angle, basis):
     a = 0.95
     pressure = -(mu * (a - 1 / a) + 2 * lmbda * np.log(a) / a) / a
     boundaries = [f"{body}/{side}" for body in SLAVES for side in ("left", "right")]
-    for counts, slave, cell in product(RATIOS, SLAVES, CELLS):
+    for counts, slave, cell in half_of(
+        RATIOS, SLAVES, CELLS, skip=BASES.index(basis) + (angle > 0)
+    ):
         if basis in ("vertices", "linear") and slave == "upper" and counts[0] == 1:
             continue  # both ends of the only facet are prescribed
         scene = homogeneous_blocks(
@@ -91,7 +106,9 @@ def test_linear_pressure_passes_a_flat_interface(angle, basis):
         s, h = turn.T @ X[:2] - np.array([[0.0], [1.0]])
         return turn @ np.stack([c * h**2 / 2, -(e + c * s) * h])
 
-    for counts, slave, cell in product(RATIOS[1:], SLAVES, CELLS):
+    for counts, slave, cell in half_of(
+        RATIOS[1:], SLAVES, CELLS, skip=BASES.index(basis) + (angle > 0)
+    ):
         scene = homogeneous_blocks(
             np.zeros((2, 2)),
             ["lower/bottom", "upper/top"],

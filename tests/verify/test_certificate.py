@@ -205,7 +205,14 @@ def dragged_wedge(slave, half, tilt, mu):
 
 
 @pytest.mark.parametrize(
-    "half, tilt, mu", [(60.0, 0.0, 0.2), (60.0, 0.0, 0.5), (75.0, 0.0, 0.2), (45.0, 10.0, 0.2)]
+    "half, tilt, mu",
+    [
+        (60.0, 0.0, 0.2),
+        *(
+            pytest.param(*each, marks=pytest.mark.serial)
+            for each in ((60.0, 0.0, 0.5), (75.0, 0.0, 0.2), (45.0, 10.0, 0.2))
+        ),
+    ],
 )
 def test_corner_that_is_dragged_is_told_where_its_force_is_wrong(half, tilt, mu):
     """With the corner as slave H/V is off by 7 % and more, which is estimated; else by 2 %."""

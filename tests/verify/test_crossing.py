@@ -64,6 +64,7 @@ def test_result_is_that_of_one_rank():
     assert len(set(everywhere)) == 1
 
 
+@pytest.mark.serial
 def test_path_of_a_ring_ends_with_its_ends_in_contact():
     force, problem = c_ring(0.0)
 
