@@ -26,6 +26,9 @@ from fenics_mortar.utils.rounding import ROUNDING
 # Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
 # the strains e; the shear is 1000 e times the pressure.
 ELASTIC = 1e3
+# Softening of adhesion over the diagonal stiffness of a node [1] above which its slope is left out:
+# a node of a surface gives way by about twice what this stiffness says.
+FADES_FAST = 0.5
 
 
 class _Field(cached_property[Any]):
@@ -272,8 +275,15 @@ class ContactFields(InterfaceFields):
 
     @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
     def law_rows(self) -> tuple[Row, Row]:
-        """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,)."""
+        """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,).
+
+        Where adhesion fades faster than the body follows, its slope is left out of the tangent: a
+        step would close the gap, and the node open and close in turns. With the pull of the last
+        iterate the gap grows from step to step to the next one that is in equilibrium.
+        """
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
+        unstable = self.operators.diagonal * np.abs(by_gap) > FADES_FAST * self.sides.stiffness
+        by_gap = np.where(unstable, 0.0, by_gap)
         return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
 
     @property

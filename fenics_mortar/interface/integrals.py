@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
@@ -18,20 +19,26 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 
 
-def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
+def evaluate_normals(
+    surface: Surface,
+    x: Array,
+    weighting: Weighting,
+    links: tuple[Indices, Indices] | None = None,
+) -> tuple[Array, Array]:
     """Averaged unit normals of nodes, and their derivatives (local).
 
     Args:
         surface: The surface.
         x: Current positions of its n nodes, shape (n, 2) [length].
         weighting: Weights of the facet normals at a node.
+        links: Nodes before and after each node, (n,) each, if not those of the surface.
 
     Returns:
         Normals (n, 2) and derivatives (n, 2, 4 K - 2) [1 / length]; see ``kernels.normals``.
     """
     n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
-    curve = surface.previous, surface.following, surface.inner
-    normals.tabulate_normals(x, *curve, WEIGHTINGS[weighting], n, dn)
+    links = (surface.previous, surface.following) if links is None else links
+    normals.tabulate_normals(x, *links, surface.inner, WEIGHTINGS[weighting], n, dn)
     return n, dn
 
 
@@ -71,12 +78,14 @@ def evaluate_mortar(
     Returns:
         The operators.
     """
-    n, dn = evaluate_normals(slave, x, options.weighting)
+    links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]], options.weighting)
+    used = multiplier_nodes[slave.facets].any(axis=1) & ~alone
+    n, dn = evaluate_normals(slave, x, options.weighting, links)
     given = np.isfinite(prescribed_normals[:, 0])
     n[given], dn[given] = prescribed_normals[given], 0.0
     if not linearization.normals:
         dn = np.zeros_like(dn)
-    share = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
+    share = share_of(np.flatnonzero(used), slave.comm)
     s = find_segments(
         slave,
         master,

@@ -155,6 +155,25 @@ class Surface:
         """Whether multiplier functions change with the positions of wholly covered facets."""
         return self.degree > 1 or (self.thickness is not None and self.thickness.by_x != 0.0)
 
+    @cached_property
+    def turns(self) -> Array:
+        """Turn of the curve to the left at each node, undeformed, 0 at ends, (n,) [radian]."""
+        inside = (self.previous >= 0) & (self.following >= 0) & ~self.inner
+        j, turns = np.flatnonzero(inside), np.zeros(self.num_nodes)
+        a, b = self.chords(self.X, j)
+        turns[j] = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
+        return turns
+
+    def chords(self, x: Array, nodes: Indices) -> tuple[Array, Array]:
+        """Chords of the facets that end and begin at ``nodes`` (k,), (k, 2) each [length].
+
+        Args:
+            x: Positions of all nodes, shape (n, 2) [length].
+            nodes: Ends of two facets each.
+        """
+        near = self.along(nodes, range(-self.degree, self.degree + 1, self.degree))
+        return x[near[:, 1]] - x[near[:, 0]], x[near[:, 2]] - x[near[:, 1]]
+
     def along(self, nodes: Indices, steps: range) -> Indices:
         """Nodes at ``steps`` (s) along the curve from ``nodes`` (k,): (k, s); -1 beyond an end."""
         columns = []

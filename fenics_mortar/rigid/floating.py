@@ -57,6 +57,7 @@ class FloatingBodies(BodyMotions):
 
     def settle(self, evaluate: Callable[[], tuple[Array, Array]]) -> list[str]:
         """Move the bodies that contact cannot support until it can; see ``body_settling``."""
+        self._settling.moved = []
         if not self.bodies:
             return []
         return self._settling.settle(evaluate, RIGID.negligible if self.anchored else SOLVED)
@@ -65,6 +66,11 @@ class FloatingBodies(BodyMotions):
     def touched(self) -> list[Flags]:
         """Active sets of the contacts, without ties, at the start of ``settle``."""
         return self._settling.touched
+
+    @property
+    def moved(self) -> list[FloatingBody]:
+        """The bodies that the last ``settle`` moved rigidly."""
+        return self._settling.moved
 
     def check(self) -> list[str]:
         """Check bodies without contact force before and after a solve; see ``body_settling``."""
@@ -139,13 +145,6 @@ class FloatingBodies(BodyMotions):
         )
         springs = {body.label: float(k) for body, k in zip(bodies, stiffness, strict=True)}
         self.springs = Springs(self._spread(springs), self._place())
-
-    def stiff_elongation(self, total: Array) -> float:
-        """Elongation at which springs are as stiff as the bodies [shortest facets]."""
-        lengths = [
-            float(np.linalg.norm(self.resultant(b, total))) / b.stiffest for b in self.bodies
-        ]
-        return max(lengths, default=0.0) / self.shortest_facet()
 
     def remove_springs(self) -> None:
         """Remove the anchored springs."""

@@ -30,9 +30,6 @@ from fenics_mortar.utils.rounding import SOLVED
 ELONGATION, ARRIVED = 0.25, 0.01
 # Factors of the elongation after a failed and after a successful solve.
 BACK_OFF, GROWTH = 0.125, 2.0
-# Number of failures in a row after which springs are as stiff as the bodies; the factors of the
-# elongation from then on; iterations after which such a solve is given up.
-STIFF_AFTER, STIFF_BACK_OFF, STIFF_GROWTH, STIFF_ITERATIONS = 2, 0.1, 3.0, 20
 MAX_SOLVES, MAX_FAILURES = 24, 5
 # Number of solves with springs that remain: contact then carries all that it can.
 REPEATS = 3
@@ -64,9 +61,6 @@ class AnchoredSprings(Protocol):
 
     def remove_springs(self) -> None:
         """Remove the springs."""
-
-    def stiff_elongation(self) -> float:
-        """Elongation at which springs are as stiff as the bodies [shortest facets]."""
 
     def max_motion(self) -> float:
         """Largest rigid motion since ``anchor`` [shortest facets]."""
@@ -160,27 +154,19 @@ def _move_on_springs(
     """Solve with springs until their elongation vanishes, at most ``MAX_SOLVES`` times."""
     # the last solve, without springs, has the tolerance of the user
     rough = replace(options, residual_tolerance=max(SOLVED, options.residual_tolerance))
-    report, aim, failures, back_off, growth = failed.report, ELONGATION, 0, BACK_OFF, GROWTH
+    report, aim, failures = failed.report, ELONGATION, 0
     for _ in range(MAX_SOLVES):
         start = equations.state()
         equations.springs.anchor(aim)
         try:
             report = after(report, partial(solve, equations, rough))
         except NotConvergedError as error:
-            report, aim, failures = error.report, back_off * aim, failures + 1
+            report, aim, failures = error.report, BACK_OFF * aim, failures + 1
             equations.restore(start)
             if failures == MAX_FAILURES:
                 raise NotConvergedError(failed.report.reason, report) from error
-            if failures == STIFF_AFTER and back_off == BACK_OFF:
-                aim, back_off, growth = (
-                    equations.springs.stiff_elongation(),
-                    STIFF_BACK_OFF,
-                    STIFF_GROWTH,
-                )
-                few = min(STIFF_ITERATIONS, options.max_iterations)
-                rough = replace(rough, max_iterations=few)
             continue
         if equations.springs.max_motion() < ARRIVED * aim / ELONGATION:
             break
-        aim, failures = min(growth * aim, ELONGATION), 0
+        aim, failures = min(GROWTH * aim, ELONGATION), 0
     return report

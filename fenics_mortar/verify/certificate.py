@@ -90,7 +90,11 @@ class Certificate:
 
     def remarks(self) -> list[str]:
         """Describe where the mesh is too coarse or the solution may not be unique (local)."""
-        return [remark for pair in self.pairs for remark in pair.remarks()]
+        crossings = [c for c in self.crossings if c.facets > LIMITS.coarse_penetration]
+        return [
+            *(remark for pair in self.pairs for remark in pair.remarks()),
+            *(f"{crossing}: finer facets, or a pair of these surfaces" for crossing in crossings),
+        ]
 
     def __str__(self) -> str:
         """Markdown table: one row per measure, one column per pair."""
