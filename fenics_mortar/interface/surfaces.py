@@ -123,7 +123,8 @@ class Surface:
         if self.thickness is None:
             return self.nodal_lengths
         measures = _measures(self.X[self.facets], self.thickness.at(self.X)[self.facets])
-        return np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
+        nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
+        return nodal.astype(np.float64)
 
     @cached_property
     def mean_thickness(self) -> Array | float:
