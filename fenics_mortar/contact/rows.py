@@ -40,7 +40,10 @@ class Rows:
 
 
 def rows_of(f: ContactFields, frame: Frame) -> Rows:
-    """Linearized rows of the multipliers, gap and contact law, weighted by ``frame`` (local)."""
+    """Linearized rows of the multipliers, weighted by ``frame`` (local).
+
+    Shapes and units are those of ``Rows`` and ``Frame``.
+    """
     o = f.operators
     normal, idle, *laws = frame
     blocks: list[Block] = []
