@@ -32,7 +32,7 @@ ALIKE = 0.1
 
 
 def links_at_corners(
-    surface: Surface, x: Array, master: Array, weighting: str
+    surface: Surface, x: Array, master: Array
 ) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
     """Links along a slave that end at corners with the normal of one facet (local).
 
@@ -40,14 +40,13 @@ def links_at_corners(
         surface: The slave.
         x: Positions of its nodes, shape (slave nodes, 2) [length].
         master: Ends of the master's facets, the body on their left, shape (m, 2, 2) [length].
-        weighting: Weights of the facet normals: with those of other codes all corners are averaged.
 
     Returns:
         Nodes before and after each one, (slave nodes,) each, and marks of the facets round a
         corner, which have no partner, (facets,), bool.
     """
     corners = corners_of(surface)
-    if not corners.size or weighting != "opposite":
+    if not corners.size:
         return (surface.previous, surface.following), np.zeros(len(surface.facets), bool)
     return one_sided(surface, corners, choose_facets(surface, corners, x, master))
 
