@@ -170,11 +170,11 @@ def rigid(case: SupportedCase, *, at_nodes: bool = False) -> Structure:
 def _is_guided(case: SupportedCase, slave: str, x: Array, n: Array) -> bool:
     """Whether a node of a slave is prescribed along the surface: such nodes bear no friction."""
     return any(
-        held.component is not None
-        and abs(n[held.component]) < 0.5
-        and held.boundary.split("/")[0] == slave.split("/")[0]
-        and bool((case.x[case.nodes_of(held.boundary)] == x).all(axis=1).any())
-        for held in case.held
+        given.component is not None
+        and abs(n[given.component]) < 0.5
+        and given.boundary.split("/")[0] == slave.split("/")[0]
+        and bool((case.x[case.nodes_of(given.boundary)] == x).all(axis=1).any())
+        for given in case.prescribed
     )
 
 
