@@ -19,6 +19,7 @@ from demos.studies.stability.limit_analysis import (
     Point,
     Structure,
     judge,
+    least_factor,
     normal_of,
     touching_lines,
     touching_nodes,
@@ -182,6 +183,13 @@ def end_of_mesh(case: SupportedCase) -> float:
     """Time at which bodies give way if forces act at nodes of the slaves only."""
     verdict = judge(rigid(case, at_nodes=True))
     return 1.0 + verdict.factor if verdict.feasible else 0.0
+
+
+def earliest_end_of_mesh(case: SupportedCase) -> float:
+    """The same for friction that is not associated: bodies may give way from this time on."""
+    if any(case.pulls):
+        return end_of_mesh(case)
+    return 1.0 + least_factor(rigid(case, at_nodes=True))
 
 
 def _touching(
