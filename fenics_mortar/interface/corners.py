@@ -108,14 +108,16 @@ def one_sided(
         facets: The result of ``choose_facets``, shape (k,).
 
     Returns:
-        Nodes before and after each one, (slave nodes,), and marks (facets,), bool.
+        Nodes before and after each one, (slave nodes,), and marks (facets,), bool. A facet between
+        two corners of which one takes its normal keeps its partner.
     """
     previous, following = surface.previous.copy(), surface.following.copy()
     previous[corners[facets > 0]] = -1
     following[corners[facets < 0]] = -1
-    dropped = np.isin(surface.facets[:, 0], corners[facets < 0])
-    dropped |= np.isin(surface.facets[:, -1], corners[facets > 0])
-    return (previous, following), dropped
+    first, last = surface.facets[:, 0], surface.facets[:, -1]
+    taken = np.isin(first, corners[facets > 0]) | np.isin(last, corners[facets < 0])
+    left = np.isin(first, corners[facets < 0]) | np.isin(last, corners[facets > 0])
+    return (previous, following), left & ~taken
 
 
 def _unit(vectors: Array) -> Array:
