@@ -121,6 +121,7 @@ class Contact(Interface):
             self._points(),
             pair.search_radius or reach,
             float(np.cos(np.radians(choice.max_angle))),
+            corners=choice.normals == "opposite",
         )
         sides, small = (self.slave, self.master), pair.sliding == "small"
         self.integration = Integration(
