@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, freeze
@@ -24,6 +25,7 @@ class State:
         places: Places of the obstacles, shape (obstacles, 3).
         standing: Places of outlines and obstacles at the last accepted state.
         converged: Whether the last solve ended in this state.
+        rates: Velocity and accelerations, ``None`` in statics.
     """
 
     u: Array
@@ -31,6 +33,7 @@ class State:
     places: Array
     standing: Standing
     converged: bool
+    rates: Rates | None = None
 
     def __post_init__(self) -> None:
         """Take copies of arrays that can be written to."""
