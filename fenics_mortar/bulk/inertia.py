@@ -7,7 +7,8 @@ adds M w to its residual and c M to its tangent; ``scheme`` says what c and o ar
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from petsc4py import PETSc
@@ -17,7 +18,8 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from fenics_mortar.bulk.massless import extrapolation
+from fenics_mortar.bulk.massless import redistributed
+from fenics_mortar.mesh.numbering import by_input_node, set_by_input_node
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices, freeze
@@ -78,9 +80,7 @@ class Inertia:
         self._P: PETSc.Mat | None = None
         self.massless = massless
         if massless.size:
-            full, self._P = self.M, extrapolation(space, self.M, massless)
-            self.M = full.ptap(self._P)
-            full.destroy()
+            self.M, self._P = redistributed(space, self.M, massless)
         self.largest_mass: float = self.M.getDiagonal().max()[1]
         self._input, self._output = self.M.createVecs()
         self._solver: PETSc.KSP | None = None
@@ -123,6 +123,37 @@ class Inertia:
         """Go to a state with the rates ``rates`` and the displacement ``u`` (local)."""
         self.rates = rates
         self.factor, self.origin = 1.0, u - rates.acceleration
+
+    # Checkpoints
+
+    def kept(self) -> dict[str, Any]:
+        """All rates by the nodes of the mesh input, equal on all ranks."""
+        rates, data = self.rates, dict[str, Any]()
+        for part in fields(rates):
+            value = getattr(rates, part.name)
+            if isinstance(value, np.ndarray):
+                _, value = by_input_node(self._space, self._function(value))
+            data[part.name] = np.asarray(value)
+        return data
+
+    def take_kept(self, data: Mapping[str, Any], u: Array) -> None:
+        """Go to the rates of ``kept`` with its ``nodes``, and the displacement ``u``."""
+        given = dict[str, Any]()
+        for part in fields(Rates):
+            value = data[part.name]
+            if value.ndim:
+                function = self._function(u)
+                set_by_input_node(self._space, function, data["nodes"], value)
+                given[part.name] = function.x.array.copy()
+            else:
+                given[part.name] = value[()]
+        self.take(Rates(**given), u)
+
+    def _function(self, values: Array) -> fem.Function:
+        """A function of the whole space."""
+        function = fem.Function(self._space.whole)
+        function.x.array[:] = values
+        return function
 
     # What the bulk adds
 

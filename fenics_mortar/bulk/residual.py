@@ -17,7 +17,6 @@ import ufl
 from ufl.algorithms import expand_derivatives
 
 from fenics_mortar.bulk.cells import Cells
-from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.input_data import InputData
 from fenics_mortar.bulk.units import find_units
 from fenics_mortar.mesh import numbering
@@ -59,7 +58,7 @@ class Bulk:
         num_patterns: Number of matrices created for ``K`` so far.
         is_linear: Whether the residual is recognized as linear in the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
-        inertia: Mass of the bodies and their rates, ``None`` in statics.
+        inertia: The ``Inertia`` of the bodies, ``None`` in statics.
 
     Raises:
         MortarError: If a condition belongs to another space.
@@ -86,7 +85,7 @@ class Bulk:
         self._input = InputData(u, self.bcs, (residual, jacobian), space)
         self._data: list[Array] = []
         self._K_is_whole = False  # neither outdated nor with anything else in it
-        self.inertia: Inertia | None = None
+        self.inertia: Any = None  # an Inertia
         self._K_has_room = False  # for the mass matrix
         self.K: PETSc.Mat = compat.create_matrix(self._tangent)
         self.num_patterns, self._num_growths = 1, 0

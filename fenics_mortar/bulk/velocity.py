@@ -28,7 +28,7 @@ class Velocity:
 
     def __init__(self, u: Any) -> None:
         self.factor = fem.Constant(u.function_space.mesh, 0.0)
-        self.origin = fem.Function(u.function_space, name="origin of the velocity")
+        self.origin = fem.Function(u.function_space, name="velocity_origin")
         self.expression = self.factor * (u - self.origin)
 
     def set(self, factor: float, origin: Array) -> None:
