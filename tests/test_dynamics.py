@@ -68,6 +68,7 @@ def test_a_body_of_one_layer_of_cells_cannot_take_over_the_mass():
 # Impacts
 
 
+@pytest.mark.serial
 def test_a_bar_rebounds_from_a_wall_as_waves_say():
     made, speed, length = bar(40), 0.1, 10.0
     pressures = []
@@ -88,15 +89,17 @@ def test_a_bar_rebounds_from_a_wall_as_waves_say():
     assert np.abs(relative[8:-8] - 1.0).mean() < 0.005  # behind the front of the wave
     assert motion.momentum()[1] / (RHO * length * speed) == pytest.approx(1.0, abs=0.03)
     assert np.abs(totals(record) / record.start.total - 1.0).max() < 3e-4
-    assert record.num_iterations < 2 * len(record.steps)
+    assert record.num_iterations < 2.5 * len(record.steps)
 
 
+@pytest.mark.serial
 def test_the_trapezoidal_rule_with_massive_contact_gains_energy():
     made = bar(20)
     _, record = run(made, 1.5, 0.05, "generalized_alpha", 1.0, {"bar": (0.0, -0.1, 0.0)})
     assert totals(record)[-1] > 2.0 * record.start.total
 
 
+@pytest.mark.serial
 def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
     made = free_block(gap=0.05, is_linear=True)
     made.gravity.value[:] = (0.0, -4.0)
@@ -109,12 +112,16 @@ def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
 
     velocities = {"block": (0.0, -0.5, 0.0)}
     _, record = run(made, 6.0, 0.02, velocities=velocities, on_step=note)
-    total = totals(record)[1:] + levels
+    total = (totals(record)[1:] + levels) / record.start.total
     impacts = np.count_nonzero(np.diff(np.array(active, int)) > 0)
     assert impacts >= 10
-    assert np.abs(total / record.start.total - 1.0).max() < 0.01
+    assert np.abs(total - total[0]).max() < 0.03
+    in_flight = np.convolve(active, np.ones(9), "same") == 0.0
+    assert np.median(np.abs(total - total[0])[in_flight]) < 1e-10  # what is owed is returned
+    assert abs(total[-1] - total[0]) < 1e-3
 
 
+@pytest.mark.serial
 def test_two_rings_exchange_momentum():
     for scheme, allowed in (("massless", 1e-11), ("conserving", 1e-4)):
         made, dt = rings(24), 0.02
@@ -140,6 +147,7 @@ def test_two_rings_exchange_momentum():
 # Exact solutions
 
 
+@pytest.mark.serial
 def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
     """Each half period friction takes 2 mu N / k from the amplitude, until the spring is weaker."""
     stiffness, pressure, mu = 0.4, 0.1, 0.3
@@ -151,7 +159,7 @@ def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
         places.append((time, made.mean(0)))
 
     made.u.x.array[::2] = start
-    motion, record = run(made, 4.0 * half, half / 80, on_step=note)
+    _, record = run(made, 4.0 * half, half / 40, rho_inf=0.5, on_step=note)
     time, place = np.array(places).T
     for number, amplitude in ((1, -3.5), (2, 1.5), (3, 0.5), (4, 0.5)):
         now = np.interp(number * half, time, place)
@@ -161,13 +169,14 @@ def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
     assert record.friction_work == pytest.approx(lost, rel=0.01)
 
 
+@pytest.mark.serial
 def test_a_belt_carries_an_oscillator_until_it_slides_about_its_rest():
     """Stick up to x = mu N / k, then x - mu N / k = v / omega sin(omega t) for one period."""
     stiffness, pressure, mu, speed = 0.4, 0.1, 0.3, 0.03
     made, belt = oscillator(fm.Coulomb(mu), pressure=pressure, stiffness=stiffness)
     slides, omega, places = mu * pressure / stiffness, np.sqrt(stiffness), []
     sticks = slides / speed
-    motion = made.dynamics("conserving")
+    motion = made.dynamics("conserving", 0.5)  # without waves in the block
     made.set_velocity(motion, {"block": (speed, 0.0, 0.0)})
 
     def note(time, report):
@@ -185,7 +194,7 @@ def test_a_belt_carries_an_oscillator_until_it_slides_about_its_rest():
         speed * time,
         slides + speed / omega * np.sin(omega * (time - sticks)),
     )
-    assert np.abs(place - exact).max() < 0.02 * speed / omega
+    assert np.abs(place - exact).max() < 0.03 * speed / omega
 
 
 def test_drag_slows_a_body_exponentially():
@@ -199,6 +208,7 @@ def test_drag_slows_a_body_exponentially():
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(("scheme", "rho_inf"), [("massless", 1.0), ("generalized_alpha", 0.5)])
 def test_the_rate_in_time_is_two(scheme, rho_inf):
     """A neo-Hookean block that turns and vibrates in free flight, against finer steps."""
@@ -333,6 +343,7 @@ def test_a_failed_step_is_taken_back():
         motion.run(1.0, fm.SteppingOptions(step=0.1, smallest=0.1))
 
 
+@pytest.mark.serial
 def test_energy_and_work_balance():
     """Kinetic and strain energy change by the work of contact, by friction alone."""
     made, _ = oscillator(fm.Coulomb(0.3))

@@ -234,10 +234,13 @@ class Inertia:
         return prescribed[: self._space.num_owned] | (self.M.getDiagonal().array_r == 0.0)
 
     def _create_solver(self, prescribed: Flags) -> PETSc.KSP:
-        """Solver for accelerations that are zero where ``_fixed``."""
-        M = self.M.copy()
-        rows = np.flatnonzero(self._fixed(prescribed)) + self._space.first
-        M.zeroRowsColumns(rows.astype(PETSc.IntType), diag=self.largest_mass)
+        """Solver for accelerations that are zero where ``_fixed``, as the forces are.
+
+        Rows and columns are zero there: conjugate gradients do not leave the other dofs.
+        """
+        M, moves = self.M.copy(), self.M.createVecLeft()
+        moves.array[:] = ~self._fixed(prescribed)
+        M.diagonalScale(moves, moves)
         solver = PETSc.KSP().create(M.comm)
         solver.setType(PETSc.KSP.Type.CG)
         solver.getPC().setType(PETSc.PC.Type.JACOBI)

@@ -63,7 +63,7 @@ def redistributed(space: DisplacementSpace, M: PETSc.Mat, nodes: Indices) -> tup
 
 
 def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array | None:
-    """Factors of the owned dofs that give the moved masses the moments of M; ``None`` if none do."""
+    """Factors of the owned dofs that give moved masses the moments of M; ``None`` if none do."""
     comm, dofs = space.V.mesh.comm, space.owned_dofs
     labels, count = label_bodies(space.V)
     labels, X = labels[: len(dofs)], space.V.tabulate_dof_coordinates()[: len(dofs), :2]

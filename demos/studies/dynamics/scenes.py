@@ -88,7 +88,7 @@ def scene(
     comm: MPI.Comm = MPI.COMM_WORLD,
     **options: Any,
 ) -> Scene:
-    """A problem of mapped grids; ``sides``: slave and master of each pair; ``held``: prescribed components."""
+    """A problem of grids; ``sides``: slave and master of each pair; ``held``: prescribed values."""
     data = read_mesh(lambda: build(grids, cell=cell, order=degree), comm)
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V, name="displacement"), ufl.TestFunction(V)
