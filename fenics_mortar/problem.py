@@ -42,7 +42,7 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils import garbage
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import MortarError, check_same_words, together
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
@@ -340,8 +340,11 @@ class ContactProblem:
         """Estimate the discretization error of the present state, cell by cell (collective).
 
         Raises:
-            MortarError: On all ranks, if the residual has integrals that are not supported.
+            MortarError: On all ranks, if the residual has integrals that are not supported, or
+                bodies have inertia.
         """
+        if self.equations.bulk.inertia is not None:
+            raise MortarError("the estimate knows no inertia: it is one of equilibria")
         self._renew_if_interrupted()
         if self._estimator is None:
             self._estimator = Estimator(self.equations.bulk)

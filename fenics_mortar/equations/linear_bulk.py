@@ -43,7 +43,7 @@ class LinearBulk:
                 "linear_bulk=False"
             )
         linear = general.bulk.is_linear if wanted is None else wanted
-        self._possible = linear and bool(general.contacts)
+        self._given = self._possible = linear and bool(general.contacts)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0
@@ -78,6 +78,7 @@ class LinearBulk:
     def forget(self) -> None:
         """Discard the factors of the bulk (local)."""
         self._equations, self._data, self._num_iterations = None, [], 0
+        self._possible = self._given
 
     @property
     def _slides_little(self) -> bool:
