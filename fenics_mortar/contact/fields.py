@@ -185,9 +185,7 @@ class ContactFields(InterfaceFields):
     @field("multiplier_nodes")
     def covered(self) -> Flags:
         """See ``InterfaceFields``."""
-        return self.state.multiplier_nodes & (
-            self.operators.diagonal > ROUNDING * self.nodal_areas
-        )
+        return self.state.multiplier_nodes & (self.operators.diagonal > ROUNDING * self.nodal_areas)
 
     @field("multiplier_nodes")
     def mean_gap(self) -> Array:

@@ -203,9 +203,7 @@ class Tie(Interface):
     def nodes(self) -> Indices:
         """Global numbers of the tied nodes of both sides, shape (k,)."""
         met = np.unique(self.M.indices)
-        return np.concatenate(
-            [self.slave.nodes[self.has_partner], self.master.nodes[met]]
-        )
+        return np.concatenate([self.slave.nodes[self.has_partner], self.master.nodes[met]])
 
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2)."""

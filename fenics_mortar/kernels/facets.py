@@ -36,7 +36,7 @@ from fenics_mortar.kernels.shapes import tabulate_shapes
 
 @kernel
 def thickness_of(x, nodes, thickness, theta):
-    """Fill ``theta`` (K,), the ``thickness`` at ``nodes`` (K,), see ``tabulate_facets`` [length]."""
+    """Fill ``theta`` (K,), the ``thickness`` at ``nodes`` (K,), [length]."""
     constant, by_x = thickness
     for i in range(nodes.size):
         theta[i] = constant[nodes[i]] + by_x * x[nodes[i], 0]
@@ -131,7 +131,7 @@ def tabulate_facets(
             segments are left unchanged; dD and dM must be zero on entry. D, M, cover and dg are
             [length], g is [length^2], dD and dM are [1].
         thickness: (constant part at the slave nodes (n,) [length], derivative by their first
-            current coordinate [1]), linear between nodes; a factor of all integrals. By default one.
+            current coordinate [1]), linear between nodes; a factor of all integrals; by default 1.
     """
     x, n, dn_dx, m = geometry
     nodes, weights, partial = facets

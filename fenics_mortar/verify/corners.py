@@ -192,7 +192,7 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
     there = np.where(around >= 0, pressure[around], 0.0)
     beside = there[:, 2 * reach : 4 * reach + 1].max(axis=1, initial=0.0)
     there[:, 2 * reach : 4 * reach + 1] = 0.0
-    counts = beside > LIMITS.counted_pressure * pressure.max(initial=0.0)
+    counts = beside > LIMITS.at_corners * pressure.max(initial=0.0)
     beside = np.where(counts, beside, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.nan_to_num(beside / there.max(axis=1, initial=0.0), posinf=np.inf)
