@@ -135,7 +135,7 @@ class Predictor:
         for its_kind, guess in guesses:
             places = np.where(problem.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
-            problem.equations.put(guess)
+            problem.put(guess)
             guessed, still_presses = self._look()
             if guessed < residual and not (presses & ~still_presses).any():
                 residual, best, kind = guessed, guess, its_kind
@@ -160,9 +160,7 @@ class Predictor:
         for contact in problem.contacts:
             contact.start_step()
         residual = np.inf if problem.bulk.inverted_cells()[0] else self._residual()
-        contacts = [
-            contact for contact in problem.contacts if isinstance(contact, Contact)
-        ]
+        contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
         return residual, np.array([(c.pressure > 0.0).any() for c in contacts], bool)
 
     def _residual(self) -> float:

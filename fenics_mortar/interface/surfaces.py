@@ -331,5 +331,3 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
     ordered = np.empty_like(everything)
     ordered[np.argsort(owners, kind="stable")] = everything
     return ordered
-
-
