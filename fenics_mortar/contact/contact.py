@@ -65,11 +65,8 @@ from fenics_mortar.utils.rounding import HALF_FACET
 class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
-    Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
-
-    The class has more than 20 methods since it implements ``Interface``, one short method for each
-    operation of the equations. Computations are in other modules: fields, rows, active set, slip,
-    multiplier nodes, integration.
+    Replicated: all attributes except the blocks in ``operators`` are equal on all ranks. The class
+    has more than 20 methods since it implements ``Interface``; computations are in other modules.
 
     Attributes:
         integration: Evaluates the operators.
@@ -124,6 +121,7 @@ class Contact(Interface):
             self._points(),
             pair.search_radius or reach,
             float(np.cos(np.radians(choice.max_angle))),
+            corners=choice.normals == "opposite",
         )
         sides, small = (self.slave, self.master), pair.sliding == "small"
         self.integration = Integration(
@@ -289,6 +287,8 @@ class Contact(Interface):
     @property
     def covered_fraction(self) -> Array:
         """Cover of each slave node over that of a whole cover, shape (slave nodes,) [1]."""
+        if self.slave.thickness is None:
+            return self.operators.cover / self.slave.full_cover
         alone = self.slave.weightless
         whole = np.where(alone, 1.0, self.slave.full_cover)
         return np.where(alone, 0.0, self.operators.cover / whole)
@@ -301,11 +301,10 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
-        cover = self.covered_fraction
-        multiplier_nodes = self._multiplier_nodes.update(self.multiplier_nodes, cover)
-        changed = int((self.multiplier_nodes != multiplier_nodes).sum())
+        new = self._multiplier_nodes.update(self.multiplier_nodes, self.covered_fraction)
+        changed = int((self.multiplier_nodes != new).sum())
         if changed:
-            self.change(multiplier_nodes=multiplier_nodes)
+            self.change(multiplier_nodes=new)
         return changed
 
     @property

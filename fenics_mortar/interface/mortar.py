@@ -11,6 +11,9 @@ n, tau      averaged unit normal of a slave node, tau = (-n_y, n_x)
 f_c         contact force: sum_j D[j, k] z_j on slave node k, -sum_j M[j, l] z_j on l
 ==========  ==========================================================================
 
+With an out-of-plane thickness, as 2 pi r, all integrals are weighted by it at the current point of
+the slave, and all units below are multiplied by a length; see ``mesh.thickness``.
+
 Formulas: Popp, Gee & Wall (2009); consistent treatment of partly covered facets: Popp, Seitz, Gee
 & Wall (2013). Each rank holds the integrals over its share of the slave facets. Nodal quantities
 are summed over the ranks and equal on all of them.
