@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from typing import Any
 
@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 from dolfinx import fem
 
+from fenics_mortar.bulk.axis import check_axis
 from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
@@ -32,6 +33,7 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm, system_of
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -75,6 +77,15 @@ class ContactProblem:
         linear_bulk: Whether the bulk tangent is constant and may be factored once; see ``reduced``.
             Default: detected from ``residual`` and used where it pays, but never with
             solver="iterative".
+        geometry: "plane", or "axisymmetric": the mesh is the meridian half plane x >= 0 of bodies
+            of revolution about x = 0. Interface integrals are then weighted by 2 pi r: pressures
+            are stresses, and forces are those of the whole bodies; ``residual`` has to have
+            2 pi X[0] in its measures and the hoop strain. Radial components on the axis have to be
+            prescribed as 0. Obstacles are bodies of revolution, e.g. a ``Circle`` about a point of
+            the axis is a sphere. See ``mesh.thickness``.
+        thickness: Out-of-plane thickness of plane bodies, by which interface integrals are
+            weighted as the measures of ``residual`` have to be: a positive length, or a function of
+            reference positions (n, 2); ``None`` is one, without a unit.
         adequacy: An ``AdequacyCheck`` that estimates the model error after each solve
             (``report.adequacy``) and may start each solve on a cheaper model.
 
@@ -106,6 +117,8 @@ class ContactProblem:
         jacobian: Any | None = None,
         displacement: int = 0,
         linear_bulk: bool | None = None,
+        geometry: Geometry = "plane",
+        thickness: float | Callable[[Array], Any] | None = None,
         adequacy: Any | None = None,
     ) -> None:
         check_kind("u", u, fem.Function, "a function of dolfinx")
@@ -114,6 +127,7 @@ class ContactProblem:
             "petsc_options_prefix": petsc_options_prefix, "petsc_options": petsc_options,
             "algorithm": algorithm, "solver": solver, "linearization": linearization,
             "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
+            "geometry": geometry, "thickness": thickness,
         }  # fmt: skip
         with together(comm, "ContactProblem"):
             check_arguments(residual, u, pairs, bcs, jacobian)
@@ -122,7 +136,8 @@ class ContactProblem:
         options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
         check_same_words(comm, "ContactProblem", {"pairs": len(pairs), "bcs": len(bcs), **options})
         compat.free_petsc_garbage_of_earlier(comm)
-        space = DisplacementSpace(u.function_space, displacement)
+        weight = thickness_of(geometry, thickness)
+        space = DisplacementSpace(u.function_space, displacement, weight)
         check_space(space.V, pairs)
         if solver == "iterative" and space.is_mixed:
             raise ValueError("solver='iterative': mixed functions need solver='direct'")
@@ -130,9 +145,12 @@ class ContactProblem:
             "residual": residual, "u": u, "bcs": bcs, "petsc_options_prefix": petsc_options_prefix,
             "petsc_options": petsc_options, "algorithm": algorithm, "solver": solver,
             "linearization": linearization, "newton": newton, "jacobian": jacobian,
-            "displacement": displacement, "linear_bulk": linear_bulk,
+            "displacement": displacement, "linear_bulk": linear_bulk, "geometry": geometry,
+            "thickness": thickness,
         }  # fmt: skip
-        contacts = bind(pairs, space, mark_prescribed(space, u, bcs))  # may move nodes
+        prescribed = mark_prescribed(space, u, bcs)
+        check_axis(space, prescribed)
+        contacts = bind(pairs, space, prescribed)  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
         compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
         check_slave_nodes(contacts)

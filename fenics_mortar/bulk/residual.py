@@ -160,15 +160,16 @@ class Bulk:
 
     def distance_to_prescribed(self) -> Array:
         """Prescribed minus present values of ``prescribed_dofs``, shape (k,) [length] (local)."""
-        values = self.u.x.array.copy()
+        u = self.u.x.array
+        values = u.copy()
         compat.set_prescribed(values, self.bcs)
-        return values[self.prescribed_dofs] - self.u.x.array[self.prescribed_dofs]
+        return values[self.prescribed_dofs] - u[self.prescribed_dofs]
 
-    def move(self, step: PETSc.Vec, fraction: float = 1.0) -> float:
+    def move(self, step: Array, fraction: float = 1.0) -> float:
         """Add as large a fraction of a displacement increment as the cells allow (collective).
 
         Args:
-            step: The increment [length].
+            step: The increment, shape (num_owned,) [length].
             fraction: Largest fraction to add [1].
 
         Returns:
@@ -178,7 +179,7 @@ class Bulk:
         u = self.u.x.array
         start, smallest = u.copy(), MIN_FRACTION * fraction
         allowed = MIN_AREA_RATIO * np.maximum(self.cells.area_ratios(self.positions()), 0.0)
-        u[: self.num_owned] += step.array_r
+        u[: self.num_owned] += step
         self.u.x.scatter_forward()
         increment = u - start
         u[:] = start + fraction * increment

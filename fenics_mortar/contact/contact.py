@@ -31,9 +31,9 @@ from fenics_mortar.contact.active_set import next_sets
 from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.integration import NO_PLACE, Integration
-from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only
+from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only
 from fenics_mortar.contact.law_calls import LawCalls, raise_noted
-from fenics_mortar.contact.laws import Nodal
+from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.multiplier_nodes import MultiplierNodes, normals_on_planes
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.rows import (
@@ -54,12 +54,12 @@ from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.pairing import APART
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_lengths
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
+from fenics_mortar.utils.rounding import HALF_FACET
 
 
 class Contact(Interface):
@@ -106,6 +106,7 @@ class Contact(Interface):
         )
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
         self._master_planes = self._find_master_planes()
+        self._multiplier_nodes.possible &= ~self.slave.weightless
         self._may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
         self.follows_law: Flags = self.free.all(axis=1)
@@ -176,7 +177,11 @@ class Contact(Interface):
         operators, reference = self.integration.evaluate(u, self._state, linearization)
         if reference is not self._state.reference:
             self.change(reference=reference)
-        self.show(operators.less_offset(self.offset) if self.offset.any() else operators)
+        offset = self._state.offset
+        if offset.any():
+            operators = operators.less_offset(offset)
+        if not hasattr(self, "now") or operators is not self.now.operators:
+            self.show(operators)
         if self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # by all ranks
 
@@ -239,17 +244,17 @@ class Contact(Interface):
         exceed the force, and z becomes tensile. The active set of such a node is decided by its
         force; by z it would be open for an iteration or two.
         """
-        old, o = self.z, self.operators
+        old, o, adhesion, borne = self.z, self.operators, self.now.adhesion[0], None
         z = old + fraction * (z - old) if fraction < 1.0 else z
-        self.change(z=z, borne=None)
-        pulls = self.active & (self.tension > 0.0)
+        pulls = self.active & (np.einsum("ja,ja->j", o.n, z) + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
             change = fraction * change_along(self.now, o.weight_derivative(), *sides)
             pulls &= change > o.weight
-            force = o.weight[:, None] * self.z + change[:, None] * old
-            min_force = -o.weight * self.now.adhesion[0]
-            self.change(borne=(pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force))
+            force = o.weight[:, None] * z + change[:, None] * old
+            min_force = -o.weight * adhesion
+            borne = (pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force)
+        self.change(z=z, borne=borne)
 
     def accept(self, slid: Flags | None = None) -> None:
         """Find the partners at the last evaluated state (collective).
@@ -276,7 +281,17 @@ class Contact(Interface):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
-        return self.partners.pairs() if self.pair.law.has_friction else super().faced()
+        law = self.pair.law
+        if type(law) is Frictionless or not law.has_friction:
+            return NO_PAIRS
+        return self.partners.pairs()
+
+    @property
+    def covered_fraction(self) -> Array:
+        """Cover of each slave node over that of a whole cover, shape (slave nodes,) [1]."""
+        alone = self.slave.weightless
+        whole = np.where(alone, 1.0, self.slave.full_cover)
+        return np.where(alone, 0.0, self.operators.cover / whole)
 
     def update_multiplier_nodes(self) -> int:
         """Update the multiplier nodes, see ``multiplier_nodes``; return the number of changes.
@@ -286,7 +301,7 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
-        cover = self.operators.cover / self.nodal_lengths
+        cover = self.covered_fraction
         multiplier_nodes = self._multiplier_nodes.update(self.multiplier_nodes, cover)
         changed = int((self.multiplier_nodes != multiplier_nodes).sum())
         if changed:
@@ -298,14 +313,12 @@ class Contact(Interface):
         """Nodes whose cover is at the limit; see ``MultiplierNodes.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
-        return self._multiplier_nodes.undecided(
-            self.operators.cover / self.nodal_lengths, self.active
-        )
+        return self._multiplier_nodes.undecided(self.covered_fraction, self.active)
 
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
         if self.pair.initial_gap is not None:
-            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= APART * self.nodal_lengths
+            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= HALF_FACET * self.nodal_lengths
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:
@@ -314,13 +327,13 @@ class Contact(Interface):
         Args:
             start: Whether this precedes the first solve; see ``active_set``.
         """
-        state, changed = next_sets(self.now, start=start)
-        self.put(state)
-        return int(changed.sum())
+        self.now, changed = next_sets(self.now, start=start)
+        self._state = self.now.state
+        return int(np.count_nonzero(changed))
 
     def rows(self) -> Rows:
         """Rows of the multipliers; see ``rows``."""
-        return rows_of(self.now, self.frame())
+        return rows_of(self.now)
 
     def residual(self) -> Array:
         """Left side of the nonlinear rows, as forces, (slave nodes, 2) [stress length]."""

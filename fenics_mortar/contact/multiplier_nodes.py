@@ -36,7 +36,9 @@ from fenics_mortar.utils.arrays import Array, Indices
 # Cosine between the normal of a slave node with one prescribed component and the free component:
 # on a symmetry plane above the first (20 degrees), prescribed along its normal below the second.
 PLANE_COSINE, OBLIQUE_COSINE = 0.94, 0.1
-# Covered fraction of a node below which a neighbour takes over its multiplier function.
+# Covered fraction of a node below which a neighbour takes over its multiplier function, if it is
+# covered by twice as much: of two nodes that are hardly covered alike, either would be as good, and
+# rounding would decide which one carries the force.
 HAND_OVER = 0.05
 # Largest number of changes of a node in one solve: the cover may depend on whether the node carries
 # a multiplier, and the iteration would not end.
@@ -121,7 +123,7 @@ class MultiplierNodes:
 
     def _helped(self, cover: Array) -> npt.NDArray[np.bool_]:
         """Whether a neighbour can take over the multiplier function, (slave nodes,), bool."""
-        strong = self.possible & (cover > HAND_OVER)
+        strong = self.possible & (cover > 2.0 * HAND_OVER)
         safe, helped = np.ones(cover.size, bool), np.zeros(cover.size, bool)
         for neighbour in self._sides:
             there = neighbour >= 0

@@ -72,8 +72,8 @@ class Redundancy:
     def mark(self) -> None:
         """Mark the redundant sticks of the present active sets in the states of all contacts.
 
-        A sticking node stays marked: a joint closed up to rounding may open and close, which must
-        not change the law of its neighbours each time.
+        The mark of a sticking node is kept: a joint that is closed up to rounding may open and
+        close, which must not change the law at its neighbours each time.
         """
         if not self._shared.size:
             return

@@ -42,11 +42,10 @@ from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.kernels.pairing import APART
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
-from fenics_mortar.utils.rounding import LAST_DIGITS, SAME_PLACE
+from fenics_mortar.utils.rounding import HALF_FACET, LAST_DIGITS, SAME_PLACE
 
 
 @dataclass(frozen=True)
@@ -109,9 +108,9 @@ class Tie(Interface):
         choice = pair.discretization
         self.options = MortarOptions(
             choice.basis, "opposite", "basis", choice.integration, self._points(),
-            pair.search_radius or APART * longest, float(np.cos(np.radians(choice.max_angle))),
+            pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
-        multiplier_nodes = self.free.sum(axis=1) == 2.0
+        multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~self.slave.weightless
         if self.at_vertices:
             multiplier_nodes &= ~self.slave.inner
         self.change(multiplier_nodes=multiplier_nodes)
@@ -122,7 +121,7 @@ class Tie(Interface):
                 f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
                 "increase search_radius"
             )
-        self.drop(self.operators.cover < HAND_OVER * self.nodal_lengths)
+        self.drop(self.operators.cover < HAND_OVER * self.slave.full_cover)
 
     def drop(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
@@ -204,9 +203,7 @@ class Tie(Interface):
     def nodes(self) -> Indices:
         """Global numbers of the tied nodes of both sides, shape (k,)."""
         met = np.unique(self.M.indices)
-        return np.concatenate(
-            [self.slave.nodes[self.operators.cover > 0.0], self.master.nodes[met]]
-        )
+        return np.concatenate([self.slave.nodes[self.has_partner], self.master.nodes[met]])
 
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2)."""
@@ -275,7 +272,7 @@ class Tie(Interface):
 
         Each of shape (slave nodes,).
         """
-        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_lengths)
+        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_areas)
         return diagonal, np.where(self.active, self.stiffness / diagonal, 0.0)
 
     def law(self, frame: tuple[Array, Array]) -> Array:

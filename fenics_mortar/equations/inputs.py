@@ -71,6 +71,8 @@ class Inputs:
                 _check_contact(contact, as_bound)
             for obstacle in self._obstacles:
                 check_obstacle(obstacle)
+                if self._bulk.space.is_axisymmetric:
+                    check_axial(obstacle)
         check_same(comm, self._numbers())
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
@@ -213,6 +215,20 @@ def check_obstacle(obstacle: Obstacle) -> None:
             raise MortarError(f"{what} of obstacle '{name}' is {given!r}: {expected}")
         if not np.isfinite(allowed).all():
             raise NotFiniteError(f"{what} of obstacle '{name}' is {given}: {expected}")
+
+
+def check_axial(obstacle: Obstacle) -> None:
+    """Refuse forces other than axial ones on an obstacle that is a body of revolution (local).
+
+    Raises:
+        MortarError: If its radial motion or its rotation is driven.
+    """
+    if np.isfinite(obstacle.load[[0, 2]]).any():
+        raise MortarError(
+            f"obstacle '{obstacle.name}' is pushed radially or turned: a rigid body of revolution "
+            "moves along its axis only; expected push(y=...), and move(x=..., angle=...) for tools "
+            "that change their shape"
+        )
 
 
 def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None:

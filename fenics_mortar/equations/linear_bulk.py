@@ -16,22 +16,21 @@ from fenics_mortar.la.options import COMPLIANCE
 from fenics_mortar.la.sparse import is_symmetric
 from fenics_mortar.utils.arrays import Array
 
-# Contact dofs whose compliance costs as much as an iteration of the general path, measured.
+# Number of contact dofs whose compliance costs as much as an iteration on all dofs (measured).
 DOFS_PER_ITERATION = 1000
-# Largest number of contact dofs that are reduced to unless wanted: their compliance is a dense
-# matrix, of 0.5 GB then.
+# Largest number of contact dofs for automatic reduction: their dense compliance takes 0.5 GB.
 MOST_DOFS = 8000
 
 
 class LinearBulk:
-    """Chooses how a problem is solved, again before each solve.
+    """Chooses before each solve between all dofs and the contact dofs alone.
 
-    Obstacles that forces drive take the general path, and tied bodies, whose K may be singular.
+    Problems with driven obstacles or tied bodies, whose K may be singular, are solved on all dofs.
 
     Args:
         general: The general equations.
-        wanted: Whether to reduce; ``None`` does so where the residual is linear, once the general
-            path has taken about as long as the compliance will; with small sliding at once.
+        wanted: Whether to reduce. ``None``: if the residual is linear, as soon as iterations on all
+            dofs have taken about as long as the compliance will; with small sliding at once.
         prefix: Prefix of PETSc's options.
     """
 
@@ -39,8 +38,8 @@ class LinearBulk:
         self._general, self._wanted, self._prefix = general, wanted, f"{prefix}{COMPLIANCE}"
         if wanted and general.newton.damped:
             raise ValueError(
-                "linear_bulk=True takes whole steps: leave out line_search and most_motion, or "
-                "give linear_bulk=False"
+                "linear_bulk=True takes full steps: expected no line_search and max_motion, or "
+                "linear_bulk=False"
             )
         linear = general.bulk.is_linear if wanted is None else wanted
         self._possible = linear and bool(general.contacts)
@@ -49,7 +48,7 @@ class LinearBulk:
         self._num_iterations = 0
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
-        """The reduced equations, or ``None`` for the general path; a remark (collective)."""
+        """The reduced equations, or ``None`` to solve on all dofs; remarks (collective)."""
         if not self._possible or self._general.newton.damped or self._general.motions.driven.any():
             return None, []
         if self._data_changed():
@@ -66,11 +65,11 @@ class LinearBulk:
         return self._equations, []
 
     def count(self, num_iterations: int) -> None:
-        """Take note of iterations of the general path."""
+        """Count iterations on all dofs (local)."""
         self._num_iterations += num_iterations
 
     def forget(self) -> None:
-        """Factor the bulk anew before it is used again."""
+        """Discard the factors of the bulk (local)."""
         self._equations, self._data, self._num_iterations = None, [], 0
 
     @property

@@ -43,7 +43,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 SPRING = 1e-3
 # Largest number of nodes that may touch: with more, Lemke's dense tableau of four rows a node takes
 # longer than the iterations saved (about 2 s for this number).
-MOST_NODES = 250
+MAX_NODES = 250
 PREFIX = "fenics_mortar_settling_"
 
 
@@ -119,7 +119,7 @@ class LinearizedContact:
         """
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
-        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MOST_NODES:
+        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MAX_NODES:
             return False
         laws = [contact.pair.law for contact in self._contacts]
         if not any(law.has_friction for law in laws):
@@ -229,7 +229,7 @@ class LinearizedContact:
     def _typical_pressure(self) -> float:
         """Mean pressure of loaded nodes, or a small value if there are none [stress]."""
         borne = np.concatenate([np.abs(c.pressure[c.z.any(axis=1)]) for c in self._contacts])
-        soft = min(float(contact.stiffness.min()) for contact in self._contacts)
+        soft = min(float(contact.modulus.min()) for contact in self._contacts)
         return max(float(borne.mean()) if borne.size else 0.0, SPRING * RIGID.weakest_spring * soft)
 
     def _gaps(self, used: Indices) -> tuple[Array, Array]:
@@ -335,4 +335,4 @@ def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
 def _slip_weight(contact: Contact, j: Indices) -> Array:
     """Weights of rows of slip that make the compliance symmetric, (nodes,) [1]."""
     o = contact.operators
-    return (contact.nodal_lengths * o.weight)[j] / o.diagonal[j] ** 2
+    return (contact.nodal_areas * o.weight)[j] / o.diagonal[j] ** 2

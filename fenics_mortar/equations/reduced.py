@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: MIT
 """Linear bulk, factored once: Newton's method on the contact dofs alone.
 
-With a constant symmetric K a solution without contact force changes by the forces q that contact
-puts on the dofs S of its surfaces, and by the prescribed values of the dofs H, in proportion. After
-a step that was taken whole the residual vanishes but for these, r_S = -q, and the next step is
+For constant symmetric K the displacement is linear in the contact forces q on the dofs S of the
+surfaces and in the prescribed values of the dofs H. After a full step the residual is r_S = -q and
+zero elsewhere, and the next step is
 
     dd_S = d_S - A (K_c dd + B^T z)_S,        C dd + A_z z = rhs,
 
-where d_S is the step without contact force and A = (K^-1)_SS the compliance. This is a small system
-with the solutions of the large one; A is dense, and on rank 0. What a step without contact force
-does is known too:
+where d_S is the step without contact force and A = (K^-1)_SS the compliance, a dense matrix on rank
+0. This small system is equivalent to the large one. The step without contact force is
 
     d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
 
-F being the dofs that are not prescribed, I those of F not in S. Only new loads need the last
-term. A is the inverse of a Schur complement, K with all but S eliminated. Of W there are products
-with the changes of prescribed values so far, few of which are independent along a path. Inside the
-bodies the displacement is found where Newton has ended.
+with the free dofs F and I = F without S. The last term is needed for new loads only. A is the
+inverse of the Schur complement of K on S. Products of W are stored for the changes of prescribed
+values so far, few of which are independent along a path. The displacement inside the bodies is
+computed at the end of Newton's method.
 """
 
 from __future__ import annotations
@@ -44,10 +43,10 @@ from fenics_mortar.utils.errors import MortarError
 
 
 class ReducedEquations:
-    """The equations of a problem for ``newton.solve``, on the contact dofs.
+    """Equations for ``newton.loop.solve``, reduced to the contact dofs; methods are collective.
 
     Args:
-        general: The general equations, with linear bulk; none of the bodies floats.
+        general: The general equations, with linear bulk and without floating bodies.
         prefix: Prefix of PETSc's options.
     """
 
@@ -66,7 +65,7 @@ class ReducedEquations:
         return Compliance(self._bulk, self._dofs, prefix)
 
     def evaluate(self, *, start: bool) -> Status:
-        """See ``ContactEquations``; after a step the residual is that of contact alone."""
+        """See ``ContactEquations``; after a step the residual is known from contact alone."""
         if start:
             self._force = None
             self._bulk.assemble_residual()
@@ -94,7 +93,7 @@ class ReducedEquations:
         return self._general.step(self._bulk.largest(moved))
 
     def _balance(self, force: Array) -> None:
-        """Make the residual that of contact forces alone, as it is after a whole step."""
+        """Set the residual to that of contact forces alone, as after a full step (local)."""
         r, prescribed = self._bulk.r.array, self._bulk.prescribed_dofs
         r[self._inside] = 0.0
         kept = r[prescribed]
@@ -102,7 +101,7 @@ class ReducedEquations:
         r[prescribed] = kept
 
     def _step_without_contact(self, change: Array) -> Array:
-        """d_S, for a ``change`` of the prescribed values; complete on rank 0."""
+        """d_S (size,) [length] for a ``change`` of the prescribed values; complete on rank 0."""
         r = self._bulk.r.array_r[: self._bulk.num_owned]
         step = self._compliance.by_forces(-self._dofs.gather(r))
         rounding = self._general.roundoff() / self._general.stiffest
@@ -130,7 +129,7 @@ class ReducedEquations:
     def _collect(
         self, blocks: Iterable[Block], shape: tuple[int, int], are_dofs: tuple[bool, bool]
     ) -> coo_array:
-        """The blocks of all ranks, on rank 0; whether rows and columns are global dofs."""
+        """Gather blocks on rank 0; ``are_dofs``: whether rows and columns are global dofs."""
         *places, v = flatten(blocks)
         i, j = (self._dofs.number(p) if are else p for p, are in zip(places, are_dofs, strict=True))
         parts = self._comm.gather((i, j, v)) or [(i, j, v)]
@@ -147,7 +146,7 @@ class ReducedEquations:
         C: coo_array,
         A_z: coo_array,
     ) -> tuple[Array, Array, Array]:
-        """Step of the contact dofs, multipliers zeta (n, 2) and contact force of the solution."""
+        """Step of the contact dofs, multipliers zeta (n, 2) and contact force (collective)."""
         rhs, weight = np.zeros((A_z.shape[0] // 2, 2)), np.ones((A_z.shape[0] // 2, 1))
         for (contact, place), law in zip(self._system.numbered(), laws, strict=True):
             rhs[place], weight[place, 0] = law.rhs, 1.0 / contact.stiffness
@@ -156,7 +155,7 @@ class ReducedEquations:
             answer = self._solve_dense(d, K_c, B_T, C, A_z, rhs.ravel(), np.repeat(weight, 2))
         answer = self._comm.bcast(answer)
         if answer is None:
-            raise MortarError("the linear system was not solved, it may be singular")
+            raise MortarError("the reduced linear system is singular")
         step, zeta, force = answer
         return step, zeta.reshape(-1, 2), force
 
@@ -172,7 +171,7 @@ class ReducedEquations:
     ) -> tuple[Array, Array, Array] | None:
         """The solution on rank 0; ``None`` if the system is singular.
 
-        Unknown are the dofs that contact touches and the multipliers that act.
+        Unknowns are the dofs with contact terms and the acting multipliers.
         """
         t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row, C.col]))
         a = np.unique(B_T.col)
@@ -199,7 +198,7 @@ class ReducedEquations:
         return d - force[t] @ A_t, zeta, force
 
     def finish(self) -> None:
-        """Find the displacement inside the bodies."""
+        """Compute the displacement inside the bodies."""
         if self._force is None:
             return
         self._bulk.u.x.scatter_forward()
@@ -225,13 +224,13 @@ class ReducedEquations:
         return self._general.drifts()
 
     def diagnose(self) -> str:
-        """See ``ContactEquations``, of the whole bodies."""
+        """See ``ContactEquations``; computes the displacement inside the bodies first."""
         self.finish()
         return self._general.diagnose()
 
 
 def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:
-    """Some rows and columns of a matrix, ascending; entries elsewhere are left out."""
+    """Dense submatrix of ascending rows and columns (local)."""
     inside = np.isin(matrix.row, rows) & np.isin(matrix.col, columns)
     i, j = (
         np.searchsorted(some, place[inside])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One solve of all equations: rigid motions first, then Newton's method, then the certificate."""
+"""A solve: rigid moves, Newton's method with fallbacks, certificate."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Solver:
     """Solves the equations of a problem; all methods are collective.
 
     Args:
-        equations: The equations, whose state is moved.
-        create_system: Makes their linear system.
+        equations: The equations; their state is changed.
+        create_system: Creates their linear system.
         linear_bulk: Whether to solve on the contact dofs alone; see ``LinearBulk``.
         prefix: Prefix of PETSc's options.
     """
@@ -48,7 +48,7 @@ class Solver:
         self._begin_where_meshed()
 
     def _begin_where_meshed(self) -> None:
-        """Evaluate the contacts at the start, and take its gaps for what the pairs say."""
+        """Evaluate the contacts of the undeformed mesh and set their initial gaps."""
         equations = self._equations
         equations.evaluate_operators()
         for contact in equations.contacts:
@@ -58,14 +58,14 @@ class Solver:
         self._starts = [describe_start(contact) for contact in equations.contacts]
 
     def renew(self) -> None:
-        """Make anew what an interruption may have left half made."""
+        """Create again matrices and solvers that an interruption may have left incomplete."""
         self._equations.bulk.renew_tangent()
         self._equations.bulk.assemble_tangent()
         self._equations.system = self._create_system()
         self.linear_bulk.forget()
 
     def accept(self) -> None:
-        """Count slip and ways of nodes from the last evaluated state."""
+        """Count slip and paths of nodes from the last evaluated state."""
         for contact in self._equations.contacts:
             contact.accept()
             contact.start_step()
@@ -82,7 +82,7 @@ class Solver:
         """Solve from the present state; see ``ContactProblem.solve``.
 
         Args:
-            remarks: What the record is to begin with.
+            remarks: First remarks of the record.
             accept_violations: Whether a state that violates its certificate is returned.
         """
         e = self._equations
@@ -130,7 +130,7 @@ class Solver:
         return report
 
     def _solve(self) -> NewtonReport:
-        """Solve on the contact dofs where the bulk is linear, else on all."""
+        """Solve on the contact dofs if the bulk is linear, else on all dofs."""
         e = self._equations
         reduced, remarks = self.linear_bulk.choose()
         if reduced is not None:
@@ -161,7 +161,7 @@ class Solver:
         return status.residual <= allowed and not e.bulk.inverted_cells()[0]
 
     def _solve_on_all_dofs(self) -> NewtonReport:
-        """One Newton loop; where that fails and bodies float, several with springs that let go."""
+        """Newton's method; if it fails and bodies float, the proximal point method."""
         e = self._equations
         start = e.state()
         try:
@@ -173,16 +173,16 @@ class Solver:
             failed = error
             if e.drifts():
                 try:
-                    return solve_with_weak_springs(e, e.newton, error, most=RIGID.slight)
+                    return solve_with_weak_springs(e, e.newton, error, max_fraction=RIGID.slight)
                 except NotConvergedError as with_springs:
                     failed = NotConvergedError(error.report.reason, with_springs.report)
             e.restore(start)
             return solve_with_springs(e, e.newton, failed)
 
     def _accept_moved(self) -> None:
-        """Count slip from where bodies were moved to, but for nodes that slid there (collective).
+        """Count slip from the positions after rigid moves, except for nodes that slid.
 
-        Motion towards another body is no slip; motion along one, from touch to touch, is.
+        Motion of a body towards another one is not slip; motion along a surface in contact is.
         """
         e = self._equations
         touched = iter(e.floating.touched)
@@ -196,10 +196,10 @@ class Solver:
 
 
 def _wrong_state(report: NewtonReport, violations: Sequence[str]) -> NotConvergedError:
-    """The error that says that a state violates its certificate, and what helps."""
+    """Error for a state that violates its certificate, with advice."""
     report.reason = f"converged to a wrong state: {'; '.join(violations)}"
     report.converged = False
     smaller = any("smaller steps" in words or "inverted" in words for words in violations)
-    advice = "follow_path takes such a step back and cuts it; " * smaller
+    advice = "follow_path undoes and cuts such a step; " * smaller
     words = f"{report.reason}; {advice}solve(accept_violations=True) returns it"
     return NotConvergedError(words, report)

@@ -43,10 +43,6 @@ class CombinedSprings:
         self._floating.remove_springs()
         self._obstacles.remove_springs()
 
-    def stiff_elongation(self) -> float:
-        """The ``elongation`` of ``anchor`` at which springs are as stiff as the bodies [facets]."""
-        return self._floating.stiff_elongation(self._total())
-
     def max_motion(self) -> float:
         """Largest rigid motion since ``anchor``, in shortest facets."""
         return max(self._floating.max_motion(), self._obstacles.max_motion())

@@ -48,17 +48,17 @@ class Points:
         v = self.of(nodal)
         return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
 
-    def dual_moments(self, x: Array, values: Array) -> tuple[Array, Array]:
+    def dual_moments(self, w: Array, values: Array) -> tuple[Array, Array]:
         """Integrals of values times the dual functions, and of the dual functions themselves.
 
         Args:
-            x: Positions of the nodes, shape (nodes, 2) [length].
+            w: Weights of the points, as by ``measure``, shape (n, q) [length].
             values: Values at the points, shape (n, q) [unit]; each segment is a whole facet.
 
         Returns:
             Integrals [unit length] and [length], each (n, K).
         """
-        N, w = self.shape, self.measure(x)
+        N = self.shape
         mass = np.einsum("nq,nqj,nqk->njk", w, N, N)
         sizes, moments = np.einsum("nq,nqj->nj", w, N), np.einsum("nq,nqj,nq->nj", w, N, values)
         return sizes * np.linalg.solve(mass, moments[..., None])[..., 0], sizes

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
@@ -18,20 +19,26 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 
 
-def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
+def evaluate_normals(
+    surface: Surface,
+    x: Array,
+    weighting: Weighting,
+    links: tuple[Indices, Indices] | None = None,
+) -> tuple[Array, Array]:
     """Averaged unit normals of nodes, and their derivatives (local).
 
     Args:
         surface: The surface.
         x: Current positions of its n nodes, shape (n, 2) [length].
         weighting: Weights of the facet normals at a node.
+        links: Nodes before and after each node, (n,) each, if not those of the surface.
 
     Returns:
         Normals (n, 2) and derivatives (n, 2, 4 K - 2) [1 / length]; see ``kernels.normals``.
     """
     n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
-    curve = surface.previous, surface.following, surface.inner
-    normals.tabulate_normals(x, *curve, WEIGHTINGS[weighting], n, dn)
+    links = (surface.previous, surface.following) if links is None else links
+    normals.tabulate_normals(x, *links, surface.inner, WEIGHTINGS[weighting], n, dn)
     return n, dn
 
 
@@ -71,12 +78,14 @@ def evaluate_mortar(
     Returns:
         The operators.
     """
-    n, dn = evaluate_normals(slave, x, options.weighting)
+    links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]], options.weighting)
+    used = multiplier_nodes[slave.facets].any(axis=1) & ~alone
+    n, dn = evaluate_normals(slave, x, options.weighting, links)
     given = np.isfinite(prescribed_normals[:, 0])
     n[given], dn[given] = prescribed_normals[given], 0.0
     if not linearization.normals:
         dn = np.zeros_like(dn)
-    share = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
+    share = share_of(np.flatnonzero(used), slave.comm)
     s = find_segments(
         slave,
         master,
@@ -94,7 +103,7 @@ def evaluate_mortar(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )
     nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
-    num_segments = slave.comm.allreduce(s.num_segments)
+    num_segments = slave.comm.allreduce(len(s.slave))
     return MortarOperators(
         slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
     )
@@ -125,7 +134,7 @@ def sum_over_facets(
 
 def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
     """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.facets``."""
-    number, count, columns = s.facets.size, s.num_segments, 8 * size - 4
+    number, count, columns = s.facets.size, len(s.slave), 8 * size - 4
     return (
         np.zeros((number, size, size)),
         np.zeros((count, size**2, columns)),
@@ -152,24 +161,25 @@ def _integrate(
     neighbour, without a jump.
     """
     nodes = slave.facets[s.facets]
+    thickness = slave.thickness.for_kernels if slave.thickness else None
     if slave.degree > 1:
         cover = np.empty(nodes.shape)
-        facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
+        facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
         nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
         slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
     weights = hand_over(multiplier_nodes[nodes])
-    values = _empty_values(s, nodes.shape[1])
-    facets.tabulate_facets(
+    size = nodes.shape[1]
+    D, dD, M, dM, g, dg, cover = _empty_values(s, size)
+    facets.integrate_facets(
         geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
-        s.pair_offsets, s.rule, (*options.kinds, move_ends), values,
+        s.pair_offsets, (s.points, s.weights, s.spans), (*options.kinds, move_ends),
+        (D, M, g, cover), (dD, dM, dg), thickness,
     )  # fmt: skip
     if options.integration == "nodes":
-        values[0][weights == 0.0] = 0.0  # remove rounding
-    D, dD, M, dM, *others = values
-    size = nodes.shape[1]
-    dD, dM = (array.reshape(len(array), size, size, array.shape[2]) for array in (dD, dM))
-    return D, dD, M, dM, *others
+        D[weights == 0.0] = 0.0  # remove rounding
+    shape = size, size, dD.shape[2]
+    return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
 
 
 def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
@@ -179,6 +189,8 @@ def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
     multiplier nodes of the facet.
     """
     place = np.arange(multiplier_nodes.shape[1])
+    if multiplier_nodes.all():
+        return np.tile(np.eye(place.size), (len(multiplier_nodes), 1, 1))
     distance = np.where(
         multiplier_nodes[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf
     )

@@ -8,7 +8,8 @@ functions of a fully covered facet. For phi, V and arm see ``obstacles.obstacle`
 symbol      meaning
 ==========  ==========================================================================
 Phi         C N with C = H diag(d) mass^-1 (dual) or H (standard), where d_j = int N_j,
-            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours
+            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours;
+            integrals are weighted by the out-of-plane thickness
 D[j, k]     int Phi_j N_k: H[j, k] d_k of dual functions
 g[j]        int Phi_j phi: the weighted gap
 n           -grad phi / |grad phi| at the slave node
@@ -181,7 +182,9 @@ def evaluate_obstacle(
         facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
         nodes = slave.facets[facets]
         weights = hand_over(multiplier_nodes[nodes])
-        return normals, facets, integrate_facets(obstacle, arm, x[nodes], weights, rule, options)
+        thickness = _thickness_of(slave, x, nodes)
+        of_facets = integrate_facets(obstacle, arm, x[nodes], weights, rule, options, thickness)
+        return normals, facets, of_facets
 
     normals, facets, integrals = call_together(slave.comm, distance, of_share)
     phi, n, dn, dn_dq = normals
@@ -252,6 +255,7 @@ def integrate_facets(
     weights: Array,
     rule: tuple[Array, Array],
     options: MortarOptions,
+    thickness: tuple[Array, float] | None = None,
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Integrals over f whole facets of K nodes, with C = 6 K - 4 columns, see ``columns`` (local).
 
@@ -262,6 +266,8 @@ def integrate_facets(
         weights: H, shape (f, K, K).
         rule: Points and weights on [-1, 1], each (q,).
         options: Discretization, for basis and weights of the gap.
+        thickness: That of the nodes, shape (f, K) [length], and its derivative by their first
+            coordinate [1]; one by default.
 
     Returns:
         D (f, K, K) [length], dD (f, K, K, C) [1], g (f, K) [length^2], dg (f, K, C) [length], dg by
@@ -275,6 +281,11 @@ def integrate_facets(
     W = rule[1] * J
     dW = np.einsum("p,epc,kp->epkc", rule[1], tangent / J[:, :, None], dN)
     dW = dW.reshape(*J.shape, 2 * size)
+    if thickness is not None:
+        theta = thickness[0] @ N
+        dW = dW * theta[:, :, None]
+        dW[:, :, ::2] += thickness[1] * W[:, :, None] * N.T
+        W = W * theta
     d, dd = np.einsum("ep,jp->ej", W, N), np.einsum("epq,jp->ejq", dW, N)
     mass = np.einsum("ep,jp,kp->ejk", W, N, N)
     dmass = np.einsum("epq,jp,kp->ejkq", dW, N, N)
@@ -303,6 +314,13 @@ def integrate_facets(
     dg[..., own] += along.reshape(count, size, 2 * size)
     V = obstacle.motions(at.reshape(-1, 2), arm).reshape(*J.shape, 3, 2)
     return D, dD, g, dg, -np.einsum("ejp,ep,epc,epmc->ejm", Psi, W, gradient, V), d
+
+
+def _thickness_of(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:
+    """Thickness at the ``nodes`` (f, K) of facets, and its derivative; ``None`` without one."""
+    if slave.thickness is None:
+        return None
+    return slave.thickness.at(x)[nodes], slave.thickness.by_x
 
 
 def _shapes(points: Array, size: int) -> tuple[Array, Array]:

@@ -43,7 +43,8 @@ class Segments:
     Attributes:
         facets: Slave facets that were searched, shape (f,).
         partial: Whether the multiplier functions of a facet vary with its segments, shape (f,),
-            bool: it is curved, or partly covered by segments with moving ends.
+            bool: it is curved, its thickness varies with its position, or it is partly covered by
+            segments with moving ends.
         offsets: Segments of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
         pair_offsets: Pairs of segments coupled by these functions: those of facet i are
             pair_offsets[i]:pair_offsets[i + 1], shape (f + 1,).
@@ -123,20 +124,22 @@ def find_segments(
     """
     geometry, nodes = (x, n, m), slave.facets[facets]
     view = open_view(facets.size) if view is None else view.of(facets)
-    seen = (*view, ROUNDING)
-    search_for = geometry, nodes, master.facets, radius, seen, (min_cosine, ROUNDING)
+    search_for, limits = (geometry, nodes, master.facets, radius), (min_cosine, ROUNDING)
     if integration == "segments":
-        offsets, masters, branches = _intersections(search_for, points)
+        seen = (view[:3], view.outline, ROUNDING)
+        offsets, masters, branches = _intersections((*search_for, *seen, limits), points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
-        least = nodes.shape[1] if integration == "elements" else 1
-        offsets, masters, branches = _runs(search_for, *rule, least=least)
+        min_points = nodes.shape[1] if integration == "elements" else 1
+        offsets, masters, branches = _runs(
+            (*search_for, (*view, ROUNDING), limits), *rule, min_points=min_points
+        )
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)
     ends, fixed = branches[:2]
     cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
     moves = np.bincount(owner, ~fixed.all(axis=1), facets.size) > 0
-    partial = ((cover < 2.0 - ROUNDING) & moves) | (slave.degree > 1)
+    partial = ((cover < 2.0 - ROUNDING) & moves) | slave.functions_move
     pair_counts = np.where(partial, counts**2, counts)
     pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
     return Segments(
@@ -163,17 +166,17 @@ class _Pieces(NamedTuple):
 
 def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Pieces]:
     """Offsets, master facets and pieces of segments with one Gauss rule for all."""
-    offsets, masters, fixed, ends = search.find_segments(*search_for)
+    offsets, masters, fixed, ends = search.find_segments_within(*search_for)
     s, w = gauss_rule(points)
     spans = np.tile([0, points], (len(masters), 1))
     return offsets, masters, _Pieces(ends, fixed, s, w, spans)
 
 
 def _runs(
-    search_for: tuple[Any, ...], xi: Array, w: Array, *, least: int
+    search_for: tuple[Any, ...], xi: Array, w: Array, *, min_points: int
 ) -> tuple[Indices, Indices, _Pieces]:
     """Offsets, master facets and pieces of runs of points of the rule ``xi``, ``w``."""
-    offsets, masters, runs = search.find_points(*search_for, xi, least)
+    offsets, masters, runs = search.find_points(*search_for, xi, min_points)
     cuts = np.concatenate([[-1.0], np.cumsum(w)[:-1] - 1.0, [1.0]])
     ends, lengths = cuts[runs], np.diff(runs, axis=1)[:, 0]
     stops = np.cumsum(lengths)

@@ -42,9 +42,15 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.interface.curves import number_nodes, order_curves
 from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.mesh.thickness import NodalThickness
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import SurfaceError, count_places
+
+# Integral of a shape function times the thickness over nodal area [1] below which a node carries no
+# multiplier: as small, or negative, after slight motions. The axis of revolution at 1/20 of a facet
+# beside a vertex of quadratic facets leaves it 0.1; all other nodes have 0.6 or more.
+MIN_WEIGHT = 0.05
 
 
 @dataclass(frozen=True)
@@ -64,6 +70,7 @@ class Surface:
         dofs: Global dofs of each node, shape (n, 2).
         local_dofs: Local dofs of the nodes owned by this rank, shape (owned nodes, 2).
         comm: Communicator of the mesh.
+        thickness: Out-of-plane thickness; ``None`` if it is one.
     """
 
     name: str
@@ -77,6 +84,7 @@ class Surface:
     dofs: Indices
     local_dofs: Indices
     comm: MPI.Comm
+    thickness: NodalThickness | None = None
 
     @cached_property
     def num_nodes(self) -> int:
@@ -111,6 +119,74 @@ class Surface:
         measures = _measures(self.X[self.facets])
         nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
         return nodal.astype(np.float64)
+
+    @cached_property
+    def near_dofs(self) -> Indices:
+        """Global dofs of the nodes before each node, its own and those of two facets after it.
+
+        For the first node of a facet: of the facet before, its own and the one after. Shape
+        (n, 6 K - 4) for facets of K nodes; -1 is beyond an end.
+        """
+        degree, own = self.degree, np.arange(self.num_nodes)
+        return self.dofs_of(self.along(own, range(-degree, 2 * degree + 1)))
+
+    @cached_property
+    def full_cover(self) -> Array:
+        """Integral of each nodal shape function times the thickness, undeformed, (n,) [area]."""
+        if self.thickness is None:
+            return self.nodal_lengths
+        measures = _measures(self.X[self.facets], self.thickness.at(self.X)[self.facets])
+        nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
+        return nodal.astype(np.float64)
+
+    @cached_property
+    def mean_thickness(self) -> Array | float:
+        """Mean thickness of the facets at each node, undeformed, shape (n,); 1.0 without one."""
+        if self.thickness is None:
+            return 1.0
+        areas = _measures(self.X[self.facets], self.thickness.at(self.X)[self.facets]).sum(axis=1)
+        sums = [
+            np.bincount(self.facets.ravel(), np.repeat(of_facets, self.degree + 1), self.num_nodes)
+            for of_facets in (areas, self.lengths)
+        ]
+        return np.asarray(sums[0] / sums[1])
+
+    @cached_property
+    def nodal_areas(self) -> Array:
+        """Nodal lengths times mean thickness, shape (n,): also positive where a weight is not."""
+        return self.nodal_lengths * self.mean_thickness
+
+    @cached_property
+    def weightless(self) -> npt.NDArray[np.bool_]:
+        """Nodes whose shape function has no positive integral with the thickness, shape (n,).
+
+        The vertex of a quadratic facet on the axis of revolution: int (1 - s) (1 - 2 s) s ds = 0.
+        """
+        return self.full_cover < MIN_WEIGHT * self.nodal_areas
+
+    @cached_property
+    def functions_move(self) -> bool:
+        """Whether multiplier functions change with the positions of wholly covered facets."""
+        return self.degree > 1 or (self.thickness is not None and self.thickness.by_x != 0.0)
+
+    @cached_property
+    def turns(self) -> Array:
+        """Turn of the curve to the left at each node, undeformed, 0 at ends, (n,) [radian]."""
+        inside = (self.previous >= 0) & (self.following >= 0) & ~self.inner
+        j, turns = np.flatnonzero(inside), np.zeros(self.num_nodes)
+        a, b = self.chords(self.X, j)
+        turns[j] = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
+        return turns
+
+    def chords(self, x: Array, nodes: Indices) -> tuple[Array, Array]:
+        """Chords of the facets that end and begin at ``nodes`` (k,), (k, 2) each [length].
+
+        Args:
+            x: Positions of all nodes, shape (n, 2) [length].
+            nodes: Ends of two facets each.
+        """
+        near = self.along(nodes, range(-self.degree, self.degree + 1, self.degree))
+        return x[near[:, 1]] - x[near[:, 0]], x[near[:, 2]] - x[near[:, 1]]
 
     def along(self, nodes: Indices, steps: range) -> Indices:
         """Nodes at ``steps`` (s) along the curve from ``nodes`` (k,): (k, s); -1 beyond an end."""
@@ -178,6 +254,7 @@ class Surface:
             owned=number[self.owned[mine]],
             dofs=self.dofs[keep],
             local_dofs=self.local_dofs[mine],
+            thickness=self.thickness.of(keep) if self.thickness else None,
         )
 
     def scatter_add(self, values: Array, target: Array) -> None:
@@ -218,6 +295,7 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
     owners = np.searchsorted(starts, nodes, side="right") - 1
     owned = np.flatnonzero((nodes >= begin) & (nodes < end))
     local_dofs = space.dofs[nodes[owned] - begin]
+    thickness = space.thickness.at_nodes(X[order], comm) if space.thickness else None
     return Surface(
         name,
         X[order],
@@ -230,6 +308,7 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
         replicate(local_dofs + space.first, owners, comm),
         local_dofs,
         comm,
+        thickness,
     )
 
 
@@ -244,6 +323,8 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
     Returns:
         Values at all nodes, shape (nodes, 2), equal on all ranks.
     """
+    if comm.size == 1:
+        return np.ascontiguousarray(mine)
     everything = np.empty((owners.size, 2), mine.dtype)
     counts = np.bincount(owners, minlength=comm.size)
     comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))
@@ -306,11 +387,16 @@ def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
     return ends
 
 
-def _measures(X: Array) -> Array:
-    """Integrals of the shape functions over facets at ``X`` (m, K, 2): shape (m, K) [length]."""
-    if X.shape[1] == 2:
+def _measures(X: Array, thickness: Array | None = None) -> Array:
+    """Integrals of the shape functions over facets at ``X`` (m, K, 2): shape (m, K) [length].
+
+    With ``thickness`` (m, K) [length] those of the shape functions times it.
+    """
+    if X.shape[1] == 2 and thickness is None:
         return np.repeat(np.linalg.norm(X[:, 1] - X[:, 0], axis=1)[:, None] / 2, 2, axis=1)
     points, weights = np.polynomial.legendre.leggauss(5)
     N, dN = lagrange(points, X.shape[1] - 1)
     J = np.linalg.norm(np.einsum("pk,mkc->mpc", dN, X), axis=2)
+    if thickness is not None:
+        J = J * np.einsum("pk,mk->mp", N, thickness)
     return np.einsum("pk,mp,p->mk", N, J, weights)

@@ -28,28 +28,42 @@ from fenics_mortar.kernels.moments import (
     chain_normals,
     integrate_derivatives,
     integrate_moments,
+    thickness_at,
 )
 from fenics_mortar.kernels.projection import combine, gather, segment_ends
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
 
 @kernel
-def tabulate_covers(x, facets, ends, offsets, rule, cover):
+def thickness_of(x, nodes, thickness, theta):
+    """Fill ``theta`` (K,), the ``thickness`` at ``nodes`` (K,), [length]."""
+    constant, by_x = thickness
+    for i in range(nodes.size):
+        theta[i] = constant[nodes[i]] + by_x * x[nodes[i], 0]
+
+
+@kernel
+def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
     """Fill ``cover`` (f, K) with the integrals of N over the covered parts [length].
 
     ``x`` (n, 2), ``facets`` (f, K), ``ends`` (s, 2); others as in ``tabulate_facets``.
     """
     points, weights, spans = rule
+    theta = np.empty(facets.shape[1])
     y, N = np.empty(6 * facets.shape[1]), np.empty((3, facets.shape[1]))
     cover[:] = 0.0
     for e in range(facets.shape[0]):
         gather(x, x, x, facets[e], facets[e], y)
+        if thickness is not None:
+            thickness_of(x, facets[e], thickness, theta)
         for i in range(offsets[e], offsets[e + 1]):
             c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
             for p in range(spans[i, 0], spans[i, 1]):
                 tabulate_shapes(c + h * points[p], N)
                 tx, ty = combine(y, 0, N, 1)
                 J = np.sqrt(tx * tx + ty * ty)
+                if thickness is not None:
+                    J = J * thickness_at(theta, N, 0)
                 for j in range(facets.shape[1]):
                     cover[e, j] += weights[p] * J * h * N[0, j]
 
@@ -96,7 +110,9 @@ def add_edge(g_dp, dend, dn_dx, nodes, row, dg):
 
 
 @kernel
-def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, options, values):
+def tabulate_facets(
+    geometry, facets, segments, offsets, pair_offsets, rule, options, values, thickness=None
+):
     """Evaluate D, M, the weighted gap and their derivatives on all facets.
 
     Args:
@@ -114,6 +130,8 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
             (n, K, C), cover (f, K)) with C = 8 K - 4 columns; filled. Rows of facets without
             segments are left unchanged; dD and dM must be zero on entry. D, M, cover and dg are
             [length], g is [length^2], dD and dM are [1].
+        thickness: (constant part at the slave nodes (n,) [length], derivative by their first
+            current coordinate [1]), linear between nodes; a factor of all integrals; by default 1.
     """
     x, n, dn_dx, m = geometry
     nodes, weights, partial = facets
@@ -137,6 +155,10 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
     g_dG = np.empty((count, size), kind)
     B, d, g_dp = np.zeros((count, size)), np.empty(count, kind), np.empty(count, kind)
     dG, row = np.empty((max_segments, size, columns), kind), np.empty(columns, kind)
+    if thickness is None:
+        theta, by_x = None, 0.0
+    else:
+        theta, by_x = np.empty(count, kind), thickness[1]
     for e in range(nodes.shape[0]):
         start, number = offsets[e], offsets[e + 1] - offsets[e]
         if number == 0:
@@ -146,6 +168,8 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
             segment_ends(
                 y[i], end_is_fixed[start + i], found[start + i], shapes[0], ends[i], dends[i]
             )
+        if thickness is not None:
+            thickness_of(x, nodes[e], thickness, theta)
         first, last = outermost(ends[:number])
         place = ends[first, 0].real, ends[last, 1].real
         G[:] = 0.0
@@ -153,7 +177,7 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
         for i in range(number):
             span = slice(spans[start + i, 0], spans[start + i, 1])
             own_rule = points[span], point_weights[span]
-            integrate_moments(y[i], ends[i], place, own_rule, shapes, G, T_M[i], T_g)
+            integrate_moments(y[i], ends[i], place, own_rule, shapes, G, T_M[i], T_g, theta)
         shape_coefficients(place, G, B, d)
         if basis == DUAL:
             invert_mass(G, scratch, inverse)
@@ -176,7 +200,7 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
             span = slice(spans[own, 0], spans[own, 1])
             integrate_derivatives(
                 y[i], ends[i], dends[i], place, (points[span], point_weights[span]), (C, C_g), work,
-                by_y,
+                by_y, theta, by_x,
             )  # fmt: skip
             for r in range(rows):
                 if r < of_M:
@@ -197,3 +221,20 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
             if g_dp[j] != 0.0:
                 edge, end = (first, 0) if j == 0 else (last, 1)
                 add_edge(g_dp[j], dends[edge, end], dn_dx, nodes[e], row, dg[start + edge, j])
+
+
+@kernel
+def integrate_facets(
+    geometry, facets, segments, offsets, pair_offsets, rule, options, values, derivatives, thickness
+):
+    """As ``tabulate_facets``, with ``values`` (D, M, g, cover) and ``derivatives`` (dD, dM, dg).
+
+    To be called from Python: numba finds out the types of tuples of more than four arrays anew in
+    each call, which takes 0.1 ms.
+    """
+    D, M, g, cover = values
+    dD, dM, dg = derivatives
+    tabulate_facets(
+        geometry, facets, segments, offsets, pair_offsets, rule, options,
+        (D, dD, M, dM, g, dg, cover), thickness,
+    )  # fmt: skip

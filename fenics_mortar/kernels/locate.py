@@ -35,14 +35,14 @@ def locate(points, x, triangles, neighbours, found, weights):
             begin, nodes = here, triangles[here]
             whole = _double_area(x[nodes[0]], x[nodes[1]], x[nodes[2]])
             sign = 1.0 if whole >= 0.0 else -1.0
-            size, least, across = 0.0, 0.0, 0
+            size, lowest, across = 0.0, 0.0, 0
             for k in range(3):
                 a, b = x[nodes[(k + 1) % 3]], x[nodes[(k + 2) % 3]]
                 weights[p, k] = sign * _double_area(points[p], a, b)
                 size = max(size, (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
-                if weights[p, k] < least:
-                    least, across = weights[p, k], k
-            if least >= -ROUNDING * size:
+                if weights[p, k] < lowest:
+                    lowest, across = weights[p, k], k
+            if lowest >= -ROUNDING * size:
                 if sign * whole > ROUNDING * size:  # else a sliver at the boundary
                     found[p] = here
                     weights[p] /= sign * whole

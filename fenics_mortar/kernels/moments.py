@@ -12,6 +12,8 @@ symbol     meaning                                                              
 =========  =========================================================================  ===========
 c, h       centre and half length of the segment                                      ()
 J          |dx/dxi|, dgamma = J h ds; W = w J h is the weight of a point              ()
+theta      out-of-plane thickness at the nodes of the facet; with it dgamma is an     (K,)
+           area, dgamma = (N theta) J h ds, and W = w J h (N theta)
 g          gap n^ . (x^ - x) = alpha |n|, n^ = n / |n|                                ()
 T          powers of t on the covered part of the facet, see ``basis``                (K,)
 G          moments int t^p dgamma, p = 0 ... 2 K - 2                                  (2 K - 1,)
@@ -35,11 +37,21 @@ from fenics_mortar.kernels.projection import combine, slave_to_master
 
 
 @kernel
-def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g):
+def thickness_at(theta, N, derivative):
+    """Thickness at a point with the shape functions ``N`` (3, K), or its derivative by xi."""
+    value = 0.0 * theta[0]
+    for i in range(theta.size):
+        value += N[derivative, i] * theta[i]
+    return value
+
+
+@kernel
+def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g, theta=None):
     """Fill the moments ``T_M`` of a segment; add its contribution to ``G`` and ``T_g``.
 
     ``ends`` (2,); ``place`` = (lower end, upper end) of the covered part, without derivatives;
-    ``rule`` = (points, weights); ``shapes`` = (N, L), overwritten.
+    ``rule`` = (points, weights); ``shapes`` = (N, L), overwritten; the thickness is one without
+    ``theta``.
     """
     points, weights = rule
     N, L = shapes
@@ -54,6 +66,8 @@ def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g):
         tx, ty = combine(y, 0, N, 1)
         gap = alpha * np.sqrt(nx * nx + ny * ny)
         t, T = (xi - middle) / half, weights[i] * h * np.sqrt(tx * tx + ty * ty)
+        if theta is not None:
+            T = T * thickness_at(theta, N, 0)
         for p in range(2 * count - 1):
             G[p] += T
             if p < count:
@@ -116,6 +130,20 @@ def differentiate_point(y, s, w, ends, dends, shapes, rows):
 
 
 @kernel
+def differentiate_thickness(theta, by_x, W, N, rows):
+    """Multiply W and its derivative, in ``rows``, by the thickness of a point; return W.
+
+    ``by_x``: derivative of ``theta`` by the first coordinate of its node.
+    """
+    value, slope = thickness_at(theta, N, 0), thickness_at(theta, N, 1)
+    for k in range(rows.shape[1]):
+        rows[1, k] = rows[1, k] * value + W * slope * rows[0, k]
+    for i in range(theta.size):
+        rows[1, 2 * i] += W * by_x * N[0, i]
+    return W * value
+
+
+@kernel
 def add_product(A, B, out):
     """Add the matrix product A (r, c) B (c, k) to ``out`` (r, k)."""
     for r in range(A.shape[0]):
@@ -126,11 +154,12 @@ def add_product(A, B, out):
 
 
 @kernel
-def integrate_derivatives(y, ends, dends, place, rule, functions, work, out):
+def integrate_derivatives(y, ends, dends, place, rule, functions, work, out, theta=None, by_x=0.0):
     """Fill ``out`` with derivatives by ``y`` of G, M and g; the ``functions`` (C, C_g) are fixed.
 
     ``out`` (r, 6 K) has 2 K - 1 rows for G, K K for M and K for g. ``work`` = (shapes, rows,
-    weights (r, 4) of these rows) is overwritten.
+    weights (r, 4) of these rows) is overwritten. ``theta``, ``by_x``: see
+    ``differentiate_thickness``.
     """
     points, point_weights = rule
     C, C_g = functions
@@ -141,6 +170,8 @@ def integrate_derivatives(y, ends, dends, place, rule, functions, work, out):
     weights[:] = 0.0
     for i in range(points.size):
         xi, W, gap = differentiate_point(y, points[i], point_weights[i], ends, dends, shapes, rows)
+        if theta is not None:
+            W = differentiate_thickness(theta, by_x, W, shapes[0], rows)
         t = (xi - middle) / half
         T, T_xi = 1.0 + 0.0 * t, 0.0 * t
         for p in range(2 * count - 1):

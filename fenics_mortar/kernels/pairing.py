@@ -38,10 +38,8 @@ from fenics_mortar.kernels.projection import (
     slave_to_master,
 )
 from fenics_mortar.kernels.shapes import tabulate_shapes
+from fenics_mortar.utils.rounding import HALF_FACET
 
-# Gap over the length of a facet [1] above which surfaces are not in contact: faceted curves that
-# touch each other are nearer, and the certificate rejects pressure across larger gaps.
-APART = 0.5
 # Distance over the length of a facet [1] behind a contact above which a surface does not belong to
 # it: Newton iterates of a contact have smaller overlaps.
 BEHIND = 2.0
@@ -140,13 +138,13 @@ def keep_nearest(found, count, tolerance):
 def keep_near_parts(found, count, master_facets, length):
     """Drop branches too far behind the nearest one; return the number of rows kept.
 
-    Limits: ``APART`` or ``BEHIND`` times the ``length`` of the slave facet. Rows of ``found`` are
-    those of ``keep_nearest``; consecutive master facets that share a node form one branch.
+    Limits: ``HALF_FACET`` or ``BEHIND`` times the ``length`` of the slave facet. Rows of ``found``
+    are those of ``keep_nearest``; consecutive master facets that share a node form one branch.
     """
     nearest = np.inf
     for i in range(count):
         nearest = min(nearest, found[i, 0])
-    apart = length * (APART if nearest > APART * length else BEHIND)
+    apart = length * (HALF_FACET if nearest > HALF_FACET * length else BEHIND)
     kept, start = 0, 0
     while start < count:
         stop, distance = start + 1, found[start, 0]

@@ -2,8 +2,8 @@
 """Which of the partners behind a slave point resolve the overlap by the nearer way out.
 
 A line from a slave point x along -n, with the coordinate r >= 0, crosses the outline of a body at
-exits and entries. The level at r, the number of exits less that of entries beyond r, tells how
-often the body covers the point: once in the interior, more often where it overlaps itself.
+exits and entries. The level at r is the number of exits less that of entries beyond r. It is the
+number of times that the body covers the point: one inside, more where the body overlaps itself.
 
 A master facet that faces the slave at a depth d > 0 lies behind the slave surface. The bodies can
 be separated along the line in two ways: the master moves back by d, or it moves on by t_s + t_m - d
@@ -12,9 +12,11 @@ t_m that of the master's body from the partner back. The first way is the shorte
 
     d < (t_s + t_m) / 2.
 
-Bodies that do not overlap have d >= t_s + t_m, so such a partner is always rejected. Both lengths
-are needed: with t_s alone, a thin slave would miss a thick master once the overlap exceeds its own
-thickness; with t_m alone, or the smaller of both, a thick slave would miss a thin master.
+Bodies that do not overlap have d >= t_s + t_m, so such a partner is always rejected. If both
+surfaces are on one part of a body, as on a strip that is wound up, then t_s = t_m = d up to
+rounding: the partner is the back of the strip, and is rejected as well. Both lengths are needed:
+with t_s alone, a thin slave would miss a thick master once the overlap exceeds its own thickness;
+with t_m alone, or the smaller of both, a thick slave would miss a thin master.
 """
 
 import numpy as np
@@ -95,7 +97,8 @@ def is_way_out(y, N, xi, depth, outline, bodies, min_distance):
     if depth < 0.5 * own:
         return True
     partner[:] = start + depth * back
-    return depth < 0.5 * (own + length_inside(partner, -back, outline, bodies[1], min_distance))
+    other = length_inside(partner, -back, outline, bodies[1], min_distance)
+    return depth < 0.5 * (own + other) - min_distance
 
 
 @kernel

@@ -90,7 +90,7 @@ COST = 5
 # Stiffness of motions outside the range of T over that of the node [1]: affects the coarse grids of
 # the cycle only, which would be stiff if it were large.
 IDLE = 1e-2
-# Integral of a multiplier function over nodal length [1] below which a node is left to the strip:
+# Integral of a multiplier function over nodal area [1] below which a node is left to the strip:
 # for quadratic standard functions on partly covered facets it may be zero or negative.
 LIGHT = 1e-2
 
@@ -295,7 +295,7 @@ class TouchingBodies:
             weight = np.zeros(slave.num_nodes)
             np.add.at(weight, j[own], values[own])
             slave.comm.Allreduce(MPI.IN_PLACE, weight)
-            weight[weight < LIGHT * contact.nodal_lengths] = np.inf
+            weight[weight < LIGHT * contact.nodal_areas] = np.inf
             dofs, j, part = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, part[:, None, None], followed[j]
 

@@ -137,7 +137,9 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
     counts = slaves[s.slave].any(axis=1)
     slave, master = s.slave[counts, 0], s.master[counts]
     masters = np.full((len(slave), 1), none)
-    if none:
+    if none and not margin:
+        masters = np.hstack([masters, master])
+    elif none:
         near = o.master.along(master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
         masters = np.hstack([masters, near])
     pairs = slave[:, None] * (none + 1) + masters

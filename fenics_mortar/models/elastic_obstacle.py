@@ -153,6 +153,8 @@ class _Touching:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
         self._points = points_of(o.segments, gauss_rule(NUM_POINTS))
         self._measure = self._points.measure(o.x)
+        if contact.slave.thickness is not None:
+            self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
         batches = np.array_split(own, len(own) // BATCH + 1)
         places = [nearest_facets(batch, surface.X, surface) for batch in batches]
@@ -180,9 +182,7 @@ class _Touching:
 
     def means(self, values: Array) -> Array:
         """Weighted means of values (points,) for each slave node, 0 without points (collective)."""
-        parts = self._points.dual_moments(
-            self._contact.operators.x, values.reshape(self._measure.shape)
-        )
+        parts = self._points.dual_moments(self._measure, values.reshape(self._measure.shape))
         sums = np.zeros((2, self._contact.slave.num_nodes))
         for target, part in zip(sums, parts, strict=True):
             np.add.at(target, self._points.slave, part)

@@ -22,10 +22,9 @@ and 4.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.state import State
@@ -33,7 +32,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.locate import locate
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.verify.limits import HALF_FACET
+from fenics_mortar.utils.rounding import HALF_FACET
 
 # Contacts on one body move together if their motions differ by no more than this fraction of them.
 TOGETHER = 0.5
@@ -63,7 +62,7 @@ class MovingFrame:
                 if isinstance(contact, Contact) and bodies.size == 1:
                     is_slave = surface is contact.slave
                     self._sides.append(_Side(number, is_slave, surface, int(bodies[0])))
-        self._meshes: dict[int, Delaunay] = {}
+        self._meshes: dict[int, Any] = {}
 
     def places(self) -> Array:
         """Positions of contacts on undeformed bodies, nan if open, (sides, 2) (collective)."""
@@ -128,6 +127,8 @@ class MovingFrame:
         X = problem.equations.bulk.V.tabulate_dof_coordinates()[mine, :2]
         own = mine < owned
         if body not in self._meshes:
+            from scipy.spatial import Delaunay
+
             self._meshes[body] = Delaunay(self._gathered(X[own]))
         v, w = (
             _interpolated(self._meshes[body], self._gathered(state[dofs[mine[own]]]), X - t)
@@ -141,7 +142,7 @@ class MovingFrame:
         return np.concatenate(self._problem.comm.allgather(values))
 
 
-def _interpolated(mesh: Delaunay, values: Array, points: Array) -> Array:
+def _interpolated(mesh: Any, values: Array, points: Array) -> Array:
     """Interpolate values (nodes, 2) at points (n, 2), nan outside the triangulation (local)."""
     found, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
     locate(points, mesh.points, mesh.simplices, mesh.neighbors, found, weights)

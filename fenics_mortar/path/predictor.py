@@ -128,7 +128,7 @@ class Predictor:
         for its_kind, guess in guesses:
             places = np.where(problem.equations.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
-            problem.restore(guess)
+            problem.equations.put(guess)
             guessed, still_presses = self._look()
             if guessed < residual and not (presses & ~still_presses).any():
                 residual, best, kind = guessed, guess, its_kind

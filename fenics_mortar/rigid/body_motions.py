@@ -147,7 +147,7 @@ class BodyMotions:
     def is_loaded(self, body: FloatingBody) -> bool:
         """Whether any contact force acts on a body."""
         return any(
-            (np.abs(c.pressure) > SUM_ROUNDING * c.stiffness)[self.at_body(c, body)].any()
+            (np.abs(c.pressure) > SUM_ROUNDING * c.modulus)[self.at_body(c, body)].any()
             for c in self.contacts
         )
 

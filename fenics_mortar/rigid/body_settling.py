@@ -37,6 +37,7 @@ class BodySettling:
 
     Attributes:
         touched: Active sets of the contacts at the start of ``settle``.
+        moved: Bodies that the last ``settle`` moved.
     """
 
     def __init__(self, bodies: BodyMotions) -> None:
@@ -44,6 +45,7 @@ class BodySettling:
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bodies.bulk.u.x.array
         self.touched: list[Flags] = []
+        self.moved: list[FloatingBody] = []
 
     def settle(self, evaluate: Callable[[], tuple[Array, Array]], min_drive: float) -> list[str]:
         """Move the bodies that contact cannot support rigidly until it can.
@@ -70,6 +72,7 @@ class BodySettling:
             creeping = creeping + 1 if self._creeps(moves) else 0
             if not moves or creeping > RIGID.max_creeping:
                 self._start = bodies.bulk.u.x.array.copy()
+                self.moved = [body for body in bodies.bodies if body.label in moved]
                 names = sorted(bodies.name_of(label) for label in sorted(moved))
                 return [f"{name} was moved rigidly until contact stopped it" for name in names]
             for body, move in moves:
@@ -174,7 +177,8 @@ class BodySettling:
         bodies = self._bodies
         if not bodies.contacts:
             return {body.label for body in bodies.bodies}
-        loads = np.concatenate([bodies.resultant(body, bulk) for body in bodies.bodies])
+        forces = bulk + self._pull_of_open_nodes(bulk.size)
+        loads = np.concatenate([bodies.resultant(body, forces) for body in bodies.bodies])
         size = float(np.abs(loads).sum())
         weight = sum(float(c.operators.weight[c.active].sum()) for c in bodies.contacts)
         pressure = size / weight if weight > 0.0 else 0.0
@@ -183,6 +187,17 @@ class BodySettling:
         ends = np.cumsum([len(body.motions) for body in bodies.bodies])[:-1]
         moves = zip(bodies.bodies, np.split(motion, ends), strict=True)
         return {body.label for body, move in moves if np.abs(move).max() > RIGID.resisted}
+
+    def _pull_of_open_nodes(self, size: int) -> Array:
+        """Contact forces of open nodes: adhesion across a gap is a load, shape (size,)."""
+        force = np.zeros(size)
+        for contact in self._bodies.contacts:
+            if contact.pair.law.has_adhesion:
+                pull = np.where(contact.active[:, None], 0.0, contact.z)
+                on_slave, on_master = contact.operators.force(pull)
+                contact.slave.scatter_add(on_slave, force)
+                contact.master.scatter_add(on_master, force)
+        return force
 
     def _touching(self, contact: Contact, pressure: float) -> Touching:
         """Active nodes of a pair for limit analysis, with friction at a typical pressure."""

@@ -24,12 +24,12 @@ import numpy.typing as npt
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 
-from fenics_mortar.utils.rounding import SUM_ROUNDING
+from fenics_mortar.utils.rounding import EPSILON, SUM_ROUNDING
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 # Maximum number of pivots per variable; five problems that were examined took less than one.
-MOST_CHANGES = 50
+MAX_PIVOTS = 50
 
 
 class FrictionProblem(NamedTuple):
@@ -104,7 +104,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
         q: Shape (n,).
 
     Returns:
-        Shape (n,), bool; ``None`` if the path ends in a ray or after ``MOST_CHANGES`` pivots per
+        Shape (n,), bool; ``None`` if the path ends in a ray or after ``MAX_PIVOTS`` pivots per
         variable.
     """
     n = q.size
@@ -116,7 +116,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
     # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, z_0 is 2 n.
     rows, columns, z_0 = np.arange(n), np.arange(n, 2 * n + 1), 2 * n
     row, column = int(np.argmin(q / relaxed)), n
-    for _ in range(MOST_CHANGES * n):
+    for _ in range(MAX_PIVOTS * n):
         table = _exchange(table, row, column)
         left, rows[row], columns[column] = rows[row], columns[column], rows[row]
         if left == z_0:
@@ -129,7 +129,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
         ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
         first = int(np.argmin(ways))
         row, last = int(falling[first]), int(np.flatnonzero(rows == z_0)[0])
-        if table[last, -1] + falls[last] * ways[first] <= SUM_ROUNDING:
+        if table[last, -1] + falls[last] * ways[first] <= EPSILON * n:
             row = last
     return None
 

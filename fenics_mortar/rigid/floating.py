@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from petsc4py import PETSc
-
 import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
@@ -57,6 +55,7 @@ class FloatingBodies(BodyMotions):
 
     def settle(self, evaluate: Callable[[], tuple[Array, Array]]) -> list[str]:
         """Move the bodies that contact cannot support until it can; see ``body_settling``."""
+        self._settling.moved = []
         if not self.bodies:
             return []
         return self._settling.settle(evaluate, RIGID.negligible if self.anchored else SOLVED)
@@ -65,6 +64,11 @@ class FloatingBodies(BodyMotions):
     def touched(self) -> list[Flags]:
         """Active sets of the contacts, without ties, at the start of ``settle``."""
         return self._settling.touched
+
+    @property
+    def moved(self) -> list[FloatingBody]:
+        """The bodies that the last ``settle`` moved rigidly."""
+        return self._settling.moved
 
     def check(self) -> list[str]:
         """Check bodies without contact force before and after a solve; see ``body_settling``."""
@@ -93,13 +97,13 @@ class FloatingBodies(BodyMotions):
         self.bulk.add_to_diagonal(springs)
 
     def drop_undriven(
-        self, loose: Sequence[FloatingBody], step: PETSc.Vec, total: Array, force: float
+        self, loose: Sequence[FloatingBody], step: Array, total: Array, force: float
     ) -> None:
         """Remove loose motions that are driven by roundoff only from a step.
 
         Args:
             loose: The result of ``loose``.
-            step: Increment of the displacement; changed.
+            step: Increment of the displacement, shape (owned dofs,) [length]; changed.
             total: Sum of all forces, shape (owned dofs,) [stress length].
             force: Size of all forces [stress length].
         """
@@ -108,8 +112,8 @@ class FloatingBodies(BodyMotions):
             rounding = RIGID.stiffness_rounding * body.stiffest * body.size
             if drive <= SUM_ROUNDING * force + rounding:
                 dofs, motions = self.motions(body)
-                excess = self.rigid_fraction(body, step.array_r) @ motions
-                step.array[dofs] -= excess.reshape(-1, 2)
+                excess = self.rigid_fraction(body, step) @ motions
+                step[dofs] -= excess.reshape(-1, 2)
 
     def remark(self, loose: Sequence[FloatingBody]) -> str:
         """Sentence on the tangent springs of loose bodies; "" if there are none."""
@@ -139,13 +143,6 @@ class FloatingBodies(BodyMotions):
         )
         springs = {body.label: float(k) for body, k in zip(bodies, stiffness, strict=True)}
         self.springs = Springs(self._spread(springs), self._place())
-
-    def stiff_elongation(self, total: Array) -> float:
-        """Elongation at which springs are as stiff as the bodies [shortest facets]."""
-        lengths = [
-            float(np.linalg.norm(self.resultant(b, total))) / b.stiffest for b in self.bodies
-        ]
-        return max(lengths, default=0.0) / self.shortest_facet()
 
     def remove_springs(self) -> None:
         """Remove the anchored springs."""

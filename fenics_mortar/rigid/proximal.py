@@ -24,19 +24,15 @@ from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport, after
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
+from fenics_mortar.utils.rounding import SOLVED
 
-# Elongation of the springs per solve, and the motion below which bodies stay [shortest facets].
-ELONGATION, ARRIVED = 0.25, 0.01
+# Elongation of the springs per solve [shortest facets].
+ELONGATION = 0.25
 # Factors of the elongation after a failed and after a successful solve.
-LESS, MORE = 0.125, 2.0
-# Number of failures in a row after which springs are as stiff as the bodies; the factors of the
-# elongation from then on; iterations after which such a solve is given up.
-STIFF_AFTER, STIFF_LESS, STIFF_MORE, STIFF_ITERATIONS = 2, 0.1, 3.0, 20
-MOST_SOLVES, MOST_FAILURES = 24, 5
+BACK_OFF, GROWTH = 0.125, 2.0
+MAX_SOLVES, MAX_FAILURES = 24, 5
 # Number of solves with springs that remain: contact then carries all that it can.
 REPEATS = 3
-# Residual tolerance of solves with springs; the last solve has the tolerance of the user.
-ROUGH = 1e-6
 
 
 class Remaining(NamedTuple):
@@ -65,9 +61,6 @@ class AnchoredSprings(Protocol):
 
     def remove_springs(self) -> None:
         """Remove the springs."""
-
-    def stiff_elongation(self) -> float:
-        """Elongation at which springs are as stiff as the bodies [shortest facets]."""
 
     def max_motion(self) -> float:
         """Largest rigid motion since ``anchor`` [shortest facets]."""
@@ -123,7 +116,7 @@ def solve_with_weak_springs(
     failed: NotConvergedError,
     *,
     repeats: int = 1,
-    most: float = RIGID.negligible,
+    max_fraction: float = RIGID.negligible,
 ) -> NewtonReport:
     """Solve with weak springs that remain (collective).
 
@@ -132,8 +125,8 @@ def solve_with_weak_springs(
         options: Options of the solves.
         failed: Error of the solve without springs.
         repeats: Number of solves, each with springs anchored at the result of the last one.
-        most: Largest force of springs over the contact force on a body [1]; ``RIGID.slight`` on
-            bodies that slide on all of their nodes with friction.
+        max_fraction: Largest force of springs over the contact force on a body [1];
+            ``RIGID.slight`` on bodies that slide on all of their nodes with friction.
 
     Returns:
         The record of all iterations, including those of ``failed``.
@@ -146,7 +139,7 @@ def solve_with_weak_springs(
         equations.springs.anchor(ELONGATION)
         report = after(report, partial(solve, equations, options))
     carried = equations.springs.remaining()
-    if carried.fraction > most:
+    if carried.fraction > max_fraction:
         raise NotConvergedError(f"{failed}; {carried.words}", report) from failed
     if carried.sliding > RIGID.slight:
         words = f"{carried.words}; all of its nodes slide at their friction limit"
@@ -158,25 +151,22 @@ def solve_with_weak_springs(
 def _move_on_springs(
     equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
 ) -> NewtonReport:
-    """Solve with springs until their elongation vanishes, at most ``MOST_SOLVES`` times."""
-    rough = replace(options, residual_tolerance=max(ROUGH, options.residual_tolerance))
-    report, aim, failures, less, more = failed.report, ELONGATION, 0, LESS, MORE
-    for _ in range(MOST_SOLVES):
+    """Solve with springs until their elongation vanishes, at most ``MAX_SOLVES`` times."""
+    # the last solve, without springs, has the tolerance of the user
+    rough = replace(options, residual_tolerance=max(SOLVED, options.residual_tolerance))
+    report, aim, failures = failed.report, ELONGATION, 0
+    for _ in range(MAX_SOLVES):
         start = equations.state()
         equations.springs.anchor(aim)
         try:
             report = after(report, partial(solve, equations, rough))
         except NotConvergedError as error:
-            report, aim, failures = error.report, less * aim, failures + 1
+            report, aim, failures = error.report, BACK_OFF * aim, failures + 1
             equations.restore(start)
-            if failures == MOST_FAILURES:
+            if failures == MAX_FAILURES:
                 raise NotConvergedError(failed.report.reason, report) from error
-            if failures == STIFF_AFTER and less == LESS:
-                aim, less, more = equations.springs.stiff_elongation(), STIFF_LESS, STIFF_MORE
-                few = min(STIFF_ITERATIONS, options.max_iterations)
-                rough = replace(rough, max_iterations=few)
             continue
-        if equations.springs.max_motion() < ARRIVED * aim / ELONGATION:
+        if equations.springs.max_motion() < RIGID.overlap * aim / ELONGATION:
             break
-        aim, failures = min(more * aim, ELONGATION), 0
+        aim, failures = min(GROWTH * aim, ELONGATION), 0
     return report

@@ -51,8 +51,8 @@ def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[Floating
         contacts = bodies.contacts_of(body)
         resisted = [closing(bodies, c, body)[:, c.active] for c in contacts]
         if sticking:
-            rubbing = [c for c in contacts if c.sticking.any()]
-            resisted += [slipping(bodies, c, body)[:, c.sticking] for c in rubbing]
+            with_friction = [c for c in contacts if c.sticking.any()]
+            resisted += [slipping(bodies, c, body)[:, c.sticking] for c in with_friction]
         free = unresisted(np.hstack([np.zeros((len(body.motions), 0)), *resisted]))
         if len(free):
             found.append(replace(body, motions=free @ body.motions))

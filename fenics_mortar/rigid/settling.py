@@ -82,7 +82,7 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
     """
     contacts = motions.contacts_of(number)
     driven, push = motions.driven[number], motions.push()[number]
-    loaded = any((c.pressure > SUM_ROUNDING * c.stiffness).any() for c in contacts)
+    loaded = any((c.pressure > SUM_ROUNDING * c.modulus).any() for c in contacts)
     if loaded or not push.any():
         return np.zeros(3)
     basis = np.eye(3)[driven]

@@ -41,7 +41,7 @@ from fenics_mortar.kernels.passage import ALL, OTHERS, OWN, find_events, find_pa
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together, place
-from fenics_mortar.verify.limits import HALF_FACET
+from fenics_mortar.utils.rounding import HALF_FACET
 from fenics_mortar.verify.outline_names import OutlineNames
 from fenics_mortar.verify.ways import Motions, own_frame, passed_through
 

@@ -104,7 +104,9 @@ def _on_facets(pair: Interface, here: Points, wrong: Array, work: Array) -> Defe
     """
     measure = here.measure(pair.operators.x)
     dyads = np.einsum("nq,nqi,nqk->nik", measure, wrong, wrong).reshape(-1, 4)
-    sums = np.zeros((len(pair.slave.facets), 5))
+    sums, thickness = np.zeros((len(pair.slave.facets), 5)), pair.slave.thickness
+    if thickness is not None:  # the stiffness of the layer has it
+        work = work * here.of(thickness.at(pair.operators.x))
     np.add.at(sums, here.facet, np.column_stack([dyads, (measure * work).sum(axis=1)]))
     pair.slave.comm.Allreduce(MPI.IN_PLACE, sums)
     return sums[:, :4].reshape(-1, 2, 2), sums[:, 4]

@@ -149,7 +149,7 @@ class _Probe:
         self._frames: list[Any] = [contact.frame() for contact in self.contacts]
 
     def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
-        size = np.abs(contact.z).max() or 0.01 * contact.stiffness.max()
+        size = np.abs(contact.z).max() or 0.01 * contact.modulus.max()
         random = size * rng.uniform(0.5, 1.0, contact.z.shape)
         return np.where(contact.z == 0.0, random, contact.z)
 

@@ -89,5 +89,5 @@ def test_contact_comes_to_the_same_state(options):
 def test_options_are_checked():
     with pytest.raises(ValueError, match="max_motion=0.0: expected a positive number of facets"):
         NewtonOptions(max_motion=0.0)
-    with pytest.raises(ValueError, match="linear_bulk=True takes whole steps"):
+    with pytest.raises(ValueError, match="linear_bulk=True takes full steps"):
         pressed_blocks(problem={"newton": NewtonOptions(line_search=True), "linear_bulk": True})

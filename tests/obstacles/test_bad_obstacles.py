@@ -221,6 +221,13 @@ def test_spline_that_meets_itself_is_refused(closed):
         fm.Spline([(0, 0), (2, 1), (2, 0), (0, 1)], closed=closed)
 
 
+def test_spline_meets_itself_by_its_curve_and_not_by_a_coarse_picture_of_it():
+    """Four lines per interval cross in the first case only; by 64 and 512 it is the second one."""
+    fm.Spline([(0, 0), (1, 0), (1.01, 0.01), (0.995, -0.004), (0.67, 0.74)])
+    with pytest.raises(ValueError, match="the spline intersects itself"):
+        fm.Spline([(0, 0), (1, 0), (1.2476, 0.0874), (0.8229, -0.0159), (0.4728, 0.842)])
+
+
 def test_polygons_and_splines_that_do_not_meet_themselves_are_taken():
     fm.Polygon([(0, 0), (3, 0), (3, 1), (2, 1), (2, 0.5), (1, 0.5), (1, 1), (0, 1)], 0.1)
     angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)

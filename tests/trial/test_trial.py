@@ -11,10 +11,15 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from demos.studies.stability.limit_analysis import judge
+from demos.studies.stability.limit_analysis import judge, touching_nodes
 from demos.studies.stability.random_cases import objections, random_case
 from demos.studies.stability.random_shapes import FAMILIES, shape_case
-from demos.studies.stability.random_supported import hanging_case, rigid, supported_case
+from demos.studies.stability.random_supported import (
+    end_of_mesh,
+    hanging_case,
+    rigid,
+    supported_case,
+)
 from demos.studies.stability.shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings
 from demos.studies.stability.trial import Worker, case_of, summary
 from demos.studies.stability.trial_judge import check_again, confirm, measure, run, wrongs
@@ -27,10 +32,14 @@ SEEDS = range(1, 21)
 ON_RANKS = (2, 8, 10, 9, 129)
 # Of bodies supported by friction: row, block, wall, tower, T-junction, groove
 SUPPORTED_SEEDS = (1, 2, 3, 8, 18, 21, 37)
-# 2 folds once, spiral; tubes, plates, arms; pads; blocks that hang, one that is glued
-OTHER_SEEDS = (3_000_003, 4_000_001, 4_000_003, 4_000_006, 4_000_027, 5_000_002, 5_000_005)
+# 2 folds once, spirals; tubes, plates, arms, a plate by its corners; pads, one that peels off
+OTHER_SEEDS = (
+    3_000_003, 3_000_020, 4_000_001, 4_000_002, 4_000_003, 4_000_006, 4_000_027, 5_000_002,
+    5_000_005, 5_000_039,
+)  # fmt: skip
 AGAIN_SEEDS = (4_000_016, 5_000_004)
-HANGING_SEEDS = (2, 3, 5)
+# The last one on a coarse ground, near its limit.
+HANGING_SEEDS = (2, 3, 5, 19)
 # Solutions on several ranks differ by what Newton leaves.
 SAME = 1e-8
 
@@ -78,6 +87,27 @@ def test_blocks_hang_by_adhesion():
     records = [run(hanging_case(seed))[0] for seed in HANGING_SEEDS]
     assert {record["outcome"] for record in records} == {"converged"}, summary(records)
     assert {record["scene"] for record in records} >= {"glued", "1 hanging"}
+
+
+@pytest.mark.serial
+def test_block_that_gives_way_does_not_slide_to_the_next_node_of_its_ground():
+    """Beyond its limit forces at the nodes hold it again where its edge has passed one of them."""
+    record, _ = run(hanging_case(18))
+    assert record["outcome"] == "dead end", record["reason"]
+    assert "slid by 0.4" in record["reason"] and "only inertia" in record["reason"]
+    assert record["time"] == pytest.approx(record["end of mesh"], rel=0.01)
+
+
+def test_forces_at_nodes_bear_less_than_those_anywhere():
+    """A block on a clamped one whose nodes are inside of its edges: the lever is that of a node."""
+    case = hanging_case(19)
+    assert case.pairs[0][0] == "ground/top"
+    slave, block = (case.x[case.nodes_of(name)] for name in case.pairs[0])
+    places = np.sort([x[0] for x, _ in touching_nodes(slave, block)])
+    assert places.size == 3 and np.ptp(places) < 0.8 * np.ptp(block[:, 0])
+    assert end_of_mesh(case) < 0.9 * case.end
+    swapped = replace(case, pairs=[case.pairs[0][::-1]])
+    assert end_of_mesh(swapped) == pytest.approx(case.end)
 
 
 @pytest.mark.serial

@@ -14,6 +14,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.verify.certificate import Certificate
+from fenics_mortar.verify.crossing import Crossing
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid
 
@@ -104,6 +106,14 @@ def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
     report = problem.solve(accept_violations=True)
     assert told(report, "body 'clip' crosses itself") or told(report, "'clip/bottom'")
     assert report.certificate.crossings[0].facets > 0.5
+
+
+@pytest.mark.parametrize("facets, remarked, violated", [(0.1, 0, 0), (0.44, 1, 0), (0.6, 1, 1)])
+def test_shallow_crossing_is_remarked_on(facets, remarked, violated):
+    """As a penetration of that depth: also where no pair covers the surfaces."""
+    crossing = Crossing(("'strip/end'", "body 'strip'"), "(0, 0)", 0.1, facets)
+    certificate = Certificate([], 0.0, 0, crossings=[crossing])
+    assert (len(certificate.remarks()), len(certificate.violations())) == (remarked, violated)
 
 
 # A step

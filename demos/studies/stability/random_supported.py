@@ -21,6 +21,7 @@ from demos.studies.stability.limit_analysis import (
     judge,
     normal_of,
     touching_lines,
+    touching_nodes,
     touching_plane,
 )
 from demos.studies.stability.placement import draw_placement
@@ -127,8 +128,14 @@ def measured(body: Body) -> tuple[float, Array, float]:
 # Limit analysis of a case
 
 
-def rigid(case: SupportedCase) -> Structure:
-    """Its rigid bodies and where they touch; dead is the load at time 1, live what is added."""
+def rigid(case: SupportedCase, *, at_nodes: bool = False) -> Structure:
+    """Its rigid bodies and where they touch; dead is the load at time 1, live what is added.
+
+    Args:
+        case: The case.
+        at_nodes: Whether forces act at nodes of the slaves only, as the mesh lets them, and without
+            friction at those that a guide holds along the surface, as those on symmetry planes.
+    """
     free = [body.name for body in case.bodies if body.name not in case.clamped]
     number = {name: k for k, name in enumerate(free)}
     of_body = {body.name: k for k, body in enumerate(case.bodies)}
@@ -151,23 +158,43 @@ def rigid(case: SupportedCase) -> Structure:
             number.get(master.split("/")[0], GROUND),
             x,
             n,
-            rule.mu,
+            0.0 if at_nodes and _is_guided(case, slave, x, n) else rule.mu,
             length * rule.stress if rule.kind == "sticky" else 0.0,
         )
         for (slave, master), rule in zip(case.pairs, case.rules)
-        for x, n, length in _touching(case, slave, master)
+        for x, n, length in _touching(case, slave, master, at_nodes=at_nodes)
     ]
     return Structure(points, *wrenches, guided)
 
 
-def _touching(case: SupportedCase, slave: str, master: str) -> list[tuple[Array, Array, float]]:
+def _is_guided(case: SupportedCase, slave: str, x: Array, n: Array) -> bool:
+    """Whether a node of a slave is prescribed along the surface: such nodes bear no friction."""
+    return any(
+        held.component is not None
+        and abs(n[held.component]) < 0.5
+        and held.boundary.split("/")[0] == slave.split("/")[0]
+        and bool((case.x[case.nodes_of(held.boundary)] == x).all(axis=1).any())
+        for held in case.held
+    )
+
+
+def end_of_mesh(case: SupportedCase) -> float:
+    """Time at which bodies give way if forces act at nodes of the slaves only."""
+    verdict = judge(rigid(case, at_nodes=True))
+    return 1.0 + verdict.factor if verdict.feasible else 0.0
+
+
+def _touching(
+    case: SupportedCase, slave: str, master: str, *, at_nodes: bool
+) -> list[tuple[Array, Array, float]]:
     """Places where a pair touches, the normals on the slave there, and the lengths that belong."""
     line = _line(case, slave)
     if master in case.planes:
         point, normal = case.planes[master]
         return [(x, normal, share) for x, share in touching_plane(line, point, normal)]
     other = _line(case, master)
-    return [(x, normal_of(other, x), share) for x, share in touching_lines(line, other)]
+    places = touching_nodes if at_nodes else touching_lines
+    return [(x, normal_of(other, x), share) for x, share in places(line, other)]
 
 
 def _line(case: SupportedCase, boundary: str) -> Array:

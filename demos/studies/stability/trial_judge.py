@@ -18,7 +18,13 @@ import fenics_mortar as fm
 from demos.studies.stability.random_bodies import corner_areas, depths, distances, lengths
 from demos.studies.stability.random_cases import Case
 from demos.studies.stability.random_shapes import ShapeCase
-from demos.studies.stability.random_supported import EARLIEST, MARGIN, TOLD_MARGIN, SupportedCase
+from demos.studies.stability.random_supported import (
+    EARLIEST,
+    MARGIN,
+    TOLD_MARGIN,
+    SupportedCase,
+    end_of_mesh,
+)
 from demos.studies.stability.shape_judge import own_overlap, shape_wrongs
 from demos.studies.stability.trial_scene import Scene, build
 from fenics_mortar.utils import compat
@@ -83,7 +89,8 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
 def confirm(case: SupportedCase, record: Record) -> None:
     """Compare what became of a case with limit analysis of its rigid bodies.
 
-    A failure is an honest dead end where limit analysis sees bodies give way about there. States
+    A failure is an honest dead end where limit analysis sees bodies give way about there, or where
+    that of the mesh does, whose forces act at nodes only: then the mesh is too coarse. States
     beyond, and bodies that slid although they are supported, are wrong.
     """
     reached = record.get("refused", record.get("time", 0.0))
@@ -96,8 +103,10 @@ def confirm(case: SupportedCase, record: Record) -> None:
     elif record["outcome"] == "converged" and record["moved"] > case.yielding:
         words = f"bodies moved by {record['moved'] / case.yielding:.2g} times what is elastic"
         record |= {"outcome": "wrong", "reason": words}
-    elif record["outcome"] == "failed" and reached >= EARLIEST * case.end:
-        record["outcome"] = "dead end"
+    elif record["outcome"] == "failed":
+        record["end of mesh"] = end_of_mesh(case)
+        if reached >= EARLIEST * min(case.end, record["end of mesh"]):
+            record["outcome"] = "dead end"
 
 
 def counts(path: Any) -> Record:
