@@ -10,12 +10,13 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
+from fenics_mortar.bulk.reference_cell import nodal_gradients
 from fenics_mortar.kernels.cells import find_near, tabulate_areas
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_places
+from fenics_mortar.utils.near import near
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
@@ -37,7 +38,7 @@ class Cells:
         self._comm: MPI.Comm = V.mesh.comm
         self._nodes = compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]
         self.X: Array = V.tabulate_dof_coordinates()[:, :2].copy()
-        self._gradients = compat.nodal_gradients(V)
+        self._gradients = nodal_gradients(V)
         areas = _areas(self.X, self._nodes, self._gradients)
         extent = np.ptp(self.X[self._nodes], axis=1).max(axis=1, initial=0.0)
         proper = np.abs(areas) > ROUNDING * extent[:, None] ** 2
@@ -103,14 +104,12 @@ class Cells:
         """
         inside = np.zeros(len(points), bool)
         if len(points) and len(self._nodes):
-            near = np.empty(len(self._nodes), bool)
-            find_near(x, self._nodes, points.min(axis=0), points.max(axis=0), near)
-            corners, own = x[self._nodes[near]], labels[self._nodes[near, 0]]
+            meets = np.empty(len(self._nodes), bool)
+            find_near(x, self._nodes, points.min(axis=0), points.max(axis=0), meets)
+            corners, own = x[self._nodes[meets]], labels[self._nodes[meets, 0]]
             centres = corners.mean(axis=1)
             radius = np.linalg.norm(corners - centres[:, None], axis=2).max(initial=0.0)
-            close = cKDTree(centres).query_ball_point(points, radius)
-            point = np.repeat(np.arange(len(points)), [len(cells) for cells in close])
-            cell = np.concatenate([np.asarray(cells, np.int64) for cells in close])
+            point, cell = near(points, centres, radius)
             other = own[cell] != bodies[point]
             cell, point = cell[other], point[other]
             inside[point[_contains(corners[cell], points[point])]] = True

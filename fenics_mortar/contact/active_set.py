@@ -9,12 +9,11 @@ import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.laws import KINK
-from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.utils.arrays import Flags
 from fenics_mortar.utils.rounding import LAST_DIGITS
 
 
-def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
+def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
     """Active set and branches by the complementarity function (local).
 
     Nodes in ``state.borne`` get the multipliers of their forces, open nodes those of the law.
@@ -25,9 +24,9 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
             active, and multipliers that are nan after a failed solve become zero.
 
     Returns:
-        The new state, and the nodes that changed, shape (slave nodes,), bool.
+        Fields of the new state, and the nodes that changed, shape (slave nodes,), bool.
     """
-    state, o = f.state, f.operators
+    before, state, o = f.state, f.state, f.operators
     z = np.where(np.isfinite(state.z), state.z, 0.0) if start else state.z
     if state.borne is not None:
         presses, force = state.borne
@@ -37,14 +36,15 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
         f = f.after(replace(state, z=z, borne=None))
     active = _active(f, start=start)
     open_z = -f.adhesion[0][:, None] * o.n
-    state = replace(f.state, active=active, z=np.where(active[:, None], z, open_z), borne=None)
-    changed = active != f.state.active
+    z = np.where(active[:, None], z, open_z)
+    changed = active != before.active
+    state = replace(f.state, active=active if changed.any() else before.active, z=z, borne=None)
     f = f.after(state)
     branch = f.sides.law_calls.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
     branched = branch != state.branch
     if branched.any():
-        state = replace(state, branch=branch)
-    return state, changed | (active & f.sides.follows_law & branched)
+        f = f.after(replace(state, branch=branch))
+    return f, changed | (active & f.sides.follows_law & branched)
 
 
 def _active(f: ContactFields, *, start: bool) -> Flags:
@@ -58,7 +58,7 @@ def _active(f: ContactFields, *, start: bool) -> Flags:
     push = np.where(f.attracted, 0.0, -f.tension)  # open nodes: z_n = -a
     trial = np.where(on, push - f.state.c_n * stiffness / f.nodal_lengths * gap, 0.0)
     rounding = (np.abs(push) <= LAST_DIGITS * stiffness) & (
-        np.abs(np.nan_to_num(f.gap)) <= LAST_DIGITS * np.abs(f.operators.x).max()
+        np.abs(gap) <= LAST_DIGITS * np.abs(f.operators.x).max()
     )
     active = np.where(rounding, f.state.active & on, trial > 0.0)
     if start:

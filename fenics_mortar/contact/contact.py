@@ -31,9 +31,9 @@ from fenics_mortar.contact.active_set import next_sets
 from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.integration import NO_PLACE, Integration
-from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only
+from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only
 from fenics_mortar.contact.law_calls import LawCalls, raise_noted
-from fenics_mortar.contact.laws import Nodal
+from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.multiplier_nodes import MultiplierNodes, normals_on_planes
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.rows import (
@@ -65,11 +65,8 @@ from fenics_mortar.utils.rounding import HALF_FACET
 class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
-    Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
-
-    The class has more than 20 methods since it implements ``Interface``, one short method for each
-    operation of the equations. Computations are in other modules: fields, rows, active set, slip,
-    multiplier nodes, integration.
+    Replicated: all attributes except the blocks in ``operators`` are equal on all ranks. The class
+    has more than 20 methods since it implements ``Interface``; computations are in other modules.
 
     Attributes:
         integration: Evaluates the operators.
@@ -124,6 +121,7 @@ class Contact(Interface):
             self._points(),
             pair.search_radius or reach,
             float(np.cos(np.radians(choice.max_angle))),
+            corners=choice.normals == "opposite",
         )
         sides, small = (self.slave, self.master), pair.sliding == "small"
         self.integration = Integration(
@@ -177,7 +175,11 @@ class Contact(Interface):
         operators, reference = self.integration.evaluate(u, self._state, linearization)
         if reference is not self._state.reference:
             self.change(reference=reference)
-        self.show(operators.less_offset(self.offset) if self.offset.any() else operators)
+        offset = self._state.offset
+        if offset.any():
+            operators = operators.less_offset(offset)
+        if not hasattr(self, "now") or operators is not self.now.operators:
+            self.show(operators)
         if self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # by all ranks
 
@@ -240,17 +242,17 @@ class Contact(Interface):
         exceed the force, and z becomes tensile. The active set of such a node is decided by its
         force; by z it would be open for an iteration or two.
         """
-        old, o = self.z, self.operators
+        old, o, adhesion, borne = self.z, self.operators, self.now.adhesion[0], None
         z = old + fraction * (z - old) if fraction < 1.0 else z
-        self.change(z=z, borne=None)
-        pulls = self.active & (self.tension > 0.0)
+        pulls = self.active & (np.einsum("ja,ja->j", o.n, z) + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
             change = fraction * change_along(self.now, o.weight_derivative(), *sides)
             pulls &= change > o.weight
-            force = o.weight[:, None] * self.z + change[:, None] * old
-            min_force = -o.weight * self.now.adhesion[0]
-            self.change(borne=(pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force))
+            force = o.weight[:, None] * z + change[:, None] * old
+            min_force = -o.weight * adhesion
+            borne = (pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force)
+        self.change(z=z, borne=borne)
 
     def accept(self, slid: Flags | None = None) -> None:
         """Find the partners at the last evaluated state (collective).
@@ -277,7 +279,10 @@ class Contact(Interface):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
-        return self.partners.pairs() if self.pair.law.has_friction else super().faced()
+        law = self.pair.law
+        if type(law) is Frictionless or not law.has_friction:
+            return NO_PAIRS
+        return self.partners.pairs()
 
     @property
     def covered_fraction(self) -> Array:
@@ -296,11 +301,10 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
-        cover = self.covered_fraction
-        multiplier_nodes = self._multiplier_nodes.update(self.multiplier_nodes, cover)
-        changed = int((self.multiplier_nodes != multiplier_nodes).sum())
+        new = self._multiplier_nodes.update(self.multiplier_nodes, self.covered_fraction)
+        changed = int((self.multiplier_nodes != new).sum())
         if changed:
-            self.change(multiplier_nodes=multiplier_nodes)
+            self.change(multiplier_nodes=new)
         return changed
 
     @property
@@ -322,13 +326,13 @@ class Contact(Interface):
         Args:
             start: Whether this precedes the first solve; see ``active_set``.
         """
-        state, changed = next_sets(self.now, start=start)
-        self.put(state)
-        return int(changed.sum())
+        self.now, changed = next_sets(self.now, start=start)
+        self._state = self.now.state
+        return int(np.count_nonzero(changed))
 
     def rows(self) -> Rows:
         """Rows of the multipliers; see ``rows``."""
-        return rows_of(self.now, self.frame())
+        return rows_of(self.now)
 
     def residual(self) -> Array:
         """Left side of the nonlinear rows, as forces, (slave nodes, 2) [stress length]."""

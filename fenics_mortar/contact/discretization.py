@@ -41,8 +41,9 @@ class Discretization:
             on straight, fully covered facets. They have half as many multipliers, but the pressure
             overshoots at the edge of contact.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
-            facet: exact on circles), "unit" (the choice of most codes) or "own" length. On an
-            obstacle, which has its own normals, they matter on symmetry planes only.
+            facet: exact on circles), "unit" (the choice of most codes) or "own" length. With
+            "opposite", corners inside the slave take the normal of the facet that faces the master.
+            On an obstacle, which has its own normals, they matter on symmetry planes only.
         gap_weights: Functions that weight the gap of a node. "cover": the multiplier function if
             the node is covered. Beyond the edge of the master, a dual function would extrapolate
             the gap to the node and produce an overlap where there is none; the gap is evaluated at

@@ -15,7 +15,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from fenics_mortar.contact.law_calls import LawCalls
-from fenics_mortar.contact.laws import KINK, STICK, Frictionless, Nodal, Row
+from fenics_mortar.contact.laws import BUILT_IN, KINK, STICK, Frictionless, Nodal, Row
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
@@ -80,11 +80,13 @@ class InterfaceFields:
         for name, value in vars(state).items():
             if value is not before[name]:
                 changed.add(name)
-        new = type(self)(self.sides, state, self.operators)
+        kind = type(self)
+        new = object.__new__(kind)
         for name, value in vars(self).items():
-            of_class = getattr(type(self), name, None)
-            if isinstance(of_class, _Field) and not changed & of_class.names:
+            of_class = getattr(kind, name, None)
+            if not isinstance(of_class, _Field) or changed.isdisjoint(of_class.names):
                 vars(new)[name] = value
+        new.state = state
         return new
 
     @property
@@ -116,6 +118,11 @@ class InterfaceFields:
     def z_tau(self) -> Array:
         """Tangential part of the multipliers, shape (slave nodes,) [stress]."""
         return np.asarray(np.einsum("ja,ja->j", self.operators.tau, self.state.z))
+
+    @field("z")
+    def forces(self) -> tuple[Array, Array]:
+        """D^T z and -M^T z, see ``MortarOperators.force``; at first collective."""
+        return self.operators.force(self.state.z)
 
     @property
     def slip(self) -> Array:
@@ -198,7 +205,7 @@ class ContactFields(InterfaceFields):
         Continued linearly to negative gaps.
         """
         law, on, none = self.sides.pair.law, self.covered, np.zeros(len(self.state.z))
-        if not law.has_adhesion:
+        if type(law) in BUILT_IN or not law.has_adhesion:
             return none, none
         gap = self.mean_gap
         pull, by_gap = self.sides.law_calls.adhesion(law, np.maximum(gap, 0.0), self.operators.x)
@@ -234,7 +241,9 @@ class ContactFields(InterfaceFields):
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
         stiffness = self.sides.modulus / self.nodal_lengths
         c_n = self.state.c_n * stiffness
-        return Nodal(self.mean_gap, self.slip, self.z_n, self.z_tau, stiffness, c_n)
+        needs_slip = type(self.sides.pair.law) is not Frictionless
+        slip = self.slip if needs_slip else np.zeros_like(stiffness)
+        return Nodal(self.mean_gap, slip, self.z_n, self.z_tau, stiffness, c_n)
 
     @property
     def sticking(self) -> Flags:
@@ -263,14 +272,17 @@ class ContactFields(InterfaceFields):
         state, node = self.state, self.nodal
         follows_law = self.sides.follows_law & ~self.attracted
         law, x = self.sides.pair.law, self.operators.x
-        ours = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
-        without = Frictionless().tangential(node, state.branch)
-        row = Row(*(np.where(follows_law, a, b) for a, b in zip(ours, without, strict=True)))
+        row = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
+        if type(law) is not Frictionless and not follows_law.all():
+            without = Frictionless().tangential(node, state.branch)
+            row = Row(*(np.where(follows_law, a, b) for a, b in zip(row, without, strict=True)))
+        none = np.zeros_like(node.slip)
+        row = Row(*[part + none for part in row])
         if not state.redundant.any():
             return row
         k, zero = node.stiffness, np.zeros_like(node.slip)
         shear = (node.z_tau - state.partners.shear) / ELASTIC
-        elastic = Row(shear - k * node.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
+        elastic = Row(shear - k * self.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
         return Row(*(np.where(state.redundant, a, b) for a, b in zip(elastic, row, strict=True)))
 
     @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
@@ -289,7 +301,7 @@ class ContactFields(InterfaceFields):
     @property
     def steepness(self) -> float:
         """See ``InterfaceFields``; zero for laws of the package."""
-        if self.sides.pair.law.is_of_package:
+        if type(self.sides.pair.law) in BUILT_IN:
             return 0.0
         force = self.operators.diagonal * np.abs(self.tangential_row.by_slip)
         return float(force[self.state.active].max(initial=0.0))

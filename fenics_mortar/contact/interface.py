@@ -23,6 +23,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
+NO_PAIRS: tuple[Indices, Indices] = (np.empty(0, np.int64), np.empty(0, np.int64))
 
 
 def read_only(name: str) -> Any:
@@ -44,6 +45,7 @@ class Interface(ABC):
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
             times the thickness.
+        modulus: ``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress].
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it still carries a multiplier, shape (slave nodes,), bool.
         stand_ins: Nodes without weight, and the nodes whose fields they show, each (k,).
@@ -98,6 +100,7 @@ class Interface(ABC):
         count = self.slave.num_nodes
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self.stiffness: Array = np.ones(count)
+        self.modulus: Array = self.stiffness / self.slave.mean_thickness
         self._may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
@@ -140,13 +143,6 @@ class Interface(ABC):
         return alone, np.where(after >= 0, after, before)
 
     @property
-    def modulus(self) -> Array:
-        """``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress]."""
-        if self.slave.thickness is None:
-            return self.stiffness
-        return self.stiffness / self.slave.mean_thickness
-
-    @property
     def has_partner(self) -> Flags:
         """Whether a part of the facets at a slave node is covered, shape (slave nodes,), bool."""
         covered, (alone, others) = self.operators.cover > 0.0, self.stand_ins
@@ -156,6 +152,7 @@ class Interface(ABC):
     def set_stiffness(self, stiffness: Array) -> None:
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
         self.stiffness = stiffness
+        self.modulus = stiffness / self.slave.mean_thickness
         if hasattr(self, "now"):
             self.show(self.operators)
 
@@ -253,7 +250,7 @@ class Interface(ABC):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them in addition to M, each (k,)."""
-        return np.empty(0, np.int64), np.empty(0, np.int64)
+        return NO_PAIRS
 
     @property
     def nodal_lengths(self) -> Array:
@@ -301,5 +298,5 @@ class Interface(ABC):
         j = np.broadcast_to(j[:, :, None], values.shape)[used]
         k = np.broadcast_to(k[:, None, :], values.shape)[used]
         columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
-        rows = surface.dofs_of(k[:, None]).reshape(-1, 1)
+        rows = surface.dofs[k].reshape(-1, 1)
         return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))

@@ -10,13 +10,15 @@ guess and model are chosen by ``problem`` and ``solver``.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.bulk.bodies import FloatingBody
+from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_noted
@@ -40,6 +42,9 @@ from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
 from fenics_mortar.verify.crossing import Crossings
 
+# Motions of no obstacles.
+NO_MOTION: Array = np.zeros((0, 3))
+
 
 class Increment(NamedTuple):
     """Solution of the linearized equations.
@@ -51,7 +56,7 @@ class Increment(NamedTuple):
         remark: Remarks on the solution; "" if there are none.
     """
 
-    u: PETSc.Vec
+    u: Array
     z: list[Array]
     motion: Array
     remark: str
@@ -105,6 +110,13 @@ class ContactEquations:
         self.last_converged = self.interrupted = False
         self.springs = CombinedSprings(self.floating, self.motions, self.stiffest, self.forces)
         self._history = SetHistory(contacts)
+        self._loose: list[FloatingBody] = []
+
+    def add_inertia(self, inertia: Inertia) -> None:
+        """Add mass: inertia holds all bodies, and none floats."""
+        self.bulk.inertia = inertia
+        self.floating.find()
+        self.last_converged, self.interrupted = False, True  # matrices have another pattern
 
     def _set_stiffness(self) -> None:
         """Set the stiffness of each contact to the mean diagonal of K at its slave nodes."""
@@ -121,7 +133,8 @@ class ContactEquations:
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
         self.bulk.assemble_residual()
-        self.floating.add_spring_forces()
+        if self.floating.bodies:
+            self.floating.add_spring_forces()
         return self.look(start=start)
 
     def look(self, *, start: bool) -> Status:
@@ -135,14 +148,15 @@ class ContactEquations:
         residual, force = self._residual_and_force()
         self._force = force
         self._history.record(residual, changed)
-        gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
-        active = sum(int(c.active.sum()) for c in self.contacts)
-        sets = b"".join(
-            np.packbits([c.active, c.multiplier_nodes]).tobytes() + (c.active * c.branch).tobytes()
-            for c in self.contacts
-        )
-        gap = float(max(gaps, default=0.0))
-        return Status(residual, force, gap, active, changed, self.roundoff(), sets)
+        gap, num_active, sets = 0.0, 0, b""
+        for c in self.contacts:
+            active = c.active
+            gaps = np.abs(c.gap[active] / c.now.nodal_lengths[active])
+            gap = max(gap, float(gaps.max(initial=0.0)))
+            num_active += int(np.count_nonzero(active))
+            sets += np.packbits([active, c.multiplier_nodes]).tobytes()
+            sets += (active * c.branch).tobytes()
+        return Status(residual, force, gap, num_active, changed, self.roundoff(), sets)
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
@@ -175,27 +189,33 @@ class ContactEquations:
         """
         size, prescribed = self.bulk.num_owned, self.bulk.prescribed_dofs
         contact_force, rows = self._contact_force(), float((self.motions.residual() ** 2).sum())
-        rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
+        rows_of_contacts = 0.0
+        for contact in self.contacts:
+            rows_of_contacts += float((contact.residual() ** 2).sum())
+        rows += rows_of_contacts
         raise_noted(self.comm, self.contacts)
+        self._distance = self.bulk.distance_to_prescribed()
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = self.bulk.to_force * total
         reactions = free[prescribed]
-        free[prescribed] = (
-            self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[prescribed]
-        )
-        mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
-        sums = self.comm.allreduce(np.array([*mine, rows, rows**2]))
-        free2, contact2, reaction2 = sums[:3]
-        force2 = max(contact2, reaction2)
-        check_alike(float(sums[3]), float(sums[4]), force2, self.comm.size)
+        free[prescribed] = self.stiffest * self._distance / self.bulk.units[prescribed]
+        inertia = self.bulk.inertia_forces()
+        forces = free @ free, contact_force @ contact_force, reactions @ reactions
+        sums = np.array([*forces, inertia @ inertia, rows, rows**2])
+        self.comm.Allreduce(MPI.IN_PLACE, sums)
+        free2, force2 = sums[0], sums[1:4].max()
+        check_alike(float(sums[4]), float(sums[5]), force2, self.comm.size)
         return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
 
     def roundoff(self) -> float:
         """Attainable accuracy of the residual, limited by roundoff [stress length]."""
-        return rounding_of(self.bulk, self.contacts, self._largest_displacement(), self.stiffest)
+        inertia = self.bulk.inertia
+        stiffest = self.stiffest + (0.0 if inertia is None else inertia.stiffness)
+        return rounding_of(self.bulk, self.contacts, self._largest_displacement(), stiffest)
 
     def _largest_displacement(self) -> float:
-        return max(self.bulk.largest(self.bulk.u.x.array), self.motions.largest())
+        largest = self.bulk.largest(self.bulk.u.x.array)
+        return max(largest, self.motions.largest()) if self.motions.obstacles else largest
 
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase, see ``clock``; maximum over ranks."""
@@ -221,32 +241,37 @@ class ContactEquations:
     def linearize(self) -> None:
         """Assemble the tangent of all equations at the last evaluated state."""
         self.bulk.assemble_tangent()
-        self._loose = self.floating.loose()
-        self.floating.add_springs(self._loose, self._total, self._force)
-        with clock("assembly"):
-            self.system.assemble()
+        if self.floating.bodies:
+            self._loose = self.floating.loose()
+            self.floating.add_springs(self._loose, self._total, self._force)
+        self.system.assemble()
         raise_noted(self.comm, self.contacts)
 
+    @clock("solve")
     def solve_linear(self) -> Increment:
         """Solve the linearized equations; the state is not changed."""
         goal = self.newton.residual_tolerance * self._force
-        self.system.solver.forcing = forcing(self._history.residuals, goal)
-        with clock("solve"):
-            step, z, motion = self.motions.solve(self.system, self.stiffest, self._force)
-        self.floating.drop_undriven(self._loose, step, self._total, self._force)
-        remarks = [self.system.solver.remark, self.floating.remark(self._loose)]
-        self.system.solver.remark = ""
-        return Increment(step, z, motion, "; ".join(filter(None, remarks)))
+        solver = self.system.solver
+        solver.forcing = forcing(self._history.residuals, goal)
+        x, motion = self.system.step(self._distance), NO_MOTION
+        if self.motions.obstacles:
+            x, motion = self.motions.solve(x, self.system, self.stiffest, self._force)
+        step, z = self.system.split(x)
+        remark, solver.remark = solver.remark, ""
+        if self._loose:
+            self.floating.drop_undriven(self._loose, step, self._total, self._force)
+            remark = "; ".join(filter(None, (remark, self.floating.remark(self._loose))))
+        return Increment(step, z, motion, remark)
 
     def apply(self, increment: Increment) -> Step:
         """Apply an increment to the state; a step that is too long is shortened."""
         step = increment.u
         part = self.bulk.move(step)
         for contact, z in zip(self.contacts, increment.z, strict=True):
-            contact.move(z, part, step.array_r)
-        self.motions.move(part * increment.motion)
-        size = max(self.bulk.largest(step.array_r), np.abs(increment.motion).max(initial=0.0))
-        step.destroy()
+            contact.move(z, part, step)
+        if self.motions.obstacles:
+            self.motions.move(part * increment.motion)
+        size = max(self.bulk.largest(step), np.abs(increment.motion).max(initial=0.0))
         self.bulk.free_garbage()
         return self.step(size, part, increment.remark)
 
@@ -268,9 +293,13 @@ class ContactEquations:
             part: Fraction of the increment that was applied [1].
             note: Remark.
         """
-        facet = min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
-        size = max(self._largest_displacement(), 1e-8 * facet, 1e-300)
+        size = max(self._largest_displacement(), 1e-8 * self._shortest_facet, 1e-300)
         return Step(increment / size, part, note)
+
+    @cached_property
+    def _shortest_facet(self) -> float:
+        """Shortest slave facet, zero without contacts [length]."""
+        return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
 
     def drifts(self) -> str:
         """Describe bodies that are moved by small residual forces only; "" if there are none.
@@ -311,7 +340,10 @@ class ContactEquations:
         """B^T z on the owned dofs; with ``part="shear"`` of the tangential multipliers only."""
         force = np.zeros(self.bulk.num_owned)
         for contact in self.contacts:
-            on_slave, on_master = contact.operators.force(getattr(contact, part))
+            if part == "z":
+                on_slave, on_master = contact.now.forces
+            else:
+                on_slave, on_master = contact.operators.force(getattr(contact, part))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
         return force
@@ -326,6 +358,7 @@ class ContactEquations:
             self.motions.places,
             self.crossings.accepted,
             self.last_converged,
+            None if self.bulk.inertia is None else self.bulk.inertia.rates,
         )
 
     def restore(self, state: State) -> None:
@@ -344,6 +377,8 @@ class ContactEquations:
         self.bulk.u.x.array[:] = state.u
         self.motions.places = state.places
         self.crossings.restore(state.standing, state.u)
+        if self.bulk.inertia is not None and state.rates is not None:
+            self.bulk.inertia.take(state.rates, state.u)
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):
             contact.put(interface)
         self.last_converged = state.converged

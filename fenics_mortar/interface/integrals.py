@@ -78,8 +78,10 @@ def evaluate_mortar(
     Returns:
         The operators.
     """
-    links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]], options.weighting)
-    used = multiplier_nodes[slave.facets].any(axis=1) & ~alone
+    used, links = multiplier_nodes[slave.facets].any(axis=1), None
+    if options.corners:
+        links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]])
+        used &= ~alone
     n, dn = evaluate_normals(slave, x, options.weighting, links)
     given = np.isfinite(prescribed_normals[:, 0])
     n[given], dn[given] = prescribed_normals[given], 0.0
@@ -103,7 +105,7 @@ def evaluate_mortar(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )
     nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
-    num_segments = slave.comm.allreduce(s.num_segments)
+    num_segments = slave.comm.allreduce(len(s.slave))
     return MortarOperators(
         slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
     )
@@ -134,7 +136,7 @@ def sum_over_facets(
 
 def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
     """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.facets``."""
-    number, count, columns = s.facets.size, s.num_segments, 8 * size - 4
+    number, count, columns = s.facets.size, len(s.slave), 8 * size - 4
     return (
         np.zeros((number, size, size)),
         np.zeros((count, size**2, columns)),
@@ -169,17 +171,17 @@ def _integrate(
         slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
     weights = hand_over(multiplier_nodes[nodes])
-    values = _empty_values(s, nodes.shape[1])
-    facets.tabulate_facets(
+    size = nodes.shape[1]
+    D, dD, M, dM, g, dg, cover = _empty_values(s, size)
+    facets.integrate_facets(
         geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
-        s.pair_offsets, s.rule, (*options.kinds, move_ends), values, thickness,
+        s.pair_offsets, (s.points, s.weights, s.spans), (*options.kinds, move_ends),
+        (D, M, g, cover), (dD, dM, dg), thickness,
     )  # fmt: skip
     if options.integration == "nodes":
-        values[0][weights == 0.0] = 0.0  # remove rounding
-    D, dD, M, dM, *others = values
-    size = nodes.shape[1]
-    dD, dM = (array.reshape(len(array), size, size, array.shape[2]) for array in (dD, dM))
-    return D, dD, M, dM, *others
+        D[weights == 0.0] = 0.0  # remove rounding
+    shape = size, size, dD.shape[2]
+    return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
 
 
 def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
@@ -189,6 +191,8 @@ def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
     multiplier nodes of the facet.
     """
     place = np.arange(multiplier_nodes.shape[1])
+    if multiplier_nodes.all():
+        return np.tile(np.eye(place.size), (len(multiplier_nodes), 1, 1))
     distance = np.where(
         multiplier_nodes[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf
     )

@@ -132,10 +132,14 @@ class MortarOperators:
     @cached_property
     def columns(self) -> Indices:
         """Displacement dofs of the columns of each segment, shape (n, C); -1 where none."""
-        degree = self.slave.degree
-        near = self.slave.along(self.segments.slave[:, 0], range(-degree, 2 * degree + 1))
-        on_slave = self.slave.dofs_of(near)
-        return np.concatenate([on_slave, self.master.dofs_of(self.segments.master)], axis=1)
+        on_slave = self.slave.near_dofs[self.segments.slave[:, 0]]
+        return np.concatenate([on_slave, self.master_dofs], axis=1)
+
+    @cached_property
+    def master_dofs(self) -> Indices:
+        """Displacement dofs of the master nodes of each segment, shape (n, 2 K)."""
+        masters = self.segments.master
+        return self.master.dofs[masters].reshape(len(masters), 2 * masters.shape[1])
 
     def force(self, z: Array) -> tuple[Array, Array]:
         """Contact forces D^T z on slave and -M^T z on master nodes (collective).
@@ -190,7 +194,7 @@ class MortarOperators:
         """
         s = self.segments
         values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave])
-        rows = self.slave.dofs_of(s.slave)
+        rows = self.slave.dofs[s.slave].reshape(len(s.slave), 2 * s.slave.shape[1])
         return Block(rows, self.columns, values.reshape(*rows.shape, self.dD.shape[3]))
 
     def master_force_derivative(self, z: Array) -> Block:
@@ -201,7 +205,7 @@ class MortarOperators:
         s = self.segments
         i, k = s.pairs[:, 0], s.pairs[:, 1]
         values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]])
-        rows = self.master.dofs_of(s.master[i])
+        rows = self.master_dofs[i]
         return Block(rows, self.columns[k], values.reshape(*rows.shape, self.dM.shape[3]))
 
     def weight_derivative(self) -> list[Block]:
@@ -292,8 +296,7 @@ class MortarOperators:
 
     def normal_columns(self) -> Indices:
         """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
-        degree, own = self.slave.degree, np.arange(self.slave.num_nodes)
-        return self.slave.dofs_of(self.slave.along(own, range(-degree, degree + 1)))
+        return self.slave.near_dofs[:, : 2 * (2 * self.slave.degree + 1)]
 
     def less_offset(self, offset: Array) -> MortarOperators:
         """Operators for the gap less an offset, interpolated between nodes (collective).

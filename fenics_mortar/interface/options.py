@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 from fenics_mortar.interface.segments import Integration
@@ -40,6 +41,7 @@ class MortarOptions:
         points: Gauss points per segment, with "elements" per slave facet.
         radius: Search radius along the normal [length]; see ``sight`` for limits behind the slave.
         min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
+        corners: Whether corners inside the slave take the normal of one facet; see ``corners``.
     """
 
     basis: Basis
@@ -49,8 +51,9 @@ class MortarOptions:
     points: int
     radius: float
     min_cosine: float
+    corners: bool = False
 
-    @property
+    @cached_property
     def kinds(self) -> tuple[int, int]:
         """Basis and weights of the gap, as the kernels take them.
 

@@ -124,14 +124,16 @@ def find_segments(
     """
     geometry, nodes = (x, n, m), slave.facets[facets]
     view = open_view(facets.size) if view is None else view.of(facets)
-    seen = (*view, ROUNDING)
-    search_for = geometry, nodes, master.facets, radius, seen, (min_cosine, ROUNDING)
+    search_for, limits = (geometry, nodes, master.facets, radius), (min_cosine, ROUNDING)
     if integration == "segments":
-        offsets, masters, branches = _intersections(search_for, points)
+        seen = (view[:3], view.outline, ROUNDING)
+        offsets, masters, branches = _intersections((*search_for, *seen, limits), points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
         min_points = nodes.shape[1] if integration == "elements" else 1
-        offsets, masters, branches = _runs(search_for, *rule, min_points=min_points)
+        offsets, masters, branches = _runs(
+            (*search_for, (*view, ROUNDING), limits), *rule, min_points=min_points
+        )
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)
     ends, fixed = branches[:2]
@@ -164,7 +166,7 @@ class _Pieces(NamedTuple):
 
 def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Pieces]:
     """Offsets, master facets and pieces of segments with one Gauss rule for all."""
-    offsets, masters, fixed, ends = search.find_segments(*search_for)
+    offsets, masters, fixed, ends = search.find_segments_within(*search_for)
     s, w = gauss_rule(points)
     spans = np.tile([0, points], (len(masters), 1))
     return offsets, masters, _Pieces(ends, fixed, s, w, spans)

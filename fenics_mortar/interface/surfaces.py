@@ -37,15 +37,12 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import mesh as dmesh
-
 from fenics_mortar.interface.curves import number_nodes, order_curves
 from fenics_mortar.interface.measures import facet_measures
+from fenics_mortar.interface.tagged_facets import local_facets
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import NodalThickness
-from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import SurfaceError, count_places
 
 # Integral of a shape function times the thickness over nodal area [1] below which a node carries no
 # multiplier: it may be zero or negative after slight motions. A vertex of quadratic facets with the
@@ -119,6 +116,16 @@ class Surface:
         measures = facet_measures(self.X[self.facets])
         nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
         return nodal.astype(np.float64)
+
+    @cached_property
+    def near_dofs(self) -> Indices:
+        """Global dofs of the nodes before each node, its own and those of two facets after it.
+
+        For the first node of a facet: of the facet before, its own and the one after. Shape
+        (n, 6 K - 4) for facets of K nodes; -1 is beyond an end.
+        """
+        degree, own = self.degree, np.arange(self.num_nodes)
+        return self.dofs_of(self.along(own, range(-degree, 2 * degree + 1)))
 
     @cached_property
     def _areas(self) -> Array:
@@ -278,7 +285,7 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
     """
     V = space.V
     comm = V.mesh.comm
-    branches = comm.allgather(_local_facets(V, facet_tags, tag, name))
+    branches = comm.allgather(local_facets(V, facet_tags, tag, name))
     ends, coordinates, given = (np.concatenate(branch) for branch in zip(*branches, strict=True))
     nodes, X, facets = number_nodes(ends, coordinates, given, name)
     order, facets, previous, following = order_curves(facets, X, name)
@@ -316,63 +323,11 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
     Returns:
         Values at all nodes, shape (nodes, 2), equal on all ranks.
     """
+    if comm.size == 1:
+        return np.ascontiguousarray(mine)
     everything = np.empty((owners.size, 2), mine.dtype)
     counts = np.bincount(owners, minlength=comm.size)
     comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))
     ordered = np.empty_like(everything)
     ordered[np.argsort(owners, kind="stable")] = everything
     return ordered
-
-
-def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array, Indices]:
-    """Nodes (m, K), positions (m, K, 2) and input numbers (m, K) of the facets owned here.
-
-    Collective. A facet is included if any rank tags it, whether that rank owns the facet or not.
-    Nodes inside facets have the input number -1.
-    """
-    mesh = V.mesh
-    mesh.topology.create_connectivity(1, 2)
-    mesh.topology.create_connectivity(2, 1)
-    facet_map = mesh.topology.index_map(1)
-    begin, end = facet_map.local_range
-    tagged = facet_map.local_to_global(facet_tags.find(tag).astype(np.int32))
-    tagged = np.unique(np.concatenate(mesh.comm.allgather(tagged)))
-    tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
-    inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
-    count, where = count_places(mesh.comm, dmesh.compute_midpoints(mesh, 1, inside)[:, :2])
-    if count:
-        raise SurfaceError(
-            f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
-            f"one at {where}; expected part of the outline of one body"
-        )
-    ends = facet_nodes(V, tagged)
-    names = compat.input_nodes(V)
-    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
-    to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
-    x = V.tabulate_dof_coordinates()[:, :2]
-    return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
-
-
-def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
-    """Local nodes (m, K) of facets in order, with the cell on the left (local).
-
-    Requires the connectivities facets -> cells and cells -> facets.
-
-    Args:
-        V: Space of the displacement.
-        facets: Local facets, shape (m,).
-    """
-    topology = V.mesh.topology
-    facet_cells, cell_facets = topology.connectivity(1, 2), topology.connectivity(2, 1)
-    dofmap, x = compat.dofmap(V), V.tabulate_dof_coordinates()[:, :2]
-    layout = V.dofmap.dof_layout
-    ends = np.empty((facets.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
-    for i, facet in enumerate(facets):
-        cell = facet_cells.links(facet)[0]
-        local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
-        a, b, *inside = dofmap[cell][layout.entity_closure_dofs(1, local)]
-        inward = x[dofmap[cell]].mean(axis=0) - x[a]
-        edge = x[b] - x[a]
-        on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
-        ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
-    return ends

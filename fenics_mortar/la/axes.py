@@ -11,11 +11,10 @@ import numpy.typing as npt
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.rounding import SMALL_ANGLE
 
 ComplexArray = npt.NDArray[np.complex128]
 
-# Angle to the axes of the mesh below which axes are not turned [radian]: turning gains nothing.
-STRAIGHT = 0.02
 # Maximum number of tangents of a contact that define axes: neighbouring tangents differ little.
 TANGENTS = 32
 
@@ -43,7 +42,7 @@ def _tangents(contacts: Sequence[Interface], x: Array) -> ComplexArray:
     z, mean = x @ [1.0, 1.0j], np.full(len(x), 1e-300 + 0.0j)
     for places, tangents in map(sliding_nodes, contacts):
         tangents = tangents * (-1.0j) ** quarter_turns(tangents)
-        if np.abs(np.angle(tangents)).max(initial=0.0) < STRAIGHT:
+        if np.abs(np.angle(tangents)).max(initial=0.0) < SMALL_ANGLE:
             tangents = np.ones_like(tangents)
         for place, tangent in zip(places, tangents, strict=True):
             away = z - place

@@ -44,6 +44,7 @@ from fenics_mortar.la.sparse import BlockMatrix, SomeRows, add_blocks
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
 
 
 class CondensedSystem(LinearSystem):
@@ -70,34 +71,43 @@ class CondensedSystem(LinearSystem):
         self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
         self._slave_K: Any = None
         dofs = np.empty((self.num_multipliers, 2), np.int64)
-        for contact, place in self.numbered():
-            dofs[self.local(contact, place)] = contact.slave.dofs[contact.slave.owned]
+        for contact, _, owned, local in self._numbered:
+            dofs[local] = contact.slave.dofs[owned]
         self._slave_rows = PETSc.IS().createGeneral(dofs.ravel().astype(PETSc.IntType), self.comm)
         self._slave_dofs = dofs.ravel() - bulk.first
         self._partly_prescribed = any((c.free[c.multiplier_nodes] == 0.0).any() for c in contacts)
 
     # Assembly
 
+    @clock("assembly")
     def assemble(self) -> None:
         """Add K_c + R K_S + C to K (collective)."""
         laws = [contact.rows() for contact in self.contacts]
+        inverses = [self._inverse(contact) for contact in self.contacts]
+        R_blocks = self._R_blocks(laws, inverses)
         if self._update_pattern():
-            self._make_room(laws)
+            self._make_room(R_blocks)
         K = self.bulk.take_tangent()
         add_blocks(K, self.force_derivative())
-        R = self._R.assemble(self._rows.renumbered(self._R_blocks(laws)))
+        R = self._R.assemble(R_blocks)
         self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
         product = R.matMult(self._slave_K)
         self._rows.add(product, K)
         product.destroy()
         add_blocks(K, self._C_blocks(laws))
         self.matrix = K
-        self._Z = self.collect(self._inverse(c) for c in self.contacts).ravel()
-        self._A_z = self.collect(law.A_z.diagonal(axis1=1, axis2=2) for law in laws).ravel()
-        self._law_rhs = self.collect(law.rhs for law in laws).ravel()
+        self._collect_rows(laws, inverses)
         self._prescribe_rows(self.matrix, self.bulk.first)
 
-    def _make_room(self, laws: Sequence[Rows]) -> None:
+    def _collect_rows(self, laws: Sequence[Rows], inverses: Sequence[Array]) -> None:
+        """Diagonals of Z and A_z and right-hand sides of the multipliers owned here (local)."""
+        Z, A_z, rhs = np.zeros((3, self.num_multipliers, 2))
+        for (_, _, owned, local), law, inverse in zip(self._numbered, laws, inverses, strict=True):
+            Z[local], rhs[local] = inverse[owned], law.rhs[owned]
+            A_z[local] = law.A_z.diagonal(axis1=1, axis2=2)[owned]
+        self._Z, self._A_z, self._law_rhs = Z.ravel(), A_z.ravel(), rhs.ravel()
+
+    def _make_room(self, R_blocks: Sequence[Block]) -> None:
         """Extend the pattern of K by zeros within the reach of contact (collective)."""
         different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         rows, size = self._rows, self.bulk.num_owned
@@ -108,7 +118,7 @@ class CondensedSystem(LinearSystem):
         slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
         of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
         slave_K.axpy(1.0, of_small, different)
-        R = self._R.assemble(rows.renumbered(chain(self._R_blocks(laws), self._R_room())))
+        R = self._R.assemble([*R_blocks, *rows.renumbered(self._R_room())])
         product = R.matMult(slave_K)
         small.axpy(1.0, product, different)
         room = rows.room(small, size)
@@ -119,35 +129,37 @@ class CondensedSystem(LinearSystem):
         self._slave_K = None
         self.solver.forget_pattern()
 
-    def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+    def _C_blocks(self, laws: Sequence[Rows]) -> list[Block]:
         """C in the rows of the slave's displacement."""
+        blocks = []
         for contact, law in zip(self.contacts, laws, strict=True):
-            for block in law.blocks:
-                rows = contact.slave.dofs.ravel()[block.rows]
-                yield Block(rows, block.columns, block.values)
+            dofs = contact.slave.dofs.ravel()
+            blocks += [Block(dofs[rows], columns, values) for rows, columns, values in law.blocks]
+        return blocks
 
-    def _R_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
-        """R = -B^T Z - A_z Z; columns are numbers of multipliers."""
-        for (contact, place), law in zip(self.numbered(), laws, strict=True):
-            Z = self._inverse(contact)
-            yield from self._weighted_forces(contact, place, -Z)
-            mine = contact.slave.owned[contact.acts[contact.slave.owned]]
+    def _R_blocks(self, laws: Sequence[Rows], inverses: Sequence[Array]) -> list[Block]:
+        """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of multipliers."""
+        blocks = []
+        for (contact, place, owned, _), law, Z in zip(self._numbered, laws, inverses, strict=True):
+            blocks += self._weighted_forces(contact, place, -Z)
+            mine = owned[contact.acts[owned]]
             values = -law.A_z[mine] * Z[mine][:, None, :]
-            yield Block(contact.slave.dofs[mine], components(place[mine, None]), values)
+            blocks.append(Block(contact.slave.dofs[mine], components(place[mine, None]), values))
+        return list(self._rows.renumbered(blocks))
 
-    def _weighted_forces(
-        self, contact: Interface, place: Indices, weight: Array
-    ) -> Iterable[Block]:
+    def _weighted_forces(self, contact: Interface, place: Indices, weight: Array) -> list[Block]:
         """B^T with columns scaled by ``weight`` (slave nodes, 2) and numbered by ``place``."""
-        for block in contact.force_blocks():
-            j, component = block.columns // 2, block.columns % 2
-            values = block.values * weight[j, component][:, None, :]
-            yield Block(block.rows, 2 * place[j] + component, values)
+        blocks = []
+        for rows, columns, values in contact.force_blocks():
+            j, component = columns // 2, columns % 2
+            weighted = values * weight[j, component][:, None, :]
+            blocks.append(Block(rows, 2 * place[j] + component, weighted))
+        return blocks
 
     def _R_room(self) -> Iterable[Block]:
         """Zeros for the reach of R."""
         for place, reach in zip(self.places, self._reaches, strict=True):
-            rows, multipliers = reach.force_pattern(~reach.idle)
+            rows, multipliers = reach.force_pattern()
             columns = components(place[multipliers, None])
             yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 
@@ -158,9 +170,9 @@ class CondensedSystem(LinearSystem):
 
     # Solution
 
-    def step(self) -> Array:
+    def step(self, distance: Array) -> Array:
         """See ``LinearSystem``; rows with Z = 0 have a zero right-hand side in a Newton step."""
-        return self._eliminate(self._newton_force(), self._law_rhs)
+        return self._eliminate(self._newton_force(distance), self._law_rhs)
 
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
         """See ``LinearSystem``."""

@@ -23,6 +23,7 @@ from fenics_mortar.la.reach import zeros
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
 
 
 class Kind(IntEnum):
@@ -78,7 +79,7 @@ class SaddleSystem(LinearSystem):
         """Zeros for the reach of K_c, B^T and C; A_z has a fixed pattern."""
         for (contact, place), reach in zip(self.numbered(), self._reaches, strict=True):
             own = contact.slave.owned
-            dofs, multipliers = reach.force_pattern(reach.multiplier_nodes)
+            dofs, multipliers = reach.force_pattern()
             dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
             numbers = components(place[np.append(multipliers, own), None]).reshape(-1, 1)
             nodes, coupled = reach.law_pattern()
@@ -96,6 +97,7 @@ class SaddleSystem(LinearSystem):
         K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return K, B_T, C, A_z
 
+    @clock("assembly")
     def assemble(self) -> None:
         """Fill the matrix; create it again if contact leaves its pattern (collective)."""
         nest = PETSc.Mat().createNest([[self.bulk.K, None], [None, self._no_K]], comm=self.comm)
@@ -122,13 +124,13 @@ class SaddleSystem(LinearSystem):
         self.matrix.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         self.solver.forget_pattern()
 
-    def step(self) -> Array:
+    def step(self, distance: Array) -> Array:
         """See ``LinearSystem``; solves for the increment of zeta, which vanishes at convergence.
 
         The tolerance of an iterative solver is thus relative to the residual.
         """
         size = self.bulk.num_owned
-        rhs = self._scale_rows(self.join(self._newton_force(), self._law_rhs))
+        rhs = self._scale_rows(self.join(self._newton_force(distance), self._law_rhs))
         present, product = self.matrix.createVecs()
         present.array[size:] = self.collect(c.z for c in self.contacts).ravel() / self._scales
         self.matrix.mult(present, product)

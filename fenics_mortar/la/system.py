@@ -73,6 +73,10 @@ class LinearSystem(ABC):
         self.places: list[Indices] = np.split(place, ends)[:-1]
         self.num_multipliers = int((owners == self.comm.rank).sum())
         self._first_multiplier = int((owners < self.comm.rank).sum())
+        self._numbered = [
+            (contact, place, contact.slave.owned, self.local(contact, place))
+            for contact, place in zip(contacts, self.places, strict=True)
+        ]
         rows = 2 * self.num_multipliers if self.has_multipliers else None
         self.solver = LinearSolver(
             self.comm, prefix, options, lambda: TouchingBodies(bulk, contacts, prefix, rows)
@@ -87,8 +91,12 @@ class LinearSystem(ABC):
         """Linearize: build ``matrix`` from the last evaluated state (collective)."""
 
     @abstractmethod
-    def step(self) -> Array:
-        """Increment dd and new multipliers of a Newton iteration, as one vector (collective)."""
+    def step(self, distance: Array) -> Array:
+        """Increment dd and new multipliers of a Newton iteration, as one vector (collective).
+
+        Args:
+            distance: Prescribed values minus the present ones, at the prescribed dofs [length].
+        """
 
     @abstractmethod
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
@@ -107,6 +115,12 @@ class LinearSystem(ABC):
     def ksp(self) -> PETSc.KSP:
         """PETSc's solver."""
         return self.solver.ksp
+
+    def describe_solver(self) -> str:
+        """Form of the system, its solver and size, in words (local)."""
+        form = "saddle-point" if self.has_multipliers else "condensed"
+        unknowns = self.bulk.r.getSize()
+        return f"{form} system, {unknowns} unknowns of the bulk, {self.solver.describe()}"
 
     # Vectors
 
@@ -127,8 +141,8 @@ class LinearSystem(ABC):
         parts = list(nodal)
         shape = parts[0].shape[1:] if parts else (2,)
         mine = np.zeros((self.num_multipliers, *shape))
-        for (contact, place), values in zip(self.numbered(), parts, strict=True):
-            mine[self.local(contact, place)] = values[contact.slave.owned]
+        for (_, _, owned, local), values in zip(self._numbered, parts, strict=True):
+            mine[local] = values[owned]
         return mine
 
     def join(self, u: Array, z: Iterable[Array]) -> Array:
@@ -138,20 +152,22 @@ class LinearSystem(ABC):
     def split(self, x: Array) -> tuple[Array, list[Array]]:
         """Inverse of ``join``; returns replicated values of multipliers (collective)."""
         mine, z = x[self.bulk.num_owned :].reshape(-1, 2), []
-        for contact, place in self.numbered():
+        for contact, _, owned, local in self._numbered:
             values = np.zeros((contact.slave.num_nodes, 2))
-            values[contact.slave.owned] = mine[self.local(contact, place)]
+            values[owned] = mine[local]
             self.comm.Allreduce(MPI.IN_PLACE, values)
             z.append(values)
         return x[: self.bulk.num_owned].copy(), z
 
     # Blocks
 
-    def force_derivative(self) -> Iterable[Block]:
+    def force_derivative(self) -> list[Block]:
         """Blocks of K_c = d(B^T z)/dd at fixed z."""
+        blocks: list[Block] = []
         for contact in self.contacts:
             if not contact.operators.linearization.frozen:
-                yield from contact.operators.force_derivative(contact.z)
+                blocks += contact.operators.force_derivative(contact.z)
+        return blocks
 
     def scale(self, contact: Interface) -> Array:
         """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
@@ -184,12 +200,12 @@ class LinearSystem(ABC):
 
     def _update_pattern(self) -> bool:
         """Replace the reaches if contact leaves them; return whether it did (collective)."""
-        now = [(c.operators, c.multiplier_nodes, c.faced()) for c in self.contacts]
-        acts = [c.acts | c.z.any(axis=1) for c in self.contacts]
-        fits = self._pattern == self.bulk.num_patterns and all(
-            reach.contains(*state, acting)
-            for reach, state, acting in zip(self._reaches, now, acts, strict=True)
-        )
+        now = [(c.operators, c.faced()) for c in self.contacts]
+        fits = self._pattern == self.bulk.num_patterns
+        if fits:
+            for contact, reach, state in zip(self.contacts, self._reaches, now, strict=True):
+                acting = contact.acts | contact.z.any(axis=1)
+                fits = fits and reach.contains(*state, acting)
         if self.comm.allreduce(fits, MPI.LAND):
             return False
         self._reaches = [Reach(*state) for state in now]
@@ -198,26 +214,20 @@ class LinearSystem(ABC):
 
     def _prescribe_rows(self, matrix: PETSc.Mat, first_row: int) -> None:
         """Replace the rows of prescribed dofs by k times those of the identity (collective)."""
-        self._prescribed_scale = max((float(c.stiffness.max()) for c in self.contacts), default=1.0)
+        self._prescribed_scale = max([float(c.stiffness.max()) for c in self.contacts], default=1.0)
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         rows = (self.bulk.prescribed_dofs + first_row).astype(PETSc.IntType)
         matrix.zeroRows(rows, diag=self._prescribed_scale)
 
-    def _newton_force(self) -> Array:
-        """-r [stress length], at prescribed dofs the distance to their values [length] (local)."""
+    def _newton_force(self, distance: Array) -> Array:
+        """-r, and at prescribed dofs the ``distance`` to their values, (owned dofs,) (local)."""
         f = -self.bulk.r.array_r[: self.bulk.num_owned]
-        f[self.bulk.prescribed_dofs] = self.bulk.distance_to_prescribed()
+        f[self.bulk.prescribed_dofs] = distance
         return f
 
     def _solve(self, rhs: Array, *, transpose: bool = False) -> Array:
-        """Solve with ``matrix`` or its transpose; local arrays (collective)."""
-        vector = self.matrix.createVecLeft()
-        vector.array[:] = rhs
-        solution = self.solver.solve(self.matrix, vector, transpose=transpose)
-        values = solution.array_r.copy()
-        vector.destroy()
-        solution.destroy()
-        return values
+        """Solve with ``matrix``, or its transpose; local arrays (collective)."""
+        return self.solver.solve(self.matrix, rhs, transpose=transpose)
 
 
 def components(nodes: Indices) -> Indices:

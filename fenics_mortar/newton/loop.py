@@ -98,6 +98,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
     """
     report = NewtonReport()
     step, sets, noted = Step(np.inf, 1.0), list[bytes](), set[str]()
+    residuals: list[float] = []
     for number in range(options.max_iterations + 1):
         if number:
             try:
@@ -115,7 +116,8 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             if not number:  # the initial state is the user's
                 raise
             raise _failure(equations, report, f"iteration {number}: {error}") from error
-        step = step._replace(fraction=step.fraction * status.fraction)
+        if status.fraction < 1.0:
+            step = step._replace(fraction=step.fraction * status.fraction)
         report.force = max(report.force, status.force)
         report.iterations.append(
             Iteration(
@@ -130,18 +132,19 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         )
         if not np.isfinite([status.residual, status.force]).all():
             raise _failure(equations, report, f"iteration {number}: the residual is not finite")
-        if _is_solved(status, step, report.force, options):
+        if not any(_failed_tests(status, step, report.force, options)):
             report.converged = True
             report.reason = f"converged in {number} iterations"
             return report
-        if number == 1 and not _is_near(report.residuals, options.max_remaining):
+        residuals.append(status.residual)
+        if number == 1 and not _is_near(residuals, options.max_remaining):
             raise _failure(equations, report, "the first iteration hardly reduced the residual")
-        if number and not status.num_changed and _stagnates(report.residuals):
+        if number and not status.num_changed and _stagnates(residuals):
             drifting = equations.drifts()
             if drifting:
                 raise _failure(equations, report, drifting)
         sets = [*sets, status.sets] if status.num_changed else [status.sets]
-        period = UNSETTLED if _is_stuck(sets, report.residuals) else period_of(sets)
+        period = UNSETTLED if _is_stuck(sets, residuals) else period_of(sets)
         if period:
             note = f"iteration {number}: {equations.merge_sets(period)}"
             report.notes[:] = once([*report.notes, note])
@@ -194,10 +197,6 @@ def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConv
     """Complete the record and return the error to raise (collective)."""
     report.reason = "; ".join(filter(None, (reason, equations.diagnose())))
     return NotConvergedError(report.reason, report)
-
-
-def _is_solved(status: Status, step: Step, force: float, options: NewtonOptions) -> bool:
-    return not any(_failed_tests(status, step, force, options))
 
 
 def _failed_tests(

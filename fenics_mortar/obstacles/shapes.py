@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 from fenics_mortar.obstacles.obstacle import Fields, Obstacle
 from fenics_mortar.obstacles.points import check_chain, check_simple, check_vector, edges_of
@@ -116,6 +115,8 @@ class Spline(Obstacle):
         if not chords.min() > 0.0:
             raise ValueError("two successive points of the spline coincide")
         knots = np.concatenate([[0.0], np.cumsum(chords)])
+        from scipy.interpolate import CubicSpline
+
         self._curve = CubicSpline(knots, chain, bc_type="periodic" if closed else "natural")
         self._closed, self._end = closed, float(knots[-1])
         fractions = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)

@@ -110,11 +110,11 @@ def _slid_away(problem: ContactProblem, before: State) -> str:
     states = dict(zip(map(id, equations.contacts), before.interfaces, strict=True))
     for body in equations.floating.moved:
         pairs = equations.floating.contacts_of(body)
-        held = [c for c in pairs if c.pair.law.has_friction and states[id(c)].z.any()]
-        if not held or any(c.active.any() and not states[id(c)].z.any() for c in pairs):
+        loaded = [c for c in pairs if c.pair.law.has_friction and states[id(c)].z.any()]
+        if not loaded or any(c.active.any() and not states[id(c)].z.any() for c in pairs):
             continue
         slips = [
-            np.abs(np.where(states[id(c)].active, c.slip, 0.0)) / c.nodal_lengths for c in held
+            np.abs(np.where(states[id(c)].active, c.slip, 0.0)) / c.nodal_lengths for c in loaded
         ]
         farthest = max(float(slip.max()) for slip in slips)
         if farthest > RIGID.overlap:

@@ -14,8 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from petsc4py import PETSc
-
 import numpy as np
 
 from fenics_mortar.la.system import LinearSystem
@@ -46,33 +44,32 @@ class DrivenObstacles(ObstacleMotions):
 
     def residual(self) -> Array:
         """f_q plus springs minus push for driven motions, else 0, (obstacles, 3) (collective)."""
+        if not self.obstacles:
+            return self._none
         return np.where(self.driven, self.forces() + self._spring_forces() - self.push(), 0.0)
 
     def solve(
-        self, system: LinearSystem, stiffness: float, force: float
-    ) -> tuple[PETSc.Vec, list[Array], Array]:
-        """Solve for displacement, multipliers and motions (collective).
+        self, x: Array, system: LinearSystem, stiffness: float, force: float
+    ) -> tuple[Array, Array]:
+        """Solve for the motions, too (collective).
 
         Args:
+            x: Solution of the system for obstacles at rest, see ``LinearSystem.step``.
             system: System of displacement and multipliers, assembled.
             stiffness: Stiffness of the bulk [stress].
             force: Size of all forces [stress length].
 
         Returns:
-            Increment of the displacement, multipliers, and motions (obstacles, 3) [length].
+            The solution with motions, as ``x``, and the motions, shape (obstacles, 3) [length].
         """
         driven, motion = self.driven, np.zeros(self.scales.shape)
-        x = system.step()
         if driven.any():
             balance = linearize_balance(self, system)
             corner = balance.corner + self._stiffness_of_springs(stiffness, force)
             border = Border(balance.columns, balance.rows, corner).part(driven.ravel())
             push = (self.push() - self._spring_forces())[driven]
             x, motion[driven] = solve_bordered(system.solve, border, x, push, system.comm)
-        du, z = system.split(x)
-        step = PETSc.Vec().createMPI((du.size, None), comm=system.comm)
-        step.array[:] = du
-        return step, z, motion
+        return x, motion
 
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
         """Stiffness of anchored springs, or of tangent springs on loose motions; added to E_q."""

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from petsc4py import PETSc
-
 import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
@@ -99,13 +97,13 @@ class FloatingBodies(BodyMotions):
         self.bulk.add_to_diagonal(springs)
 
     def drop_undriven(
-        self, loose: Sequence[FloatingBody], step: PETSc.Vec, total: Array, force: float
+        self, loose: Sequence[FloatingBody], step: Array, total: Array, force: float
     ) -> None:
         """Remove loose motions that are driven by roundoff only from a step.
 
         Args:
             loose: The result of ``loose``.
-            step: Increment of the displacement; changed.
+            step: Increment of the displacement, shape (owned dofs,) [length]; changed.
             total: Sum of all forces, shape (owned dofs,) [stress length].
             force: Size of all forces [stress length].
         """
@@ -114,8 +112,8 @@ class FloatingBodies(BodyMotions):
             rounding = RIGID.stiffness_rounding * body.stiffest * body.size
             if drive <= SUM_ROUNDING * force + rounding:
                 dofs, motions = self.motions(body)
-                excess = self.rigid_fraction(body, step.array_r) @ motions
-                step.array[dofs] -= excess.reshape(-1, 2)
+                excess = self.rigid_fraction(body, step) @ motions
+                step[dofs] -= excess.reshape(-1, 2)
 
     def remark(self, loose: Sequence[FloatingBody]) -> str:
         """Sentence on the tangent springs of loose bodies; "" if there are none."""

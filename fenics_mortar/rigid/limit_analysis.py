@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
 from scipy.sparse import csr_array, hstack, vstack
 
 from fenics_mortar.utils.rounding import SOLVED
@@ -78,6 +77,8 @@ def unresisted_motion(loads: Array, touching: Touching) -> Array:
     rows = vstack(
         [hstack([csr_array(row), -by_rate * _unit(len(row), count)]) for row, by_rate in resisted]
     )
+    from scipy.optimize import linprog  # loaded where it is needed: it takes long
+
     costs = np.concatenate([-work, touching.shear[bounded] / size])
     bounds = [(-1.0, 1.0)] * loads.size + [(0.0, None)] * count
     found = linprog(

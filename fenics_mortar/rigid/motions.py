@@ -64,10 +64,14 @@ class ObstacleMotions:
 
     def move(self, change: Array) -> None:
         """Add motions, shape (obstacles, 3) [length]."""
+        if not self.obstacles:
+            return
         self.places = self.places + change / self.scales
 
     def largest(self) -> float:
         """Largest motion since the obstacles were created [length]."""
+        if not self.obstacles:
+            return 0.0
         return float(np.abs(self.motions_of(self.places)).max(initial=0.0))
 
     @property

@@ -25,7 +25,7 @@ class RigidOptions:
             on a body that slides at its friction limit: nothing else would stop it.
         normals_err: Error of contact forces along averaged normals of two meshes [1].
         overlap: Motions before a solve end with nodes this deep inside, over their length [1], so
-            that they are active.
+            that they are active. Bodies that move by less are at rest, with springs as well.
         largest_move: Largest motion in one move over the size of the body [1]: gaps are linear in
             smaller ones.
         max_moves: Moves before a solve.

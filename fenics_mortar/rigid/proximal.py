@@ -26,8 +26,8 @@ from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.rounding import SOLVED
 
-# Elongation of the springs per solve, and the motion below which bodies stay [shortest facets].
-ELONGATION, ARRIVED = 0.25, 0.01
+# Elongation of the springs per solve [shortest facets].
+ELONGATION = 0.25
 # Factors of the elongation after a failed and after a successful solve.
 BACK_OFF, GROWTH = 0.125, 2.0
 MAX_SOLVES, MAX_FAILURES = 24, 5
@@ -166,7 +166,7 @@ def _move_on_springs(
             if failures == MAX_FAILURES:
                 raise NotConvergedError(failed.report.reason, report) from error
             continue
-        if equations.springs.max_motion() < ARRIVED * aim / ELONGATION:
+        if equations.springs.max_motion() < RIGID.overlap * aim / ELONGATION:
             break
         aim, failures = min(GROWTH * aim, ELONGATION), 0
     return report

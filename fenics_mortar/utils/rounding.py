@@ -25,6 +25,9 @@ SAME_PLACE = 1e-6
 # Half a facet [facet lengths]: a mesh resolves positions no better. Faceted curves that touch each
 # other are nearer; deeper overlaps, and wider gaps between nodes in contact, are errors.
 HALF_FACET = 0.5
+# Frames that differ by less than this angle [radian] need not be rotated into each other: vectors
+# differ by 2 % across and 0.02 % along, paths of length L by L / 200.
+SMALL_ANGLE = 0.02
 # Steps of an iteration for one number. Halving an interval of length 2 to rounding takes 54;
 # Newton's method takes about 5.
 MAX_STEPS = 60

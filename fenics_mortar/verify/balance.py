@@ -41,7 +41,7 @@ def balance_of_bodies(
     r = bulk.r.array_r[: bulk.num_owned]
     total = r.copy()
     for contact in contacts:
-        on_slave, on_master = contact.operators.force(contact.z)
+        on_slave, on_master = contact.now.forces
         contact.slave.scatter_add(on_slave, total)
         contact.master.scatter_add(on_master, total)
     total[bulk.prescribed_dofs] = 0.0
@@ -61,9 +61,11 @@ def balance_of_bodies(
 
 def action_and_reaction(contact: Interface) -> dict[str, Any]:
     """Sums of the forces and moments of a pair, as fields of a ``PairCertificate`` (local)."""
-    o = contact.operators
-    where, reaction = o.reaction(contact.z)
-    forces, x = np.concatenate([o.force(contact.z)[0], reaction]), np.concatenate([o.x, where])
+    o, (on_slave, reaction) = contact.operators, contact.now.forces
+    where = o.m
+    if not len(where):
+        where, reaction = o.reaction(contact.z)
+    forces, x = np.concatenate([on_slave, reaction]), np.concatenate([o.x, where])
     lever = x - x.mean(axis=0)
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
     sizes = np.abs(forces)

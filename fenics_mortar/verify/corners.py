@@ -19,8 +19,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
@@ -172,12 +170,13 @@ def _angle(a: Array, b: Array) -> Array:
 
 def runs_of(contact: Contact) -> Indices:
     """Number the runs of neighbouring active nodes: shape (slave nodes,)."""
-    slave, active = contact.slave, contact.active
-    here = np.flatnonzero(active & (slave.following >= 0) & active[slave.following])
-    count = slave.num_nodes
-    links = coo_array((np.ones(here.size), (here, slave.following[here])), shape=(count, count))
-    _, labels = connected_components(links, directed=False)
-    return labels.astype(np.int64)
+    active, before = contact.active, contact.slave.previous
+    own = np.arange(active.size)
+    back = np.where(active & (before >= 0) & active[before], before, own)
+    least = own  # smallest number among the nodes passed on the way back
+    for _ in range(active.size.bit_length()):
+        least, back = np.minimum(least, least[back]), back[back]
+    return least[back]  # of the first node, or of a whole closed curve
 
 
 def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
@@ -193,7 +192,7 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
     there = np.where(around >= 0, pressure[around], 0.0)
     beside = there[:, 2 * reach : 4 * reach + 1].max(axis=1, initial=0.0)
     there[:, 2 * reach : 4 * reach + 1] = 0.0
-    counts = beside > LIMITS.counted_pressure * pressure.max(initial=0.0)
+    counts = beside > LIMITS.at_corners * pressure.max(initial=0.0)
     beside = np.where(counts, beside, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.nan_to_num(beside / there.max(axis=1, initial=0.0), posinf=np.inf)

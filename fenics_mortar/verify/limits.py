@@ -25,10 +25,9 @@ class Limits:
         coarse_penetration: Remark on penetration from here on [facet lengths]; curved bodies on
             coarse meshes overlap by less.
         coarse_distance: Remark on distance from here on [facet lengths].
-        at_corners: Error of the direction of forces at corners [1]: remark on oblique forces from
-            this sine on; with friction a sticking corner of the slave violates the law if the shear
-            along a flat master exceeds the friction limit by this fraction, which is above the
-            error of the estimate (a few per cent of the limit).
+        at_corners: Fraction that matters at corners and ends [1], above the error of estimates
+            there (a few per cent): sine of forces that are oblique; excess of the shear of a
+            sticking corner over the friction limit; pressure over the largest pressure.
         of_friction: With friction, remark on forces misdirected at corners from this fraction of
             the friction on. Measured on wedges of 90 to 150 degrees: where the error of the ratio
             of shear and normal force is 5 %, the estimate is 3.5 to 6 %.
@@ -36,7 +35,6 @@ class Limits:
         around_corner: Facets beside a corner that define the direction of the opposite surface.
         end_pressure: Remark where the pressure beside clamped slave nodes is this multiple of that
             of the next nodes.
-        counted_pressure: Fraction of the largest pressure below which nodes do not count there.
         samples: Points on a segment at which gaps are evaluated.
     """
 
@@ -52,7 +50,6 @@ class Limits:
     corner: float = 0.3
     around_corner: int = 3
     end_pressure: float = 2.0
-    counted_pressure: float = 0.1
     samples: int = 5
 
 

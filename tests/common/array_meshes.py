@@ -70,7 +70,7 @@ def blocks_of_arrays(cell="quadrilateral", turn=False):
 
 
 def bcs_of(data, V, push=-0.02):
-    """The base held, the top moved by ``push`` in y."""
+    """The base fixed, the top moved by ``push`` in y."""
     return [fm.dirichlet(V, data, "base", (0.0, 0.0)), fm.dirichlet(V, data, "top", (0.0, push))]
 
 

@@ -41,7 +41,7 @@ def drive(scene, *pushes):
 
 
 def block_on(obstacle, *, degree=1, law=None, angle=0.0, weight=0.0):
-    """A block of 1 x 0.5 on y = 0, turned by ``angle``, held at its top; weight frees it in y."""
+    """A block of 1 x 0.5 on y = 0, turned by ``angle``, fixed at its top; weight frees it in y."""
     data = read(rectangles, size=0.25 * degree, block=(0.0, 0.0, 1.0, 0.5))
     x = data.mesh.geometry.x
     x[:, :2] = x[:, :2] @ rotation(angle).T
@@ -50,11 +50,11 @@ def block_on(obstacle, *, degree=1, law=None, angle=0.0, weight=0.0):
     load = fem.Constant(data.mesh, (0.0, weight))
     residual = internal(u, neo_hookean(u, E, NU)) + ufl.inner(load, v) * ufl.dx
     along = fem.Constant(data.mesh, 0.0)
-    held = fm.dirichlet(V, data, "block/top", along, component=0)
+    fixed = fm.dirichlet(V, data, "block/top", along, component=0)
     if not weight:
-        held = fm.dirichlet(V, data, "block/top", (0.0, 0.0))
+        fixed = fm.dirichlet(V, data, "block/top", (0.0, 0.0))
     pair = fm.ContactPair(data, "block/bottom", obstacle, law=law)
     problem = fm.ContactProblem(
-        residual, u, [pair], bcs=[held], petsc_options_prefix="test_", newton=TIGHT
+        residual, u, [pair], bcs=[fixed], petsc_options_prefix="test_", newton=TIGHT
     )
     return problem, along

@@ -82,12 +82,12 @@ def pressed_cylinders(
     upper_is_held: bool = True,
     **mesh: Any,
 ) -> Scene:
-    """Two stacked cylinders, the lower held at its bottom; the upper one's top is moved."""
+    """Two stacked cylinders, the lower fixed at its bottom; the upper one's top is moved."""
     data = cylinders(**mesh)
     V = fm.vector_space(data.mesh, degree)
     u = fem.Function(V)
-    held, push = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
-    bcs = [fm.dirichlet(V, data, "lower/bottom", held), fm.dirichlet(V, data, "upper/top", push)]
+    fixed, push = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
+    bcs = [fm.dirichlet(V, data, "lower/bottom", fixed), fm.dirichlet(V, data, "upper/top", push)]
     bcs = bcs if upper_is_held else bcs[:1]
     if axis_is_held and not any(mesh.get("holes", ())):
         bcs.append(on_axis(V, data, ["lower/left", "upper/left"]))
@@ -116,8 +116,8 @@ def disturbed(scene: Scene) -> Scene:
     """All nodes off the axis moved at random; the covered ones are active."""
     equations = scene.problem.equations
     bulk = equations.bulk
-    noise = np.random.default_rng(0).uniform(-0.01, 0.01, bulk.r.getSize())
-    scene.u.x.array[: bulk.num_owned] = noise[bulk.first :][: bulk.num_owned]
+    perturbation = np.random.default_rng(0).uniform(-0.01, 0.01, bulk.r.getSize())
+    scene.u.x.array[: bulk.num_owned] = perturbation[bulk.first :][: bulk.num_owned]
     X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, 0]
     scene.u.x.array[bulk.space.owned_dofs[np.abs(X) < 1e-14, 0]] = 0.0
     scene.u.x.scatter_forward()

@@ -169,8 +169,8 @@ def homogeneous_blocks(
 def disturbed(scene: Scene) -> Scene:
     """All nodes moved at random, alike on any number of ranks; the covered ones are active."""
     bulk = scene.problem.equations.bulk
-    noise = np.random.default_rng(0).uniform(-0.01, 0.01, bulk.r.getSize())
-    scene.u.x.array[: bulk.num_owned] = noise[bulk.first :][: bulk.num_owned]
+    perturbation = np.random.default_rng(0).uniform(-0.01, 0.01, bulk.r.getSize())
+    scene.u.x.array[: bulk.num_owned] = perturbation[bulk.first :][: bulk.num_owned]
     scene.u.x.scatter_forward()
     scene.contact.evaluate(scene.u.x.array, scene.problem.equations.linearization)
     scene.contact.change(active=scene.contact.covered)

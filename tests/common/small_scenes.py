@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Two blocks of few cells: pressed, or pushed and hardly held."""
+"""Two blocks of few cells: pressed, or pushed and hardly supported."""
 
 from petsc4py import PETSc
 

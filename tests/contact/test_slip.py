@@ -51,7 +51,7 @@ def test_rigid_rotation_is_no_slip(degree, pair):
 
 
 def test_slip_on_an_obstacle_is_against_its_material():
-    """A plane that moves along itself under a held block, and one that turns with the block."""
+    """A plane that moves along itself under a fixed block, and one that turns with the block."""
     plane = fm.Plane((0.0, 0.0), (0.0, 1.0))
     problem, _ = block_on(plane, law=fm.Coulomb(0.3))
     plane.move(x=0.2)

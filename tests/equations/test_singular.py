@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Bodies that nothing holds, and systems that are singular."""
+"""Unsupported bodies and singular systems."""
 
 import pytest
 from array_meshes import blocks_of_arrays, problem_on

@@ -94,15 +94,15 @@ def test_tangent_is_exact(degree, cell, axis):
 
 
 def pressed_by(tool, data, law, degree=1):
-    """The lower cylinder under an obstacle; the upper one is held."""
+    """The lower cylinder under an obstacle; the upper one is fixed."""
     V = fm.vector_space(data.mesh, degree)
     u = fem.Function(V)
-    held = fem.Constant(data.mesh, (0.0, 0.0))
+    fixed = fem.Constant(data.mesh, (0.0, 0.0))
     problem = fm.ContactProblem(
         revolved.internal(u, revolved.neo_hookean(u, 100.0, 0.3)), u,
         [fm.ContactPair(data, "lower/top", tool, law=law)],
         bcs=[
-            fm.dirichlet(V, data, ["lower/bottom", "upper/top"], held),
+            fm.dirichlet(V, data, ["lower/bottom", "upper/top"], fixed),
             on_axis(V, data, ["lower/left", "upper/left"]),
         ],
         geometry="axisymmetric", petsc_options_prefix="axis_",

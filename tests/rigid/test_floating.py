@@ -170,7 +170,7 @@ def test_disk_that_may_roll_falls_in_one_solve(size):
 
 
 @pytest.mark.serial
-def test_disk_that_may_roll_needs_springs_that_let_go(monkeypatch):
+def test_disk_that_may_roll_needs_the_proximal_point_method(monkeypatch):
     def give_up(equations, options, failed):
         raise failed
 

@@ -33,7 +33,6 @@ def test_record_of_a_solve_holds_all_phases():
     scene.loads["push"].value[1] = -0.01
     report = scene.problem.solve()
     assert tuple(report.total_seconds()) == PHASES
-    for iteration in report.iterations:
-        assert all(iteration.seconds[phase] > 0.0 for phase in ("residual", "search", "integrals"))
+    assert report.iterations[0].seconds["residual"] > 0.0  # the place is that of the set-up
     for iteration in report.iterations[1:]:
         assert min(iteration.seconds.values()) > 0.0
