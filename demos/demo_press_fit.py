@@ -10,8 +10,9 @@
 #
 # p = D E / (b ((c^2 + b^2) / (c^2 - b^2) + 1)).
 #
-# The shaft beyond the hub adds to the pressure at its ends. Once all of it slips, the axial force
-# is that of friction, mu times the integral of the pressure, 2 pi b int p dz.
+# The shaft beyond the hub adds to the pressure at its ends, and gets thinner where it is pulled.
+# Once all of it slips, the axial force is that of friction, mu times the integral of the pressure,
+# 2 pi b int p dz.
 #
 # ## Implementation
 
@@ -28,8 +29,7 @@ from matplotlib.figure import Figure
 import ufl
 from dolfinx import fem
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root)]
+sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 import fenics_mortar as fm
 from meshes.mapped_grids import Grid, block, build
 
@@ -45,9 +45,9 @@ model = None
 if comm.rank == 0:
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
-    shaft = block(8, 50, width=b, height=80.0, corner=(0.0, -40.0))
-    hub = block(8, 32, width=c - b, height=length, corner=(b, -length / 2))
-    model = build([Grid("shaft", shaft), Grid("hub", hub)])
+    shaft = Grid("shaft", block(8, 50, width=b, height=80.0, corner=(0.0, -40.0)))
+    hub = Grid("hub", block(8, 32, width=c - b, height=length, corner=(b, -length / 2)))
+    model = build([shaft, hub])
 data = fm.read_gmsh(model, comm)
 # -
 
@@ -59,66 +59,54 @@ u, v = fem.Function(V), ufl.TestFunction(V)
 r = ufl.SpatialCoordinate(data.mesh)[0]
 mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
 strain, hoop = ufl.sym(ufl.grad(u)), u[0] / r
-trace = ufl.tr(strain) + hoop
-stress = 2 * mu * strain + lmbda * trace * ufl.Identity(2)
-hoop_stress = 2 * mu * hoop + lmbda * trace
-dx = 2 * np.pi * r * ufl.dx(metadata={"quadrature_degree": 3})
-residual = ufl.inner(stress, ufl.grad(v)) * dx + hoop_stress * v[0] / r * dx
+mean = lmbda * (ufl.tr(strain) + hoop)
+stress, hoop_stress = 2 * mu * strain + mean * ufl.Identity(2), 2 * mu * hoop + mean
+work = ufl.inner(stress, ufl.grad(v)) + hoop_stress * v[0] / r
+residual = 2 * np.pi * r * work * ufl.dx(metadata={"quadrature_degree": 3})
 # -
 
-# On the axis the radius does not change. The hub leans on a ring at its upper end, the shaft is
-# pulled up at its upper end.
+# On the axis the radius does not change. The hub leans on a ring at its upper end, where the shaft
+# is pulled. The hub is put on warm: it slides freely until it has shrunk.
+#
+# The mesh is without interference, which is a negative initial gap: in the picture both bodies are
+# that much apart, 200 times.
 
 # +
-pull = fem.Constant(data.mesh, 0.0)
-bcs = [
-    fm.dirichlet(V, data, "shaft/left", 0.0, component=0),
-    fm.dirichlet(V, data, "hub/top", 0.0, component=1),
-    fm.dirichlet(V, data, "shaft/top", pull, component=1),
-]
-law = fm.Coulomb(friction)
+pull, law = fem.Constant(data.mesh, 0.0), fm.Coulomb(0.0)
+held = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", pull, 1)]
+bcs = [fm.dirichlet(V, data, *condition) for condition in held]
 pair = fm.ContactPair(data, "hub/left", "shaft/right", law=law, initial_gap=-interference)
-problem = fm.ContactProblem(
-    residual, u, [pair], bcs=bcs, geometry="axisymmetric", petsc_options_prefix="fit_"
-)
-contact = problem.equations.contacts[0]
+options = {"geometry": "axisymmetric", "petsc_options_prefix": "fit_"}
+problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
 problem.solve()
-z, fitted = contact.operators.x[:, 1], contact.pressure
-forces = [(0.0, 0.0)]
-fm.plot(
-    problem, "results/press_fit.png", stress=hoop_stress, label="hoop stress [MPa]", scale=200.0
-)
-for step in range(1, 13):
+contact = problem.equations.contacts[0]
+z, fitted, force = contact.operators.x[:, 1], contact.pressure, []
+fm.plot(problem, "results/press_fit.png", stress=hoop_stress, label="hoop [MPa]", scale=200.0)
+law.mu = friction
+for step in range(1, 9):
     pull.value = 0.004 * step
     problem.solve()
-    forces.append((float(pull.value), abs(contact.total_force[1])))
+    force.append(contact.total_force[1])
 # -
 
 # ## Comparison
 
 # +
+slides = contact.sliding  # all but the node on the ring: prescribed nodes are without friction
+limit = friction * contact.operators.weight[slides] @ contact.pressure[slides]
 lame = interference * E / (b * ((c**2 + b**2) / (c**2 - b**2) + 1))
-normal = contact.operators.weight @ contact.pressure
-held, last = forces[-2][1], forces[-1][1]
-middle = np.abs(z) < length / 4
+middle = fitted[np.abs(z) < length / 4].mean()
 if comm.rank == 0:
-    print("| | by Lame's pressure | computed |\n|---|---:|---:|")
-    print(f"| pressure in the middle [MPa] | {lame:.2f} | {fitted[middle].mean():.2f} |")
-    by_lame = friction * lame * 2 * np.pi * b * length
-    print(f"| force that pulls the hub off [kN] | {by_lame / 1e3:.2f} | {last / 1e3:.2f} |")
-    figure = Figure((8, 3.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    left.plot(z, fitted, "o-", ms=3, color="#c8102e", label="fitted")
-    left.plot(z, contact.pressure, "s-", ms=2, lw=0.8, color="#1f6f8b", label="slipping")
-    left.axhline(lame, color="k", lw=1, label="Lame")
-    left.set(xlabel="z [mm]", ylabel="contact pressure [MPa]", ylim=(0, None))
-    left.legend(frameon=False)
-    right.plot(*(np.array(forces) * [1e3, 1e-3]).T, "o-", ms=3, color="#c8102e")
-    right.set(xlabel="pull [um]", ylabel="axial force [kN]", ylim=(0, None))
+    print(f"pressure in the middle {middle:.2f} MPa, by Lame {lame:.2f} MPa")
+    print(f"force {force[-1] / 1e3:.2f} kN, limit of friction {limit / 1e3:.2f} kN")
+    figure = Figure((6, 3.2), layout="constrained")
+    axes = figure.add_subplot(xlabel="z [mm]", ylabel="contact pressure [MPa]", ylim=(0, 170))
+    axes.plot(z, fitted, "o-", z, contact.pressure, "s-", [-20, 20], [lame, lame], "k-", ms=3)
+    axes.legend(["fitted", "slipping", "Lame"], frameon=False)
     figure.savefig("results/press_fit_pressure.png", dpi=150)
 # -
 
 # ## Check
+# The pressure has an axial part where the shaft is indented.
 
-assert abs(fitted[middle].mean() / lame - 1) < 0.05
-assert abs(last / (friction * normal) - 1) < 1e-8 and abs(last / held - 1) < 0.02
+assert slides.sum() == len(z) - 1 and abs(force[-1] / limit - 1) < 0.01 > abs(middle / lame - 1)

@@ -116,7 +116,7 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
 def _with_next_facets(
     o: MortarOperators, margin: int, slave: Indices, master: Indices
 ) -> tuple[Indices, Indices]:
-    """Pairs of facets, by the slave's first nodes; with those of slave facets next to meet.
+    """Pairs of facets by the slave's first nodes, those of slave facets next to contact included.
 
     Slave facets without a partner get those of facets up to ``margin`` away.
     """

@@ -372,4 +372,4 @@ def test_flat_punch_on_a_half_space():
     assert errors[1] < 0.02 and 1.7 < errors[0] / errors[1] < 2.3
     inside = r < 0.7
     exact = force / (2 * np.pi * np.sqrt(1 - r[inside] ** 2))
-    assert p[inside] == pytest.approx(exact, rel=0.015)
+    assert p[inside] == pytest.approx(exact, rel=0.025)
