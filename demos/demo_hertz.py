@@ -45,7 +45,7 @@ if comm.rank == 0:
     )
 data = fm.read_gmsh(model, comm)
 
-# The top of the cylinder goes down without moving sideways, the bottom of the block is held.
+# The top of the cylinder goes down without moving sideways, the bottom of the block is fixed.
 
 # +
 V = fm.vector_space(data.mesh, 1)

@@ -54,8 +54,8 @@ dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": 3})
 soft, hard = (dx(data.bodies[name]) for name in ("block", "indenter"))
 residual = ufl.inner(P, ufl.grad(v)) * soft + 10 * ufl.inner(P, ufl.grad(v)) * hard
 
-held, tool = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
-bcs = [fm.dirichlet(V, data, "block/bottom", held), fm.dirichlet(V, data, "indenter/top", tool)]
+fixed, tool = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
+bcs = [fm.dirichlet(V, data, "block/bottom", fixed), fm.dirichlet(V, data, "indenter/top", tool)]
 contact = fm.ContactPair(data, slave="block/top", master="indenter/arc", law=fm.Coulomb(0.3))
 problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefix="ironing_")
 # -

@@ -56,7 +56,7 @@ for name, shear_modulus in G.items():
     residual += shear_modulus * ufl.inner(stress, ufl.grad(v)) * dx(data.body_tag(name))
 # -
 
-# The inclusion is held by symmetry and by the tie. Its ends lie on planes of symmetry, where nodes
+# The inclusion is fixed by symmetry and by the tie. Its ends lie on planes of symmetry, where nodes
 # are prescribed: there the neighbours take over the multipliers.
 
 # +

@@ -7,7 +7,7 @@
 # - solve load steps by the semismooth Newton method, and look at the results.
 #
 # ## Problem
-# A block of 1 x 1 mm with 10 facets stands on one of 2.2 x 1 mm with 20. The lower one is held at
+# A block of 1 x 1 mm with 10 facets stands on one of 2.2 x 1 mm with 20. The lower one is fixed at
 # its bottom; the top of the upper one goes down by 0.15 mm and then to the right by 0.2 mm. Both
 # are compressible neo-Hookean, plane strain. There is no friction.
 #
@@ -61,9 +61,9 @@ residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 3})
 
 # Prescribed displacements are `Constant`s that the loop below changes.
 
-held = fem.Constant(blocks.mesh, (0.0, 0.0))
+fixed = fem.Constant(blocks.mesh, (0.0, 0.0))
 push = fem.Constant(blocks.mesh, (0.0, 0.0))
-bcs = [fm.dirichlet(V, blocks, "lower/bottom", held), fm.dirichlet(V, blocks, "upper/top", push)]
+bcs = [fm.dirichlet(V, blocks, "lower/bottom", fixed), fm.dirichlet(V, blocks, "upper/top", push)]
 
 # Contact is one line: the slave carries the multiplier, its points are projected to the master.
 

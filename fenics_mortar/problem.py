@@ -3,30 +3,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
-import numpy as np
-
 from dolfinx import fem
 
+from fenics_mortar.bulk.axis import check_axis
 from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
-from fenics_mortar.bulk.residual import Bulk, prescribed_dofs
+from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.binding import bind
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
-from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.arguments import check_arguments, check_options
+from fenics_mortar.equations.continuation import Continuation
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.inputs import Inputs, check_roles
+from fenics_mortar.equations.line_of_sight import show_outlines
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.state import State
@@ -35,6 +35,7 @@ from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm, system_of
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -51,8 +52,8 @@ from fenics_mortar.verify.tangent import TangentCheck, check_tangent
 class ContactProblem:
     """Quasi-static equilibrium of bodies in contact.
 
-    All that users do with a problem is here, and nothing else: longer than other modules by its
-    documentation, with more than 20 attributes.
+    More than 350 lines by its documentation, and more than 20 methods: everything that users do
+    with a problem, one method each, and nothing else.
 
     Args:
         residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``.
@@ -78,6 +79,15 @@ class ContactProblem:
         linear_bulk: Whether the bulk tangent is constant and may be factored once; see ``reduced``.
             Default: detected from ``residual`` and used where it pays, but never with
             solver="iterative".
+        geometry: "plane", or "axisymmetric": the mesh is the meridian half plane x >= 0 of bodies
+            of revolution about x = 0. Interface integrals are then weighted by 2 pi r: pressures
+            are stresses, and forces are those of the whole bodies; ``residual`` has to have
+            2 pi X[0] in its measures and the hoop strain. Radial components on the axis have to be
+            prescribed as 0. Obstacles are bodies of revolution, e.g. a ``Circle`` about a point of
+            the axis is a sphere. See ``mesh.thickness``.
+        thickness: Out-of-plane thickness of plane bodies, by which interface integrals are
+            weighted as the measures of ``residual`` have to be: a positive length, or a function of
+            reference positions (n, 2); ``None`` is one, without a unit.
         adequacy: An ``AdequacyCheck`` that estimates the model error after each solve
             (``report.adequacy``) and may start each solve on a cheaper model.
 
@@ -109,6 +119,8 @@ class ContactProblem:
         jacobian: Any | None = None,
         displacement: int = 0,
         linear_bulk: bool | None = None,
+        geometry: Geometry = "plane",
+        thickness: float | Callable[[Array], Any] | None = None,
         adequacy: Any | None = None,
     ) -> None:
         check_kind("u", u, fem.Function, "a function of dolfinx")
@@ -117,6 +129,7 @@ class ContactProblem:
             "petsc_options_prefix": petsc_options_prefix, "petsc_options": petsc_options,
             "algorithm": algorithm, "solver": solver, "linearization": linearization,
             "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
+            "geometry": geometry, "thickness": thickness,
         }  # fmt: skip
         with together(comm, "ContactProblem"):
             check_arguments(residual, u, pairs, bcs, jacobian)
@@ -125,7 +138,8 @@ class ContactProblem:
         options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
         check_same_words(comm, "ContactProblem", {"pairs": len(pairs), "bcs": len(bcs), **options})
         compat.free_petsc_garbage_of_earlier(comm)
-        space = DisplacementSpace(u.function_space, displacement)
+        weight = thickness_of(geometry, thickness)
+        space = DisplacementSpace(u.function_space, displacement, weight)
         check_space(space.V, pairs)
         if solver == "iterative" and space.is_mixed:
             raise ValueError("solver='iterative': mixed functions need solver='direct'")
@@ -133,9 +147,12 @@ class ContactProblem:
             "residual": residual, "u": u, "bcs": bcs, "petsc_options_prefix": petsc_options_prefix,
             "petsc_options": petsc_options, "algorithm": algorithm, "solver": solver,
             "linearization": linearization, "newton": newton, "jacobian": jacobian,
-            "displacement": displacement, "linear_bulk": linear_bulk,
+            "displacement": displacement, "linear_bulk": linear_bulk, "geometry": geometry,
+            "thickness": thickness,
         }  # fmt: skip
-        contacts = bind(pairs, space, prescribed_dofs(space, u, bcs))  # may move nodes
+        prescribed = mark_prescribed(space, u, bcs)
+        check_axis(space, prescribed)
+        contacts = bind(pairs, space, prescribed)  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
         compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
         check_slave_nodes(contacts)
@@ -146,7 +163,8 @@ class ContactProblem:
         self.equations = ContactEquations(
             bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions()
         )
-        self._show_outlines()
+        outline, labels = self.equations.crossings.outline, self.equations.floating.labels
+        show_outlines(self.equations.contacts, outline, outline.gather(bulk.space.spread(labels)))
         if solver == "iterative" and linear_bulk is None:
             linear_bulk = False  # the factors may exceed the memory
         self._solver = Solver(
@@ -157,6 +175,7 @@ class ContactProblem:
             linear_bulk=linear_bulk,
             prefix=petsc_options_prefix,
         )
+        self._continuation = Continuation(self.equations)
         self._estimator: Estimator | None = None
         self._inputs = Inputs(bulk, contacts, self.obstacles)
         self._adequacy = adequacy
@@ -187,16 +206,6 @@ class ContactProblem:
     def newton(self, options: NewtonOptions) -> None:
         self.equations.newton = options
 
-    def _show_outlines(self) -> None:
-        """Pass the outlines of the bodies to each contact; tied bodies count as one (local)."""
-        contacts, outline = self.equations.contacts, self.equations.crossings.outline
-        labels = self.equations.bulk.space.spread(self.equations.floating.labels)
-        bodies = outline.gather(labels)[:, 0].astype(np.int64)
-        outline = replace(outline, bodies=bodies)
-        ties = [contact for contact in contacts if isinstance(contact, Tie)]
-        for contact in [*ties, *(c for c in contacts if isinstance(c, Contact))]:
-            outline = contact.see(outline)
-
     def _renew_if_interrupted(self) -> None:
         """Rebuild the solver after an interruption (collective)."""
         if self.comm.allreduce(self.equations.interrupted, MPI.LOR):
@@ -206,12 +215,14 @@ class ContactProblem:
 
     # Solving
 
-    def solve(self, *, accept_violations: bool = False) -> NewtonReport:
+    def solve(self, *, accept_violations: bool = False, predict: bool = True) -> NewtonReport:
         """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
 
         Collective.
 
         Args:
+            predict: Extrapolate the initial guess from the last two solves where the loads continue
+                in their direction, see ``continuation``; the last state is the guess otherwise.
             accept_violations: Return a state that violates its certificate instead of raising; see
                 ``report.certificate``.
 
@@ -230,11 +241,18 @@ class ContactProblem:
         """
         self._renew_if_interrupted()
         self.equations.bulk.check_input()
-        remarks = self._inputs.check(self.newton, accept_violations)
+        remarks = self._inputs.check(
+            self.newton, accept_violations=accept_violations, predict=predict
+        )
         with undone_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
-                report = self._solver.solve(remarks, accept_violations=accept_violations)
+                solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
+                if predict and self._adequacy is None and not self.newton.tentative:
+                    report = self._continuation.solve(solve)
+                else:
+                    self._continuation.forget()
+                    report = solve()
             if self._adequacy is not None:
                 report.adequacy = self._adequacy.assess(self)
         return report
@@ -261,7 +279,7 @@ class ContactProblem:
         Returns:
             Bulk residual and contact forces at the dofs of this rank, each of shape (owned dofs,)
             [stress length]; their sum at prescribed dofs is the support reaction. Third, forces and
-            moments that hold the obstacles, shape (obstacles, 3), equal on all ranks.
+            moments that keep the obstacles in place, shape (obstacles, 3), equal on all ranks.
         """
         self.equations.evaluate_operators()
         return self.equations.forces()
@@ -297,7 +315,7 @@ class ContactProblem:
             u[:] = kept
 
     def adopt(self, other: ContactProblem) -> None:
-        """Take over the present state of a variant (collective)."""
+        """Take over the present state of ``other``, a variant of this problem (collective)."""
         pairs = zip(self.equations.contacts, other.equations.contacts, strict=True)
         for contact, theirs in pairs:
             if isinstance(contact, Contact) and isinstance(theirs, Contact):

@@ -9,8 +9,11 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-for folder in (ROOT, ROOT / "tests", ROOT / "tests" / "kernels"):
-    sys.path.insert(0, str(folder))
+# Names of modules are unique among the folders of tests.
+for module in sorted((ROOT / "tests").rglob("*.py")):
+    if str(module.parent) not in sys.path:
+        sys.path.insert(0, str(module.parent))
+sys.path.insert(0, str(ROOT))
 # numba does not see that a helper in another file has changed: never trust an old cache. The test
 # command gives all ranks one fresh folder; a plain pytest gets its own.
 os.environ.setdefault("NUMBA_CACHE_DIR", tempfile.mkdtemp(prefix="fenics_mortar-numba-"))
@@ -23,16 +26,19 @@ import pytest  # noqa: E402
 ONE_OF = 12
 # Tests run on several ranks because bodies are cut there: of many cases the first and the last do.
 CASES_ON_RANKS = 2
+# One half of all kernels each: two processes compile them, others load them from the cache.
+COMPILING = ("test_crossing_kernels", "test_mortar_kernels")
 
 
 def pytest_collection_modifyitems(items):
-    """Leave out what needs exactly one rank, or several; files with slow tests come first.
+    """Leave out what needs exactly one rank, or several; kernels and files with slow tests first.
 
-    Where a core works on one file at a time, the longest must not be the last. Kernels know no
-    ranks. What only several ranks run is no repetition: there all cases do.
+    Each kernel is compiled once, before many processes need it. Where a core works on one file at a
+    time, the longest must not be the last. Kernels know no ranks. What only several ranks run is no
+    repetition: there all cases do.
     """
     for item in items:
-        if "kernels" in item.path.parts:
+        if of_kernels(item):
             item.add_marker("serial")
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         items[:] = [item for cases in by_function(items) for item in cases[::ONE_OF]]
@@ -43,6 +49,11 @@ def pytest_collection_modifyitems(items):
         items[:] = [item for cases in by_function(items) for item in on_ranks(cases)]
     slow = Counter(item.path for item in items if "slow" in item.keywords)
     items.sort(key=lambda item: -slow[item.path])
+    items.sort(key=lambda item: (item.path.stem not in COMPILING, not of_kernels(item)))
+
+
+def of_kernels(item):
+    return "kernels" in item.path.parts
 
 
 def by_function(items):

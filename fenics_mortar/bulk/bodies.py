@@ -17,7 +17,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import place
-from fenics_mortar.utils.rounding import ROUNDING
+from fenics_mortar.utils.rounding import ROUNDING, TINY
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,11 @@ class FloatingBody:
         return np.einsum("fm,mnc->fnc", self.motions, _rigid_motions(X, self.centre, self.size))
 
     def describe(self, motion: Array) -> str:
-        """Describe a free motion up to its sign; ``motion``: factors of ``motions`` (local)."""
+        """Describe a free motion up to its sign (local).
+
+        Args:
+            motion: Factors of ``motions``, shape (number of free motions,).
+        """
         x, y, rotation = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
         x, y = (x, y) if (x, y) > (0.0, 0.0) or rotation else (-x, -y)
         if abs(rotation) > 0.1:
@@ -67,7 +71,8 @@ def label_bodies(V: Any) -> tuple[Indices, int]:
     """Number the connected components of the mesh (collective).
 
     Returns:
-        Body of each local node (ghosts included) of the space ``V``, and the number of bodies.
+        Body of each local node of the space ``V``, ghosts included, shape (local nodes,), and the
+        number of bodies.
         Bodies are numbered by their lowest node; the order may depend on the partition.
     """
     comm, index_map, dofs = V.mesh.comm, V.dofmap.index_map, compat.dofmap(V)
@@ -107,6 +112,11 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
     """Find bodies with free rigid motions, with ``bulk.K`` as assembled (collective).
 
     A motion is free if its resistance is rounding compared with the stiffness of the body.
+
+    Args:
+        bulk: Residual and tangent of the bodies.
+        labels: Body of each local node, shape (local nodes,).
+        num_bodies: Number of bodies.
     """
     dofs = bulk.space.owned_dofs
     X = bulk.V.tabulate_dof_coordinates()[: len(dofs), :2]
@@ -118,11 +128,11 @@ def find_floating_bodies(bulk: Bulk, labels: Indices, num_bodies: int) -> list[F
         body = centre_and_size(X[mine], bulk.comm)
         motions = np.zeros((3, bulk.num_owned))
         motions[:, dofs[mine]] = _rigid_motions(X[mine], *body)
-        held = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
+        at_prescribed = np.where(bulk.prescribed[: bulk.num_owned], motions, 0.0)
         stiffest = diagonal[dofs[mine]].max(initial=0.0)
-        stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), 1e-300)
+        stiffest = max(bulk.comm.allreduce(float(stiffest), MPI.MAX), TINY)
         stiff = bulk.to_force * _apply(bulk.K, motions) / stiffest
-        size, directions = resistance(np.hstack([held, stiff]), bulk.comm)
+        size, directions = resistance(np.hstack([at_prescribed, stiff]), bulk.comm)
         num_nodes = bulk.comm.allreduce(int(mine.sum()))
         free = directions[size < ROUNDING * np.sqrt(num_nodes)]
         if len(free):

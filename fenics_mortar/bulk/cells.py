@@ -10,12 +10,12 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from fenics_mortar.kernels.cells import find_near, tabulate_areas
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import count_places
+from fenics_mortar.utils.near import near
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Nodes of a cell along its outline, by the number of nodes: dolfinx orders corners, edges,
@@ -94,14 +94,12 @@ class Cells:
         """
         inside = np.zeros(len(points), bool)
         if len(points) and len(self._nodes):
-            near = np.empty(len(self._nodes), bool)
-            find_near(x, self._nodes, points.min(axis=0), points.max(axis=0), near)
-            corners, own = x[self._nodes[near]], labels[self._nodes[near, 0]]
+            meets = np.empty(len(self._nodes), bool)
+            find_near(x, self._nodes, points.min(axis=0), points.max(axis=0), meets)
+            corners, own = x[self._nodes[meets]], labels[self._nodes[meets, 0]]
             centres = corners.mean(axis=1)
             radius = np.linalg.norm(corners - centres[:, None], axis=2).max(initial=0.0)
-            close = cKDTree(centres).query_ball_point(points, radius)
-            point = np.repeat(np.arange(len(points)), [len(cells) for cells in close])
-            cell = np.concatenate([np.asarray(cells, np.int64) for cells in close])
+            point, cell = near(points, centres, radius)
             other = own[cell] != bodies[point]
             cell, point = cell[other], point[other]
             inside[point[_contains(corners[cell], points[point])]] = True

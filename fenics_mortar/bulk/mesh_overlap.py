@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from dolfinx import mesh as dmesh
 
@@ -33,6 +32,7 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError, count_places, place
 from fenics_mortar.utils.lines import cross, near_pairs
+from fenics_mortar.utils.near import near
 from fenics_mortar.utils.rounding import SAME_PLACE
 
 
@@ -128,7 +128,7 @@ def _sides(mesh: Any, x: Array, cells: Indices, owned: int) -> _Sides:
 def _folded(mesh: Any, sides: _Sides) -> Array:
     """Midpoints of the owned facets whose two cells lie on the same side, (n, 2) (collective).
 
-    A rank without ghost cells knows one cell only of a facet between two ranks: such facets are
+    Without ghost cells, a rank has one cell only of a facet between two ranks; such facets are
     gathered.
     """
     index_map = mesh.topology.index_map(1)
@@ -236,8 +236,13 @@ def _on_surfaces(outline: _Outline, contacts: Sequence[Interface]) -> npt.NDArra
     if not known or not len(outline.start):
         return np.zeros(len(outline.start), bool)
     middles = 0.5 * (outline.start + outline.end)
-    distance, _ = cKDTree(np.concatenate(known)).query(middles)
-    return np.asarray(distance <= SAME_PLACE * np.linalg.norm(outline.end - outline.start, axis=1))
+    lengths = np.linalg.norm(outline.end - outline.start, axis=1)
+    places, apart = np.concatenate(known), max(lengths.min(), SAME_PLACE * lengths.max())
+    i, j = near(middles, places, float(apart))
+    close = np.linalg.norm(middles[i] - places[j], axis=1) <= SAME_PLACE * lengths[i]
+    found = np.zeros(len(middles), bool)
+    found[i[close]] = True
+    return found
 
 
 def _check_nested(outline: _Outline) -> None:

@@ -74,7 +74,7 @@ class Bulk:
     ) -> None:
         self.u, self.V, self.bcs, self.space = u, space.V, list(bcs), space
         self.comm: MPI.Comm = self.V.mesh.comm
-        self.prescribed = prescribed_dofs(space, u, bcs)
+        self.prescribed = mark_prescribed(space, u, bcs)
         self.is_linear, self.residual = False, residual
         if jacobian is None:
             jacobian = ufl.derivative(residual, u, ufl.TrialFunction(space.whole))
@@ -96,12 +96,15 @@ class Bulk:
         self.stiffness = 0.0
 
     @cached_property
-    def held(self) -> npt.NDArray[np.int32]:
-        """Local numbers of the owned dofs with prescribed values."""
+    def prescribed_dofs(self) -> npt.NDArray[np.int32]:
+        """Local numbers of the owned dofs with prescribed values, shape (k,)."""
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
 
     def tangent_data(self) -> list[Array]:
-        """Copies of all that the tangent depends on, except ``u`` (local)."""
+        """Copies of all that the tangent depends on, except ``u`` (local).
+
+        Each has the shape of the constant, or (local dofs,) of the function; last, the inertia's.
+        """
         return [
             np.array(data.value if hasattr(data, "value") else data.x.array)
             for data in self._tangent_data
@@ -162,33 +165,34 @@ class Bulk:
         return self.K
 
     def add_to_diagonal(self, values: Array) -> None:
-        """Add ``values`` (num_owned,) to the diagonal of ``K`` (collective)."""
+        """Add ``values``, shape (num_owned,) [stress], to the diagonal of ``K`` (collective)."""
         diagonal = self.K.getDiagonal()
         diagonal.array[:] += values
         self.K.setDiagonal(diagonal)
         self._K_is_whole = False
 
     def distance_to_prescribed(self) -> Array:
-        """Prescribed value minus present displacement of the ``held`` dofs (local)."""
-        values = self.u.x.array.copy()
+        """Prescribed minus present values of ``prescribed_dofs``, shape (k,) [length] (local)."""
+        u = self.u.x.array
+        values = u.copy()
         compat.set_prescribed(values, self.bcs)
-        return values[self.held] - self.u.x.array[self.held]
+        return values[self.prescribed_dofs] - u[self.prescribed_dofs]
 
-    def move(self, step: PETSc.Vec, fraction: float = 1.0) -> float:
+    def move(self, step: Array, fraction: float = 1.0) -> float:
         """Add as large a fraction of a displacement increment as the cells allow (collective).
 
         Args:
-            step: The increment.
-            fraction: Largest fraction to add.
+            step: The increment, shape (num_owned,) [length].
+            fraction: Largest fraction to add [1].
 
         Returns:
-            The fraction that was added: the largest of ``fraction``, ``fraction`` / 2, ... that
+            The fraction that was added [1]: the largest of ``fraction``, ``fraction`` / 2, ... that
             leaves every cell at every node ``MIN_AREA_RATIO`` of its present area.
         """
         u = self.u.x.array
         start, smallest = u.copy(), MIN_FRACTION * fraction
         allowed = MIN_AREA_RATIO * np.maximum(self.cells.area_ratios(self.positions()), 0.0)
-        u[: self.num_owned] += step.array_r
+        u[: self.num_owned] += step
         self.u.x.scatter_forward()
         increment = u - start
         u[:] = start + fraction * increment
@@ -217,7 +221,11 @@ class Bulk:
             self.units, self.to_force = find_units(self.K, self.space, stiffness)
 
     def largest(self, values: Array) -> float:
-        """Largest absolute value of owned unknowns in their ``units`` (collective)."""
+        """Largest absolute value of unknowns in their ``units`` [length] (collective).
+
+        Args:
+            values: Values of the unknowns, owned ones first, shape (num_owned,) or longer.
+        """
         mine = np.abs(values[: self.num_owned]) / self.units
         return self.comm.allreduce(float(mine.max(initial=0.0)), MPI.MAX)
 
@@ -229,10 +237,17 @@ class Bulk:
         """
         self._input.check()
 
+    def loads(self) -> list[Array]:
+        """Copies of prescribed values and of the data of the forms, see ``InputData`` (local)."""
+        return self._input.loads()
+
     def count_nodes(self, dofs: Flags) -> tuple[int, str]:
         """Number of nodes with any of the marked local dofs, and a place (collective).
 
         Unknowns other than the displacement count as nodes in the middle of a cell.
+
+        Args:
+            dofs: Marks of all local dofs, ghosts included, shape (local dofs,), bool.
         """
         return self._input.count_nodes(dofs)
 
@@ -242,6 +257,10 @@ class Bulk:
 
     def set_by_input_node(self, nodes: Indices, values: Array) -> None:
         """Set the displacement from the result of ``by_input_node`` (collective).
+
+        Args:
+            nodes: Names of all nodes, shape (n, k).
+            values: Values there, shape (n, 2) [length].
 
         Raises:
             MortarError: On all ranks, if the nodes are those of another mesh or degree.
@@ -253,7 +272,7 @@ class Bulk:
         return self.cells.inverted(self.positions())
 
 
-def prescribed_dofs(space: DisplacementSpace, u: Any, bcs: Sequence[Any]) -> Flags:
+def mark_prescribed(space: DisplacementSpace, u: Any, bcs: Sequence[Any]) -> Flags:
     """Mark the local dofs with Dirichlet values, shape (local dofs,) (local).
 
     Raises:

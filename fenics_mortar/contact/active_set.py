@@ -8,17 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.contact.laws import KINK
 from fenics_mortar.utils.arrays import Flags
-
-# A pressure below this fraction of the stiffness, and a gap below this fraction of the largest
-# coordinate, are rounding.
-ROUNDING = 1e-14
-# Before the first solve a node is active if its gap is below this fraction of its length.
-TOUCHING = 1e-8
+from fenics_mortar.utils.rounding import LAST_DIGITS
 
 
-def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
+def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
     """Active set and branches by the complementarity function (local).
 
     Nodes in ``state.borne`` get the multipliers of their forces, open nodes those of the law.
@@ -29,9 +24,9 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
             active, and multipliers that are nan after a failed solve become zero.
 
     Returns:
-        The new state, and the nodes that changed, shape (slave nodes,), bool.
+        Fields of the new state, and the nodes that changed, shape (slave nodes,), bool.
     """
-    state, o = f.state, f.operators
+    before, state, o = f.state, f.state, f.operators
     z = np.where(np.isfinite(state.z), state.z, 0.0) if start else state.z
     if state.borne is not None:
         presses, force = state.borne
@@ -41,26 +36,31 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[InterfaceState, Flags]:
         f = f.after(replace(state, z=z, borne=None))
     active = _active(f, start=start)
     open_z = -f.adhesion[0][:, None] * o.n
-    state = replace(f.state, active=active, z=np.where(active[:, None], z, open_z), borne=None)
-    changed = active != f.state.active
+    z = np.where(active[:, None], z, open_z)
+    changed = active != before.active
+    state = replace(f.state, active=active if changed.any() else before.active, z=z, borne=None)
     f = f.after(state)
-    branch = f.sides.asker.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
+    branch = f.sides.law_calls.branch(f.sides.pair.law, f.nodal, state.branch, o.x)
     branched = branch != state.branch
     if branched.any():
-        state = replace(state, branch=branch)
-    return state, changed | (active & f.sides.follows_law & branched)
+        f = f.after(replace(state, branch=branch))
+    return f, changed | (active & f.sides.follows_law & branched)
 
 
 def _active(f: ContactFields, *, start: bool) -> Flags:
-    """Nodes with z_n + a - c_n g > 0; unchanged where pressure and gap are rounding."""
-    stiffness, on = f.sides.stiffness, f.covered
+    """Nodes with z_n + a - c_n g > 0 (local).
+
+    Unchanged where both are rounding, the pressure compared with the stiffness and the gap with the
+    largest coordinate. With ``start`` nodes of unknown pressure and no gap are active, too.
+    """
+    stiffness, on = f.sides.modulus, f.covered
     gap = np.where(on, f.gap, 0.0)
     push = np.where(f.attracted, 0.0, -f.tension)  # open nodes: z_n = -a
     trial = np.where(on, push - f.state.c_n * stiffness / f.nodal_lengths * gap, 0.0)
-    rounding = (np.abs(push) <= ROUNDING * stiffness) & (
-        np.abs(np.nan_to_num(f.gap)) <= ROUNDING * np.abs(f.operators.x).max()
+    rounding = (np.abs(push) <= LAST_DIGITS * stiffness) & (
+        np.abs(gap) <= LAST_DIGITS * np.abs(f.operators.x).max()
     )
     active = np.where(rounding, f.state.active & on, trial > 0.0)
     if start:
-        active |= on & (np.where(on, gap, np.inf) <= TOUCHING * f.nodal_lengths)
+        active |= on & (np.where(on, gap, np.inf) <= KINK * f.nodal_lengths)
     return active

@@ -26,8 +26,11 @@ def bind(
 
     Args:
         pairs: The pairs.
-        space: The displacement's space; nodes of its mesh may move.
-        prescribed: Local dofs with Dirichlet values.
+        space: Nodes and dofs of the displacement; nodes of the mesh may be moved.
+        prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+
+    Returns:
+        Contacts and ties in the order of the pairs.
 
     Raises:
         SurfaceError: On all ranks, if a surface is unsuitable or a gap cannot be removed.
@@ -47,11 +50,11 @@ def bind(
 
 
 def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
-    """Release the tied nodes that belong to other pairs (collective)."""
+    """Remove the multipliers of tied nodes that belong to other pairs (collective)."""
     used = [c.nodes for c in bound]
     for tie in ties:
         others = [nodes for nodes, c in zip(used, bound, strict=True) if c is not tie]
-        tie.release(np.isin(tie.slave.nodes, np.concatenate([np.empty(0, np.int64), *others])))
+        tie.drop(np.isin(tie.slave.nodes, np.concatenate([np.empty(0, np.int64), *others])))
 
 
 def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:

@@ -31,9 +31,9 @@ from fenics_mortar.contact.active_set import next_sets
 from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.integration import NO_PLACE, Integration
-from fenics_mortar.contact.interface import NO_WELDS, Interface, read_only
-from fenics_mortar.contact.law_calls import Asker, raise_noted
-from fenics_mortar.contact.laws import Nodal
+from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only
+from fenics_mortar.contact.law_calls import LawCalls, raise_noted
+from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.multiplier_nodes import MultiplierNodes, normals_on_planes
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.rows import (
@@ -49,9 +49,7 @@ from fenics_mortar.contact.rows import (
 from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
-from fenics_mortar.interface.on_obstacle import (
-    surface_without_nodes,
-)
+from fenics_mortar.interface.on_obstacle import surface_without_nodes
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
@@ -61,23 +59,24 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_lengths
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
-
-# Gap over nodal length [1] up to which ``initial_gap`` is applied: the sagitta of coarse facets.
-NEAR = 0.5
+from fenics_mortar.utils.rounding import HALF_FACET
 
 
 class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
     Replicated: every attribute is equal on all ranks, except the blocks inside ``operators``.
-    More than 20 methods, as an ``Interface``; all that computes is in other modules.
+
+    The class has more than 20 methods since it implements ``Interface``, one short method for each
+    operation of the equations. Computations are in other modules: fields, rows, active set, slip,
+    multiplier nodes, integration.
 
     Attributes:
         integration: Evaluates the operators.
         obstacle: The rigid master, or ``None``.
         arm: Length by which angles of the obstacle are multiplied [length].
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
-        asker: Calls the law of the pair.
+        law_calls: Calls the law of the pair.
         follows_law: Whether the contact law applies to a node: not if a component is prescribed,
             shape (slave nodes,), bool.
         plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
@@ -87,12 +86,8 @@ class Contact(Interface):
     now: ContactFields
 
     attracted, tension = read_only("now.attracted"), read_only("now.tension")
-    nodal, sliding, friction_work = (
-        read_only("now.nodal"),
-        read_only("now.sliding"),
-        read_only("now.friction_work"),
-    )
-    on_obstacle = read_only("now.on_obstacle")
+    nodal, sliding = read_only("now.nodal"), read_only("now.sliding")
+    friction_work, on_obstacle = read_only("now.friction_work"), read_only("now.on_obstacle")
 
     def __init__(
         self,
@@ -109,22 +104,25 @@ class Contact(Interface):
         self._multiplier_nodes = MultiplierNodes(
             self.slave, normals, self.free, at_vertices=self.at_vertices
         )
-        self._master_planes = self._find_master_planes(prescribed)
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
+        self._master_planes = self._find_master_planes()
+        self._multiplier_nodes.possible &= ~self.slave.weightless
         self._may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
         self.follows_law: Flags = self.free.all(axis=1)
         self.oblique = self._multiplier_nodes.oblique
         if not self._may_carry.any():
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
-        self.arm = float(np.hypot(*np.ptp(self.slave.X, axis=0)))
+        self.arm = self.slave.extent
+        on_surface = self.obstacle is None
+        reach = min(self.slave.extent, self.master.extent) if on_surface else np.inf
         self.options = MortarOptions(
             choice.basis,
             choice.normals,
             choice.gap_weights,
             choice.integration,
             self._points(),
-            pair.search_radius or self._reach(),
+            pair.search_radius or reach,
             float(np.cos(np.radians(choice.max_angle))),
         )
         sides, small = (self.slave, self.master), pair.sliding == "small"
@@ -133,9 +131,9 @@ class Contact(Interface):
         )
         none = np.zeros(self.slave.num_nodes)
         start = Nodal(none, none, none, none, none + 1.0, none)
-        self.asker = Asker(pair.slave_name)
+        self.law_calls = LawCalls(pair.slave_name)
         at_rest = np.zeros(none.size, np.int64)
-        branch = self.asker.branch(pair.law, start, at_rest, self.slave.X)
+        branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
         self.change(multiplier_nodes=self._may_carry, branch=branch, c_n=choice.c_n)
         raise_noted(self.slave.comm, [self])
 
@@ -150,23 +148,17 @@ class Contact(Interface):
         self.integration.see(outline)
         return outline
 
-    def _find_master_planes(self, prescribed: Flags) -> Array:
-        """Normals of master nodes on symmetry planes, nan elsewhere (collective)."""
+    def _find_master_planes(self) -> Array:
+        """Normals of master nodes on symmetry planes, nan elsewhere, (master nodes, 2)."""
         if self.obstacle is not None:
             return self.master.X
         normals, _ = evaluate_normals(self.master, self.master.X, "opposite")
-        return normals_on_planes(normals, 1.0 - self.master.gather(prescribed.astype(float)))
+        return normals_on_planes(normals, self.master_free)
 
     def has_master_of(self, other: Interface) -> bool:
         """Whether the pairs have a common obstacle or a common master node."""
         same = self.obstacle is not None and self.obstacle is other.pair.master
         return same or super().has_master_of(other)
-
-    def _reach(self) -> float:
-        """Default search radius [length]."""
-        if self.obstacle is not None:
-            return np.inf
-        return min(float(np.hypot(*np.ptp(side.X, axis=0))) for side in (self.slave, self.master))
 
     @property
     def offset(self) -> Array:
@@ -181,11 +173,15 @@ class Contact(Interface):
         return ContactFields(self, self._state, operators)
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
-        """Evaluate the operators at the displacement ``u``, a local array (collective)."""
+        """Evaluate the operators at the displacement ``u``, shape (local dofs,) (collective)."""
         operators, reference = self.integration.evaluate(u, self._state, linearization)
         if reference is not self._state.reference:
             self.change(reference=reference)
-        self.show(operators.less_offset(self.offset) if self.offset.any() else operators)
+        offset = self._state.offset
+        if offset.any():
+            operators = operators.less_offset(offset)
+        if not hasattr(self, "now") or operators is not self.now.operators:
+            self.show(operators)
         if self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # by all ranks
 
@@ -246,19 +242,19 @@ class Contact(Interface):
         Collective. The linear system contains the force w z of a node to first order,
         w_old z + dw z_old. If the weight more than doubles, as at a sliding edge, dw z_old may
         exceed the force, and z becomes tensile. The active set of such a node is decided by its
-        force; by z it would be released for an iteration or two.
+        force; by z it would be open for an iteration or two.
         """
-        old, o = self.z, self.operators
+        old, o, adhesion, borne = self.z, self.operators, self.now.adhesion[0], None
         z = old + fraction * (z - old) if fraction < 1.0 else z
-        self.change(z=z, borne=None)
-        pulls = self.active & (self.tension > 0.0)
+        pulls = self.active & (np.einsum("ja,ja->j", o.n, z) + adhesion < 0.0)
         if pulls.any():
             sides = self.slave.gather(step), self.master.gather(step)
             change = fraction * change_along(self.now, o.weight_derivative(), *sides)
             pulls &= change > o.weight
-            force = o.weight[:, None] * self.z + change[:, None] * old
-            min_force = -o.weight * self.now.adhesion[0]
-            self.change(borne=(pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force))
+            force = o.weight[:, None] * z + change[:, None] * old
+            min_force = -o.weight * adhesion
+            borne = (pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force)
+        self.change(z=z, borne=borne)
 
     def accept(self, slid: Flags | None = None) -> None:
         """Find the partners at the last evaluated state (collective).
@@ -285,7 +281,17 @@ class Contact(Interface):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
-        return self.partners.pairs() if self.pair.law.has_friction else super().faced()
+        law = self.pair.law
+        if type(law) is Frictionless or not law.has_friction:
+            return NO_PAIRS
+        return self.partners.pairs()
+
+    @property
+    def covered_fraction(self) -> Array:
+        """Cover of each slave node over that of a whole cover, shape (slave nodes,) [1]."""
+        alone = self.slave.weightless
+        whole = np.where(alone, 1.0, self.slave.full_cover)
+        return np.where(alone, 0.0, self.operators.cover / whole)
 
     def update_multiplier_nodes(self) -> int:
         """Update the multiplier nodes, see ``multiplier_nodes``; return the number of changes.
@@ -295,7 +301,7 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
-        cover = self.operators.cover / self.nodal_lengths
+        cover = self.covered_fraction
         multiplier_nodes = self._multiplier_nodes.update(self.multiplier_nodes, cover)
         changed = int((self.multiplier_nodes != multiplier_nodes).sum())
         if changed:
@@ -307,14 +313,12 @@ class Contact(Interface):
         """Nodes whose cover is at the limit; see ``MultiplierNodes.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
-        return self._multiplier_nodes.undecided(
-            self.operators.cover / self.nodal_lengths, self.active
-        )
+        return self._multiplier_nodes.undecided(self.covered_fraction, self.active)
 
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
         if self.pair.initial_gap is not None:
-            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= NEAR * self.nodal_lengths
+            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= HALF_FACET * self.nodal_lengths
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:
@@ -323,13 +327,13 @@ class Contact(Interface):
         Args:
             start: Whether this precedes the first solve; see ``active_set``.
         """
-        state, changed = next_sets(self.now, start=start)
-        self.put(state)
-        return int(changed.sum())
+        self.now, changed = next_sets(self.now, start=start)
+        self._state = self.now.state
+        return int(np.count_nonzero(changed))
 
     def rows(self) -> Rows:
         """Rows of the multipliers; see ``rows``."""
-        return rows_of(self.now, self.frame())
+        return rows_of(self.now)
 
     def residual(self) -> Array:
         """Left side of the nonlinear rows, as forces, (slave nodes, 2) [stress length]."""

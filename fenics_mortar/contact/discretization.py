@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""How contact of a pair is discretized: choices for research and for comparison with other codes.
+"""Discretization of a pair: choices for research and for comparison with other codes.
 
-The default is the accurate one. The other choices reproduce what other codes do, or show what a
-choice costs. Conventions that belong together have a name, see ``PRESETS``.
+The default is the most accurate choice. The others reproduce other codes, or serve to measure the
+effect of a choice. ``PRESETS`` has names for sets of conventions.
 """
 
 from __future__ import annotations
@@ -27,47 +27,47 @@ OF_TIES = ("basis", "points", "max_angle")
 class Discretization:
     """Discretization of a pair: multipliers, normals, weighted gap, integration, slip.
 
-    The options are checked by the pair that takes them, on all ranks together. Of the presets,
-    "default" is ``Discretization()``. "other_codes" has unit weights of the normals, gaps weighted
-    by the multiplier functions and slip from the changes of D and M, as 4C has them; solutions
-    agree with it to rounding where facets are covered whole. "petrov_galerkin" weighs gaps by the
-    standard functions, with dual multipliers (Popp, Seitz, Gee & Wall 2013).
-    ``dataclasses.replace`` changes options of one.
+    The options are checked by the pair, on all ranks together. Presets: "default" is
+    ``Discretization()``. "other_codes" has unit weights of the normals, gaps weighted by the
+    multiplier functions and slip from changes of D and M, as 4C; solutions agree with 4C to
+    rounding where facets are fully covered. "petrov_galerkin" weights gaps by the standard
+    functions, with dual multipliers (Popp, Seitz, Gee & Wall 2013). ``dataclasses.replace`` makes a
+    variant of a preset.
 
     Attributes:
         basis: "dual" (diagonal D, can be condensed) or "standard" multipliers at all nodes; on
             quadratic facets also linear functions at their vertices only: "vertices", which can be
             condensed, or "linear", the standard linear functions of other codes. The two are equal
-            on straight facets that are covered whole. They have half as many multipliers, but
-            the pressure overshoots at the edge of contact.
+            on straight, fully covered facets. They have half as many multipliers, but the pressure
+            overshoots at the edge of contact.
         normals: Weights of the facet normals at a slave node: "opposite" (length of the other
             facet: exact on circles), "unit" (the choice of most codes) or "own" length. On an
             obstacle, which has its own normals, they matter on symmetry planes only.
-        gap_weights: Functions that weigh the gap of a node. "cover": the multiplier function if the
-            node is covered. Beyond the edge of the master a dual function would extrapolate the gap
-            to the node, and would find overlap where the surfaces are apart; the gap is
-            evaluated at the edge there. "basis": always the multiplier function, as in most codes.
-            "standard": the standard functions (Petrov-Galerkin), with dual multipliers only.
-            On an obstacle, which has no ends, "cover" is "basis".
-        integration: Integration points of D, M and gap. "segments": exact, on every intersection of
-            a slave with a master facet. "elements": ``points`` Gauss points per slave facet, each
-            with the partner that it hits, as in many codes; forces balance, but a uniform pressure
-            is transferred only as well as the points resolve the ends of master facets. A facet
-            with fewer partners than nodes counts as uncovered. "nodes": the slave nodes
-            (node-to-segment contact); each node that has a partner has its weight. The last two
-            are for comparison: as points change their partners, forces jump or have kinks. On an
-            obstacle "segments" and "elements" are equal: Gauss points on whole slave facets.
+        gap_weights: Functions that weight the gap of a node. "cover": the multiplier function if
+            the node is covered. Beyond the edge of the master, a dual function would extrapolate
+            the gap to the node and produce an overlap where there is none; the gap is evaluated at
+            the edge instead. "basis": always the multiplier function, as in most codes. "standard":
+            the standard functions (Petrov-Galerkin), with dual multipliers only. On an obstacle,
+            which has no ends, "cover" equals "basis".
+        integration: Quadrature points of D, M and gap. "segments": exact, on each intersection of a
+            slave and a master facet. "elements": ``points`` Gauss points per slave facet, as in
+            many codes; forces balance, but the error of a transferred uniform pressure depends on
+            how well the points resolve the ends of master facets. A facet with fewer partners than
+            nodes counts as uncovered. "nodes": the slave nodes (node-to-segment contact), those
+            with a partner with their full weight. The last two are for comparison: forces have
+            jumps or kinks where points change partners. On an obstacle "segments" and "elements"
+            are equal: Gauss points on whole slave facets.
         points: Gauss points per segment, with "elements" per slave facet; at least as many as a
             facet has nodes. ``None``: 5, with "elements" 5 per interval between two nodes.
         slip: Measure of slip for friction, see ``slip``. "partners": motion of a node along the
             material points that it faced at the start of the step. "operators": changes of D and M,
-            as in most codes. With small sliding, where these do not change, and on obstacles
-            both are "partners".
+            as in most codes. With small sliding, where these are constant, and on obstacles both
+            are "partners".
         max_angle: Largest angle between the slave normal and the reversed master normal [degree].
-            Steeper facets, as the side of a block that stands on the slave, do not count as cover.
-        c_n: Weight of the gap in the active-set test, dimensionless. The result does not depend on
-            it; neither do the iterations from 1e-8 to 1. Larger weights release nodes for the gaps
-            that a nonlinear step leaves.
+            Steeper facets, such as the side of a block that stands on the slave, are no partners.
+        c_n: Weight of the gap in the active-set test [1]. The result does not depend on it, nor do
+            the iterations from 1e-8 to 1. Larger weights open nodes because of gaps that a
+            nonlinear step leaves.
     """
 
     basis: Basis = "dual"
@@ -103,18 +103,18 @@ class Discretization:
         check_number("c_n", self.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
 
     def _check_combination(self) -> None:
-        """Refuse options that have no effect or no meaning beside another one (local)."""
+        """Refuse options without effect or meaning in combination with another one (local)."""
         if self.integration == "nodes":
             at_nodes = {
                 "points": "the points are the nodes",
                 "basis": "all multiplier functions are equal at the nodes",
-                "gap_weights": "all functions that weigh the gap are equal at the nodes",
+                "gap_weights": "all weights of the gap are equal at the nodes",
             }
             self._refuse_set(at_nodes, "integration='nodes'")
         if self.gap_weights == "standard" and self.basis in ("standard", "linear"):
             raise ValueError(
                 f"gap_weights='standard' with basis='{self.basis}': Petrov-Galerkin needs dual "
-                "multipliers, basis='dual' or 'vertices'; gap_weights='basis' weighs the gap by "
+                "multipliers, basis='dual' or 'vertices'; gap_weights='basis' weights the gap by "
                 "the standard functions here"
             )
 
@@ -150,7 +150,7 @@ PRESETS: Mapping[str, Discretization] = MappingProxyType(
 
 
 def as_discretization(given: str | Discretization) -> Discretization:
-    """Discretization of a preset's name; another one unchanged (local).
+    """Discretization of a preset, given by its name; a ``Discretization`` is returned (local).
 
     Raises:
         ValueError: For an unknown name or an object of another type.

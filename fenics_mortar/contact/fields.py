@@ -14,19 +14,21 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from fenics_mortar.contact.law_calls import Asker
-from fenics_mortar.contact.laws import KINK, STICK, Frictionless, Nodal, Row
+from fenics_mortar.contact.law_calls import LawCalls
+from fenics_mortar.contact.laws import BUILT_IN, KINK, STICK, Frictionless, Nodal, Row
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import ROUNDING
 
-# Diagonal of D over nodal length [1] above which a node is covered: rounding.
-MIN_NODE_COVER = 1e-10
 # Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
 # the strains e; the shear is 1000 e times the pressure.
 ELASTIC = 1e3
+# Softening of adhesion over the diagonal stiffness of a node [1] above which its slope is left out:
+# a node of a surface gives way by about twice what this stiffness says.
+FADES_FAST = 0.5
 
 
 class _Field(cached_property[Any]):
@@ -53,6 +55,8 @@ class Sides(Protocol):
     slave: Surface
     master: Surface
     stiffness: Array
+    modulus: Array
+    stand_ins: tuple[Indices, Indices]
     at_vertices: bool
 
 
@@ -68,6 +72,7 @@ class InterfaceFields:
     def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
         self.sides, self.state, self.operators = sides, state, operators
         self.nodal_lengths: Array = sides.slave.nodal_lengths
+        self.nodal_areas: Array = sides.slave.nodal_areas
 
     def after(self, state: InterfaceState) -> Self:
         """The fields at another state and the same operators."""
@@ -75,11 +80,13 @@ class InterfaceFields:
         for name, value in vars(state).items():
             if value is not before[name]:
                 changed.add(name)
-        new = type(self)(self.sides, state, self.operators)
+        kind = type(self)
+        new = object.__new__(kind)
         for name, value in vars(self).items():
-            of_class = getattr(type(self), name, None)
-            if isinstance(of_class, _Field) and not changed & of_class.names:
+            of_class = getattr(kind, name, None)
+            if not isinstance(of_class, _Field) or changed.isdisjoint(of_class.names):
                 vars(new)[name] = value
+        new.state = state
         return new
 
     @property
@@ -99,7 +106,7 @@ class InterfaceFields:
 
     @property
     def active_nodes(self) -> Indices:
-        """Numbers of the active slave nodes along the surface."""
+        """Numbers of the active slave nodes along the surface, shape (active nodes,)."""
         return np.flatnonzero(self.state.active)
 
     @field("z")
@@ -111,6 +118,11 @@ class InterfaceFields:
     def z_tau(self) -> Array:
         """Tangential part of the multipliers, shape (slave nodes,) [stress]."""
         return np.asarray(np.einsum("ja,ja->j", self.operators.tau, self.state.z))
+
+    @field("z")
+    def forces(self) -> tuple[Array, Array]:
+        """D^T z and -M^T z, see ``MortarOperators.force``; at first collective."""
+        return self.operators.force(self.state.z)
 
     @property
     def slip(self) -> Array:
@@ -143,7 +155,14 @@ class InterfaceFields:
         return -self.operators.weight @ self.state.z
 
     def fill_inside(self, values: Array) -> Array:
-        """Set inner nodes of facets to the mean of the vertices if only these have multipliers."""
+        """Set values at inner nodes of facets to the mean of the end nodes.
+
+        Only if multipliers are at vertices only. Nodes without weight get the values of their
+        stand-ins. ``values`` (slave nodes,) are changed in place and returned.
+        """
+        alone, others = self.sides.stand_ins
+        if alone.size:
+            values[alone] = values[others]
         if self.sides.at_vertices:
             facets = self.sides.slave.facets
             values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
@@ -153,7 +172,7 @@ class InterfaceFields:
 class ContactSides(Sides, Protocol):
     """Constants of a contact that its fields depend on."""
 
-    asker: Asker
+    law_calls: LawCalls
     follows_law: Flags
     plane_normals: Array
 
@@ -166,9 +185,7 @@ class ContactFields(InterfaceFields):
     @field("multiplier_nodes")
     def covered(self) -> Flags:
         """See ``InterfaceFields``."""
-        return self.state.multiplier_nodes & (
-            self.operators.diagonal > MIN_NODE_COVER * self.nodal_lengths
-        )
+        return self.state.multiplier_nodes & (self.operators.diagonal > ROUNDING * self.nodal_areas)
 
     @field("multiplier_nodes")
     def mean_gap(self) -> Array:
@@ -188,10 +205,10 @@ class ContactFields(InterfaceFields):
         Continued linearly to negative gaps.
         """
         law, on, none = self.sides.pair.law, self.covered, np.zeros(len(self.state.z))
-        if not law.has_adhesion:
+        if type(law) in BUILT_IN or not law.has_adhesion:
             return none, none
         gap = self.mean_gap
-        pull, by_gap = self.sides.asker.adhesion(law, np.maximum(gap, 0.0), self.operators.x)
+        pull, by_gap = self.sides.law_calls.adhesion(law, np.maximum(gap, 0.0), self.operators.x)
         pull = pull + by_gap * np.minimum(gap, 0.0)
         return np.where(on, pull, 0.0), np.where(on, by_gap, 0.0)
 
@@ -221,10 +238,12 @@ class ContactFields(InterfaceFields):
 
     @field("z", "multiplier_nodes", "partners", "c_n")
     def nodal(self) -> Nodal:
-        """Arguments of the contact law."""
-        stiffness = self.sides.stiffness / self.nodal_lengths
+        """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
+        stiffness = self.sides.modulus / self.nodal_lengths
         c_n = self.state.c_n * stiffness
-        return Nodal(self.mean_gap, self.slip, self.z_n, self.z_tau, stiffness, c_n)
+        needs_slip = type(self.sides.pair.law) is not Frictionless
+        slip = self.slip if needs_slip else np.zeros_like(stiffness)
+        return Nodal(self.mean_gap, slip, self.z_n, self.z_tau, stiffness, c_n)
 
     @property
     def sticking(self) -> Flags:
@@ -253,26 +272,36 @@ class ContactFields(InterfaceFields):
         state, node = self.state, self.nodal
         follows_law = self.sides.follows_law & ~self.attracted
         law, x = self.sides.pair.law, self.operators.x
-        ours = self.sides.asker.tangential(law, node, state.branch, follows_law, x)
-        without = Frictionless().tangential(node, state.branch)
-        row = Row(*(np.where(follows_law, a, b) for a, b in zip(ours, without, strict=True)))
+        row = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
+        if type(law) is not Frictionless and not follows_law.all():
+            without = Frictionless().tangential(node, state.branch)
+            row = Row(*(np.where(follows_law, a, b) for a, b in zip(row, without, strict=True)))
+        none = np.zeros_like(node.slip)
+        row = Row(*[part + none for part in row])
         if not state.redundant.any():
             return row
         k, zero = node.stiffness, np.zeros_like(node.slip)
         shear = (node.z_tau - state.partners.shear) / ELASTIC
-        elastic = Row(shear - k * node.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
+        elastic = Row(shear - k * self.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
         return Row(*(np.where(state.redundant, a, b) for a, b in zip(elastic, row, strict=True)))
 
     @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
     def law_rows(self) -> tuple[Row, Row]:
-        """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,)."""
+        """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,).
+
+        Where adhesion fades faster than the body follows, its slope is left out of the tangent: a
+        step would close the gap, and the node open and close in turns. With the pull of the last
+        iterate the gap grows from step to step to the next one that is in equilibrium.
+        """
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
+        unstable = self.operators.diagonal * np.abs(by_gap) > FADES_FAST * self.sides.stiffness
+        by_gap = np.where(unstable, 0.0, by_gap)
         return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
 
     @property
     def steepness(self) -> float:
         """See ``InterfaceFields``; zero for laws of the package."""
-        if self.sides.pair.law.is_of_package:
+        if type(self.sides.pair.law) in BUILT_IN:
             return 0.0
         force = self.operators.diagonal * np.abs(self.tangential_row.by_slip)
         return float(force[self.state.active].max(initial=0.0))
@@ -294,12 +323,12 @@ class ContactFields(InterfaceFields):
         sides = self.sides
         law, follows_law, X = sides.pair.law, sides.follows_law, sides.slave.X
         ones = np.ones(len(self.state.z))
-        at = sides.asker.friction_limit(law, pressure * ones, X)
-        beyond = sides.asker.friction_limit(law, 2.0 * pressure * ones, X)
+        at = sides.law_calls.friction_limit(law, pressure * ones, X)
+        beyond = sides.law_calls.friction_limit(law, 2.0 * pressure * ones, X)
         unlimited = np.isinf(at + beyond)
         at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
         slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
         shear = np.maximum(at - slope * pressure, 0.0)
         shear = np.where(follows_law & (shear > KINK * at), shear, 0.0)
         slope = np.where(follows_law, np.where(unlimited, np.inf, slope), 0.0)
-        return slope, shear, sides.asker.adhesion(law, 0.0 * ones, X)[0]
+        return slope, shear, sides.law_calls.adhesion(law, 0.0 * ones, X)[0]

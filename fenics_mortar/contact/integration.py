@@ -61,6 +61,7 @@ class Integration:
         self.options, self.small = options, small
         self.sight: Sight | None = None
         self.view: View | None = None
+        self._last: tuple[Array, Flags, Linearization, MortarOperators] | None = None
 
     def see(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
@@ -70,18 +71,27 @@ class Integration:
         if self.obstacle is None:
             normals, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
             self.sight = Sight(outline, self.slave, self.master, normals)
+            self._last = None
 
     def evaluate(
         self, u: Array, state: InterfaceState, linearization: Linearization
     ) -> tuple[MortarOperators, Reference | None]:
-        """Operators at the displacement ``u``, a local array (collective).
+        """Evaluate the operators at a displacement (collective).
+
+        Args:
+            u: Displacement, shape (local dofs,) [length].
+            state: Its multiplier nodes and frozen operators are used.
+            linearization: Derivatives to evaluate.
+
+        Without obstacle the operators of the last call are returned where nothing that they depend
+        on has changed: guesses and the first iterate of a step are evaluated at the same place.
 
         Returns:
             The operators, and those of the undeformed mesh if sliding is small.
         """
         view, x, m = self._look(u)
         if not self.small:
-            return self._integrate(x, m, state.multiplier_nodes, linearization, view), None
+            return self._at(x, m, state.multiplier_nodes, linearization, view), None
         kept = state.reference
         if kept is None or not np.array_equal(kept.multiplier_nodes, state.multiplier_nodes):
             kept = self.refer(state.multiplier_nodes)
@@ -90,8 +100,30 @@ class Integration:
         dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
         return kept.operators.after_small_motion(x, m, dq), kept
 
+    def _at(
+        self, x: Array, m: Array, multiplier_nodes: Flags, linearization: Linearization,
+        view: View | None,
+    ) -> MortarOperators:  # fmt: skip
+        """As ``_integrate``, or the last result if the arguments are the same (collective)."""
+        if self.obstacle is not None:
+            return self._integrate(x, m, multiplier_nodes, linearization, view)
+        places = np.concatenate([x, m]) if view is None else view.outline[0]
+        if self._last is not None:
+            before, nodes, terms, operators = self._last
+            same = terms == linearization and np.array_equal(before, places)
+            if same and np.array_equal(nodes, multiplier_nodes):
+                self.view = view
+                return operators
+        operators = self._integrate(x, m, multiplier_nodes, linearization, view)
+        self._last = places, multiplier_nodes, linearization, operators
+        return operators
+
     def refer(self, multiplier_nodes: Flags) -> Reference:
-        """Evaluate the operators of the undeformed mesh (collective)."""
+        """Evaluate the operators of the undeformed mesh (collective).
+
+        Args:
+            multiplier_nodes: Whether a slave node carries a multiplier, (slave nodes,), bool.
+        """
         view, X, X_master = self._look(None)
         operators = self._integrate(X, X_master, multiplier_nodes, LINEARIZATIONS["frozen"], view)
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()

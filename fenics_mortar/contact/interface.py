@@ -16,15 +16,14 @@ from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.options import AT_VERTICES
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.segments import POINTS, Segments
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
-# Default number of Gauss points per segment, or between two neighbouring nodes of a facet
-POINTS = 5
+NO_PAIRS: tuple[Indices, Indices] = (np.empty(0, np.int64), np.empty(0, np.int64))
 
 
 def read_only(name: str) -> Any:
@@ -38,15 +37,18 @@ class Interface(ABC):
     The state is a value and is replaced by ``put`` only. ``now`` has the fields computed from state
     and operators; frequently used ones are read-only attributes.
 
-    More than 20 methods, most of a line or two: this is all that equations, linear algebra and
-    certificate need of a pair, whatever its law.
+    The class has more than 20 methods, most of one or two lines: they are the interface of a pair
+    with any law for equations, linear algebra and certificate.
 
     Attributes:
         slave, master: The surfaces.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
-        stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress].
+        stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
+            times the thickness.
+        modulus: ``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress].
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it still carries a multiplier, shape (slave nodes,), bool.
+        stand_ins: Nodes without weight, and the nodes whose fields they show, each (k,).
         now: Fields at the last evaluated displacement and the present state.
     """
 
@@ -85,9 +87,9 @@ class Interface(ABC):
 
         Args:
             pair: The pair.
-            space: The displacement's space.
-            prescribed: Local dofs with Dirichlet values.
-            welds: Pairs of nodes to be merged, see ``Surface.welded``.
+            space: Nodes and dofs of the displacement.
+            prescribed: Whether a local dof has a Dirichlet value, shape (local dofs,), bool.
+            welds: Pairs of nodes to be merged, shape (k, 2); see ``Surface.welded``.
         """
         self.pair = pair
         tags = pair.data.facet_tags
@@ -98,9 +100,11 @@ class Interface(ABC):
         count = self.slave.num_nodes
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self.stiffness: Array = np.ones(count)
+        self.modulus: Array = self.stiffness / self.slave.mean_thickness
         self._may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
+        self.stand_ins = self._find_stand_ins()
         none = np.zeros(count, bool)
         self._state = InterfaceState(
             z=np.zeros((count, 2)), active=none, branch=np.zeros(count, np.int64),
@@ -130,9 +134,25 @@ class Interface(ABC):
     def _fields(self, operators: MortarOperators) -> InterfaceFields:
         """The fields of the present state with these operators."""
 
+    def _find_stand_ins(self) -> tuple[Indices, Indices]:
+        """Nodes without weight, and the next nodes that may have a multiplier, each (k,)."""
+        alone, step = np.flatnonzero(self.slave.weightless), 1
+        if self.at_vertices:
+            step = self.slave.degree
+        before, after = self.slave.along(alone, range(-step, step + 1, 2 * step)).T
+        return alone, np.where(after >= 0, after, before)
+
+    @property
+    def has_partner(self) -> Flags:
+        """Whether a part of the facets at a slave node is covered, shape (slave nodes,), bool."""
+        covered, (alone, others) = self.operators.cover > 0.0, self.stand_ins
+        covered[alone] = covered[others]
+        return covered
+
     def set_stiffness(self, stiffness: Array) -> None:
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
         self.stiffness = stiffness
+        self.modulus = stiffness / self.slave.mean_thickness
         if hasattr(self, "now"):
             self.show(self.operators)
 
@@ -166,7 +186,7 @@ class Interface(ABC):
 
     @abstractmethod
     def evaluate(self, u: Array, linearization: Linearization) -> None:
-        """Evaluate everything at the displacement ``u``, a local array (collective)."""
+        """Evaluate operators and fields at the displacement ``u``, (local dofs,) (collective)."""
 
     def _points(self) -> int:
         """Gauss points per segment, with "elements" per facet.
@@ -230,7 +250,7 @@ class Interface(ABC):
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them in addition to M, each (k,)."""
-        return np.empty(0, np.int64), np.empty(0, np.int64)
+        return NO_PAIRS
 
     @property
     def nodal_lengths(self) -> Array:
@@ -238,13 +258,18 @@ class Interface(ABC):
         return self.slave.nodal_lengths
 
     @property
+    def nodal_areas(self) -> Array:
+        """Nodal lengths times the mean thickness, shape (slave nodes,): size of weights."""
+        return self.slave.nodal_areas
+
+    @property
     def nodes(self) -> Indices:
-        """Global numbers of the nodes of both sides."""
+        """Global numbers of the nodes of both sides, shape (slave and master nodes,)."""
         return np.concatenate([self.slave.nodes, self.master.nodes])
 
     @property
     def candidate_nodes(self) -> Indices:
-        """Global numbers of the slave nodes that may carry a multiplier."""
+        """Global numbers of the slave nodes that may carry a multiplier, shape (k,)."""
         return self.slave.nodes[self._may_carry]
 
     def has_master_of(self, other: Interface) -> bool:
@@ -253,7 +278,7 @@ class Interface(ABC):
 
     @property
     def idle_nodes(self) -> Indices:
-        """Global numbers of the slave nodes that never carry a multiplier."""
+        """Global numbers of the slave nodes that never carry a multiplier, shape (k,)."""
         return self.slave.nodes[~self._may_carry]
 
     def force_blocks(self) -> list[Block]:
@@ -273,5 +298,5 @@ class Interface(ABC):
         j = np.broadcast_to(j[:, :, None], values.shape)[used]
         k = np.broadcast_to(k[:, None, :], values.shape)[used]
         columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
-        rows = surface.dofs_of(k[:, None]).reshape(-1, 1)
+        rows = surface.dofs[k].reshape(-1, 1)
         return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))

@@ -22,7 +22,7 @@ from fenics_mortar.utils.errors import NotFiniteError, leave_together, place
 Marks = npt.NDArray[np.bool_]
 
 
-class Asker:
+class LawCalls:
     """Calls the law of one contact (local).
 
     Args:
@@ -154,12 +154,12 @@ def raise_noted(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
     Raises:
         Exception: See ``errors.leave_together``.
     """
-    users = [c for c in contacts if hasattr(c, "asker") and type(c.pair.law) not in BUILT_IN]
+    users = [c for c in contacts if hasattr(c, "law_calls") and type(c.pair.law) not in BUILT_IN]
     if not users:
         return
-    errors = [contact.asker.error for contact in users]
+    errors = [contact.law_calls.error for contact in users]
     for contact in users:
-        contact.asker.error = None
+        contact.law_calls.error = None
     law = users[0].pair.law if len(users) == 1 else "a law"
     leave_together(comm, f"{law!r}", next((e for e in errors if e is not None), None))
 

@@ -62,7 +62,9 @@ from fenics_mortar.utils.arguments import check_choice, check_number
 
 Array = npt.NDArray[np.float64]
 Branches = npt.NDArray[np.int64]
-# Distance from a kink over the friction limit [1] within which a node keeps its branch: rounding.
+# Distance from a kink of the complementarity functions [1] within which a node counts as on it:
+# that of the shear over the friction limit, and that of the gap over the nodal length. Larger than
+# the errors that Newton's method leaves.
 KINK = 1e-8
 STICK = 0
 
@@ -102,18 +104,38 @@ class Law(ABC):
 
     @abstractmethod
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """Branch of rho at each node, 0 for stick; ``before``: the previous branches.
+        """Branch of rho at each node, 0 for stick.
 
-        Both of shape (slave nodes,), int.
+        Args:
+            node: State of the slave nodes.
+            before: Previous branches, shape (slave nodes,), int.
+
+        Returns:
+            Branches, shape (slave nodes,), int.
         """
 
     @abstractmethod
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """Residual and derivatives on the given branches, shape (slave nodes,)."""
+        """Residual rho and its derivatives on given branches.
+
+        Args:
+            node: State of the slave nodes.
+            branch: Branches, shape (slave nodes,), int.
+
+        Returns:
+            Arrays (slave nodes,) or scalars.
+        """
 
     @abstractmethod
     def friction_limit(self, pressure: Array) -> Array:
-        """Largest admissible |z_tau| at pressures of shape (n,), shape (n,) [stress]."""
+        """Largest admissible |z_tau| at given pressures.
+
+        Args:
+            pressure: Shape (n,) [stress].
+
+        Returns:
+            Friction limits, shape (n,) [stress]; inf where there is none.
+        """
 
     def adhesion(self, gap: Array) -> tuple[Array, Array]:
         """Adhesion of closed and open gaps, and its derivative; zero by default.
@@ -155,15 +177,15 @@ class Frictionless(Law):
     """No friction: z_tau = 0."""
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """All nodes slide."""
+        """All nodes slide; see ``Law.branch``."""
         return np.ones_like(before)
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """The shear itself."""
+        """The residual is the shear; see ``Law.tangential``."""
         return Row(node.z_tau, by_z_tau=1.0)
 
     def friction_limit(self, pressure: Array) -> Array:
-        """Zero."""
+        """Zero; see ``Law.friction_limit``."""
         return np.zeros_like(pressure)
 
 
@@ -171,15 +193,15 @@ class Stick(Law):
     """All active nodes stick, without a limit of the shear: (k / l) u = 0."""
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """All nodes stick."""
+        """All nodes stick; see ``Law.branch``."""
         return np.full_like(before, STICK)
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """The slip."""
+        """The residual is the slip times the stiffness; see ``Law.tangential``."""
         return Row(node.stiffness * node.slip, by_slip=node.stiffness)
 
     def friction_limit(self, pressure: Array) -> Array:
-        """Infinity."""
+        """Infinity; see ``Law.friction_limit``."""
         return np.full_like(pressure, np.inf)
 
 
@@ -210,10 +232,13 @@ class Friction(Law):
 
     @abstractmethod
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """Friction limit b and its derivatives by the mean gap and z_n, each (slave nodes,)."""
+        """Friction limit b at ``node``, its derivatives by mean gap and z_n, (slave nodes,)."""
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """Stick (0) or direction of sliding (+-1); any direction where the limit is zero."""
+        """Stick (0) or direction of sliding (+-1); see ``Law.branch``.
+
+        Where the friction limit is zero, a node keeps its direction.
+        """
         w, limit = node.z_tau + self.c_t * node.stiffness * node.slip, self.limit(node)[0]
         now = np.where(np.abs(w) > limit, np.sign(w), STICK).astype(np.int64)
         kink = np.abs(np.abs(w) - limit) <= KINK * limit
@@ -221,7 +246,10 @@ class Friction(Law):
         return np.where(limit == 0.0, free, np.where(kink, before, now))
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """Slip of sticking nodes; difference of shear and friction limit of sliding ones."""
+        """Slip of sticking nodes, shear less friction limit of sliding ones.
+
+        See ``Law.tangential``.
+        """
         limit, by_gap, by_z_n = self.limit(node)
         sticks = branch == STICK
         return Row(
@@ -274,14 +302,14 @@ class Coulomb(Friction):
         return f"Coulomb({self.mu:g})"
 
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """Mu times the positive part of the trial pressure, at most ``max_shear``."""
+        """Mu times the positive part of the pressure, at most ``max_shear``; see ``Friction``."""
         c_n = node.c_n if self.limit_by == "trial" else np.zeros_like(node.c_n)
         trial = node.z_n - c_n * node.gap
         factor = np.where((trial > 0.0) & (self.mu * trial < self.max_shear), self.mu, 0.0)
         return np.clip(self.mu * trial, 0.0, self.max_shear), -factor * c_n, factor
 
     def friction_limit(self, pressure: Array) -> Array:
-        """Mu times the pressure, at most ``max_shear``."""
+        """Mu times the pressure, at most ``max_shear``; see ``Law.friction_limit``."""
         return np.clip(self.mu * pressure, 0.0, self.max_shear)
 
 
@@ -319,11 +347,11 @@ class Tresca(Friction):
         return f"Tresca({self.stress:g})"
 
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """Constant."""
+        """Constant; see ``Friction.limit``."""
         return np.full_like(node.z_n, self.stress), 0.0, 0.0
 
     def friction_limit(self, pressure: Array) -> Array:
-        """Constant."""
+        """Constant; see ``Law.friction_limit``."""
         return np.full_like(pressure, self.stress)
 
 

@@ -35,8 +35,10 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 # Cosine between the normal of a slave node with one prescribed component and the free component:
 # on a symmetry plane above the first (20 degrees), prescribed along its normal below the second.
-PLANE_COSINE, HELD_COSINE = 0.94, 0.1
-# Covered fraction of a node below which a neighbour takes over its multiplier function.
+PLANE_COSINE, OBLIQUE_COSINE = 0.94, 0.1
+# Covered fraction of a node below which a neighbour takes over its multiplier function, if it is
+# covered by twice as much: of two nodes that are hardly covered alike, either would be as good, and
+# rounding would decide which one carries the force.
 HAND_OVER = 0.05
 # Largest number of changes of a node in one solve: the cover may depend on whether the node carries
 # a multiplier, and the iteration would not end.
@@ -52,8 +54,8 @@ def normals_on_planes(normals: Array, free: Array) -> Array:
         normals: Normals of the undeformed surface, shape (nodes, 2).
         free: 1 where a component of a node is not prescribed, else 0, shape (nodes, 2).
     """
-    half_held = free.sum(axis=1) == 1.0
-    on_plane = half_held & (np.abs(normals * free).max(axis=1) > PLANE_COSINE)
+    half_prescribed = free.sum(axis=1) == 1.0
+    on_plane = half_prescribed & (np.abs(normals * free).max(axis=1) > PLANE_COSINE)
     return np.where(on_plane[:, None], np.sign(normals) * free, np.nan)
 
 
@@ -75,9 +77,9 @@ class MultiplierNodes:
 
     def __init__(self, slave: Surface, normals: Array, free: Array, *, at_vertices: bool) -> None:
         self.plane_normals = normals_on_planes(normals, free)
-        on_plane, half_held = np.isfinite(self.plane_normals[:, 0]), free.sum(axis=1) == 1.0
+        on_plane, half_prescribed = np.isfinite(self.plane_normals[:, 0]), free.sum(axis=1) == 1.0
         cosine = np.abs(normals * free).max(axis=1)
-        self.oblique = half_held & ~on_plane & (cosine > HELD_COSINE)
+        self.oblique = half_prescribed & ~on_plane & (cosine > OBLIQUE_COSINE)
         self.possible = (free.sum(axis=1) == 2.0) | on_plane | self.oblique
         if at_vertices:
             self.possible &= ~slave.inner
@@ -104,9 +106,16 @@ class MultiplierNodes:
         return np.where(changed, wanted, multiplier_nodes)
 
     def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
-        """Numbers of nodes next to active ones whose cover is close to ``HAND_OVER``.
+        """Nodes next to active ones whose cover is close to ``HAND_OVER`` (local).
 
         Their cover depends on whether they carry a multiplier; there may be two solutions.
+
+        Args:
+            cover: Covered fraction of each node, shape (slave nodes,) [1].
+            active: Active set, shape (slave nodes,), bool.
+
+        Returns:
+            Numbers of the nodes, shape (k,).
         """
         near = self._helped(cover) & (np.abs(cover - HAND_OVER) < VERGE * HAND_OVER)
         beside = ((self._sides >= 0) & active[self._sides]).any(axis=0)
@@ -114,7 +123,7 @@ class MultiplierNodes:
 
     def _helped(self, cover: Array) -> npt.NDArray[np.bool_]:
         """Whether a neighbour can take over the multiplier function, (slave nodes,), bool."""
-        strong = self.possible & (cover > HAND_OVER)
+        strong = self.possible & (cover > 2.0 * HAND_OVER)
         safe, helped = np.ones(cover.size, bool), np.zeros(cover.size, bool)
         for neighbour in self._sides:
             there = neighbour >= 0

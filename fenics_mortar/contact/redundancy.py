@@ -33,12 +33,11 @@ from scipy.sparse import csr_array
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import SAME_PLACE
 
 # Norm of the remainder of a normalized row [1] below which it is dependent. The remainder of a
 # redundant row is of the order of the strains of the step.
-INDEPENDENT = 0.1
-# Entry of a normalized row [1] below which it is dropped.
-COUPLED = 1e-6
+DEPENDENT = 0.1
 
 
 class _Entries(NamedTuple):
@@ -73,8 +72,8 @@ class Redundancy:
     def mark(self) -> None:
         """Mark the redundant sticks of the present active sets in the states of all contacts.
 
-        A sticking node stays marked: a joint closed up to rounding may open and close, which must
-        not change the law of its neighbours each time.
+        The mark of a sticking node is kept: a joint that is closed up to rounding may open and
+        close, which must not change the law at its neighbours each time.
         """
         if not self._shared.size:
             return
@@ -112,12 +111,15 @@ class Redundancy:
 
     @staticmethod
     def _entries(contact: Contact) -> _Entries:
-        """Normalized rows of active gaps and sticks; prescribed components are zero."""
+        """Normalized rows of active gaps and sticks; prescribed components are zero.
+
+        Entries of nodes that are coupled only because positions differ by rounding are dropped.
+        """
         parts = list(_directed_entries(contact))
         row, node, value, own = (np.concatenate(fields) for fields in zip(*parts, strict=True))
         length = np.sqrt(np.bincount(row, (value**2).sum(axis=1)))[row]
         value = value / np.where(length > 0.0, length, 1.0)[:, None]
-        couples = np.abs(value).max(axis=1) > COUPLED
+        couples = np.abs(value).max(axis=1) > SAME_PLACE
         return _Entries(row[couples], node[couples], value[couples], own[couples])
 
 
@@ -168,7 +170,7 @@ def repeating(
 
 
 def dependent(rows: Array) -> npt.NDArray[np.bool_]:
-    """Rows that depend on the rows before them up to ``INDEPENDENT``, shape (rows,), bool.
+    """Rows that depend on the rows before them up to ``DEPENDENT``, shape (rows,), bool.
 
     Args:
         rows: Normalized or zero rows, shape (rows, columns).
@@ -179,7 +181,7 @@ def dependent(rows: Array) -> npt.NDArray[np.bool_]:
         rest = row - basis.T @ (basis @ row)
         rest -= basis.T @ (basis @ rest)
         size = float(np.linalg.norm(rest))
-        found[i] = size < INDEPENDENT
+        found[i] = size < DEPENDENT
         if not found[i]:
             basis = np.vstack([basis, rest / size])
     return found

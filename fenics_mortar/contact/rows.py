@@ -8,7 +8,6 @@ row), or for an open node - n (normal row) - tau (tangential row).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +17,7 @@ from fenics_mortar.contact.laws import Row
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array
 
-# Weights of the rows: n k / D of gaps, nodal lengths of multipliers that do not act, tau D and n D
+# Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D
 # of the law; zero at nodes without such a row. Shapes (slave nodes, 2), (slave nodes,), (slave
 # nodes, 2), (slave nodes, 2).
 Frame = tuple[Array, Array, Array, Array]
@@ -39,36 +38,40 @@ class Rows:
     rhs: Array
 
 
-def rows_of(f: ContactFields, frame: Frame) -> Rows:
-    """Rows of the multipliers: the gap, and the contact law."""
+def rows_of(f: ContactFields) -> Rows:
+    """Linearized rows of the multipliers, gap and contact law (local)."""
     o = f.operators
-    normal, idle, *laws = frame
+    normal, idle, *laws = frame_of(f)
     blocks: list[Block] = []
     rhs, by_gap = -normal * o.gap[:, None], np.zeros_like(normal)
     A_z = -idle[:, None, None] * np.eye(2)
     for scaled, row in zip(laws, f.law_rows, strict=True):
+        if not scaled.any():
+            continue
         by_z = row.by_z_tau[:, None] * o.tau + row.by_z_n[:, None] * o.n
         A_z = A_z - scaled[:, :, None] * by_z[:, None, :]
         rhs = rhs + scaled * (row.residual - np.einsum("ja,ja->j", by_z, f.state.z))[:, None]
-        if scaled.any():
-            blocks += _nodal_rows(f, scaled, row)
+        blocks += _nodal_rows(f, scaled, row)
         by_gap = by_gap + scaled * row.by_gap[:, None]
     return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
 
 def residual_of(f: ContactFields) -> Array:
-    """Left side of the nonlinear rows, as forces: gap and contact law, (slave nodes, 2)."""
-    tangential, opening = (row.residual for row in f.law_rows)
+    """Left side of the nonlinear rows, gap and contact law (local).
+
+    Returns forces, shape (slave nodes, 2) [stress length].
+    """
+    tangential, opening = f.law_rows
     D = f.operators.diagonal
-    gap = np.where(f.state.active, f.sides.stiffness * np.nan_to_num(f.gap), 0.0)
-    normal = np.where(f.attracted, D * opening, gap)
-    return np.stack([normal, np.where(f.acts, D * tangential, 0.0)], 1)
+    gap = np.where(f.state.active, f.sides.stiffness * f.mean_gap, 0.0)
+    normal = np.where(f.attracted, D * opening.residual, gap)
+    return np.stack([normal, np.where(f.acts, D * tangential.residual, 0.0)], 1)
 
 
 def frame_of(f: ContactFields) -> Frame:
     """See ``Frame``."""
     o = f.operators
-    diagonal = np.where(f.acts, o.diagonal, f.nodal_lengths)
+    diagonal = np.where(f.acts, o.diagonal, f.nodal_areas)
     closing = np.where(f.state.active, f.sides.stiffness / diagonal, 0.0)
     idle = np.where(f.acts, 0.0, diagonal)
     along, opening = diagonal * f.acts, diagonal * f.attracted
@@ -121,7 +124,7 @@ def _gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]
     return blocks
 
 
-def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> Iterator[Block]:
+def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> list[Block]:
     """Rows -``scaled`` (slave nodes, 2) d(rho), without the derivative by gaps.
 
     Terms with the change of n and tau are those of the nodes owned by this rank.
@@ -129,16 +132,18 @@ def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> Iterator[Block]:
     o, slave, z, partners = f.operators, f.sides.slave, f.state.z, f.state.partners
     j = slave.owned[f.acts[slave.owned]]
     by_slip = scaled * row.by_slip[:, None]
-    change = (
-        row.by_z_tau[:, None] * o.tangential_derivative(z)
-        + row.by_z_n[:, None] * o.normal_derivative(z)
-        + row.by_slip[:, None] * o.tangential_derivative(partners.apart(o))
-    )
+    change = row.by_z_tau[:, None] * o.tangential_derivative(z)
+    if row.by_z_n.any():
+        change = change + row.by_z_n[:, None] * o.normal_derivative(z)
+    if row.by_slip.any():
+        apart = partners.apart(o)
+        change = change + row.by_slip[:, None] * o.tangential_derivative(apart)
     rows = 2 * j[:, None] + np.arange(2)
-    yield Block(rows, o.normal_columns()[j], -scaled[j][:, :, None] * change[j][:, None, :])
+    columns = o.normal_columns()[j]
+    blocks = [Block(rows, columns, -scaled[j][:, :, None] * change[j][:, None, :])]
     if by_slip.any():
-        for block in partners.derivative(o):
-            yield _normal_rows(block, -by_slip)
+        blocks += [_normal_rows(block, -by_slip) for block in partners.derivative(o)]
+    return blocks
 
 
 def _normal_rows(block: Block, direction: Array) -> Block:

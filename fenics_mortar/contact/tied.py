@@ -33,6 +33,7 @@ from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.fields import InterfaceFields
 from fenics_mortar.contact.interface import Interface, read_only
+from fenics_mortar.contact.multiplier_nodes import HAND_OVER
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
@@ -44,15 +45,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
-
-# Covered fraction of a slave node [1] below which its neighbours take over its function.
-MIN_COVER = 0.05
-# Default search radius over the longest facet [1].
-NEAR = 0.5
-# Distance over nodal length [1] up to which ends of both sides are one corner of the outline.
-SAME_PLACE = 1e-6
-# Gap over size and position of the interface [1] up to which it is rounding.
-CLOSED = 1e-14
+from fenics_mortar.utils.rounding import HALF_FACET, LAST_DIGITS, SAME_PLACE
 
 
 @dataclass(frozen=True)
@@ -95,7 +88,7 @@ class TiedFields(InterfaceFields):
 class Tie(Interface):
     """One tied pair bound to a displacement space; replicated.
 
-    More than 20 methods, as an ``Interface``.
+    The class has more than 20 methods since it implements ``Interface``.
 
     Attributes:
         D: Slave matrix, rows of multiplier nodes only, (slave nodes, slave nodes) [length].
@@ -115,9 +108,9 @@ class Tie(Interface):
         choice = pair.discretization
         self.options = MortarOptions(
             choice.basis, "opposite", "basis", choice.integration, self._points(),
-            pair.search_radius or NEAR * longest, float(np.cos(np.radians(choice.max_angle))),
+            pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
-        multiplier_nodes = self.free.sum(axis=1) == 2.0
+        multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~self.slave.weightless
         if self.at_vertices:
             multiplier_nodes &= ~self.slave.inner
         self.change(multiplier_nodes=multiplier_nodes)
@@ -128,9 +121,9 @@ class Tie(Interface):
                 f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
                 "increase search_radius"
             )
-        self.release(self.operators.cover < MIN_COVER * self.nodal_lengths)
+        self.drop(self.operators.cover < HAND_OVER * self.slave.full_cover)
 
-    def release(self, nodes: Flags) -> None:
+    def drop(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
 
         Raises:
@@ -141,9 +134,9 @@ class Tie(Interface):
             self._check_multiplier_nodes(nodes)
             self._integrate()
 
-    def _check_multiplier_nodes(self, released: Flags) -> None:
+    def _check_multiplier_nodes(self, dropped: Flags) -> None:
         if not self.multiplier_nodes.any():
-            where = place(self.slave.X[np.flatnonzero(released)[0]])
+            where = place(self.slave.X[np.flatnonzero(dropped)[0]])
             raise SurfaceError(
                 f"{self._names} cannot be tied: every slave node that has a partner is prescribed "
                 f"or belongs to another pair, for example the one at {where}; exchange slave and "
@@ -196,7 +189,7 @@ class Tie(Interface):
 
     @property
     def offset(self) -> Array:
-        """Zero: a tie has no offset."""
+        """Zero, shape (slave nodes,) [length]: a tie has no offset."""
         return self._state.offset
 
     @offset.setter
@@ -208,11 +201,9 @@ class Tie(Interface):
 
     @property
     def nodes(self) -> Indices:
-        """Global numbers of the tied nodes of both sides."""
+        """Global numbers of the tied nodes of both sides, shape (k,)."""
         met = np.unique(self.M.indices)
-        return np.concatenate(
-            [self.slave.nodes[self.operators.cover > 0.0], self.master.nodes[met]]
-        )
+        return np.concatenate([self.slave.nodes[self.has_partner], self.master.nodes[met]])
 
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2)."""
@@ -227,7 +218,7 @@ class Tie(Interface):
         return self.slave, self.master
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
-        """Evaluate jump, positions and normals at ``u``, a local array (collective)."""
+        """Evaluate jump, positions and normals at ``u``, shape (local dofs,) (collective)."""
         on_slave, on_master = self.slave.gather(u), self.master.gather(u)
         x, m = self.slave.X + on_slave, self.master.X + on_master
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
@@ -250,8 +241,8 @@ class Tie(Interface):
         idle = np.where(self.active[:, None], 0.0, slave.X)
         rhs = (self.M @ self.master.X - self.D @ idle)[on]
         X = spsolve(self.D[on][:, on].tocsc(), rhs).reshape(-1, 2)
-        size = np.hypot(*np.ptp(slave.X, axis=0)) + np.abs(slave.X).max()
-        if np.abs(X - slave.X[on]).max() <= CLOSED * size:
+        size = slave.extent + np.abs(slave.X).max()
+        if np.abs(X - slave.X[on]).max() <= LAST_DIGITS * size:
             return False
         space.move_nodes(slave.nodes[on], X)
         return True
@@ -263,7 +254,7 @@ class Tie(Interface):
         self.master = replace(self.master, X=self.master.gather(X))
 
     def rows(self) -> Rows:
-        """Rows of the multipliers: the force blocks transposed, so that the system is symmetric."""
+        """Rows of the multipliers: transposed force blocks, so that the system is symmetric."""
         diagonal, weight = self.frame()
         blocks = [
             Block(block.columns, block.rows, block.values * weight[block.columns[:, :1, None] // 2])
@@ -277,8 +268,11 @@ class Tie(Interface):
         return np.tile(np.eye(2), (self.slave.num_nodes, 1, 1))
 
     def frame(self) -> tuple[Array, Array]:
-        """Weights of the rows: diagonal of D [length], stiffness over it where active."""
-        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_lengths)
+        """Weights of the rows: diagonal of D [length], stiffness over it where active.
+
+        Each of shape (slave nodes,).
+        """
+        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_areas)
         return diagonal, np.where(self.active, self.stiffness / diagonal, 0.0)
 
     def law(self, frame: tuple[Array, Array]) -> Array:
@@ -305,23 +299,26 @@ class Tie(Interface):
     # Methods of a contact without effect on a tie
 
     def accept(self) -> None:
-        """Nothing slips."""
+        """Without effect: nothing slips."""
 
     def start_step(self) -> None:
-        """Nothing slips."""
+        """Without effect: nothing slips."""
 
     def begin(self) -> None:
-        """Nothing changes in a solve."""
+        """Without effect: a tie counts nothing."""
 
     def update_multiplier_nodes(self) -> int:
-        """No node changes."""
+        """Without effect: multiplier nodes are constant; return 0."""
         return 0
 
     def update_active(self, *, start: bool = False) -> int:
-        """No node changes; with ``start`` multipliers that are not finite become zero."""
+        """All multiplier nodes stay active; return 0.
+
+        With ``start``, multipliers that are not finite are set to zero.
+        """
         if start:
             self.change(z=np.where(np.isfinite(self.z), self.z, 0.0))
         return 0
 
     def set_initial_gap(self) -> None:
-        """A tie has no initial gap."""
+        """Without effect: a tie has no initial gap."""

@@ -18,7 +18,8 @@ class PairView:
 
     All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
     surface, at the present multipliers and the last evaluated displacement; after a solve this is
-    the solution. All attributes but ``forces`` are local.
+    the solution. All attributes but ``forces`` are local. More than 20 methods: one property for
+    each result.
     """
 
     def __init__(self, interface: Interface) -> None:
@@ -50,7 +51,7 @@ class PairView:
 
     @property
     def normals(self) -> Array:
-        """Outward unit normals of the slave nodes, shape (slave nodes, 2)."""
+        """Outward unit normals of the slave nodes, shape (slave nodes, 2) [1]."""
         return self._interface.operators.n.copy()
 
     @property

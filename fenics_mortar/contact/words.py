@@ -7,12 +7,9 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
+from fenics_mortar.kernels.pairing import BEHIND
 from fenics_mortar.utils.errors import place
-
-# Overlap of active nodes to report [facets]: Newton iterates have smaller ones.
-MANY = 2.0
-# Overlap before the first solve to report, over the nodal length [1].
-OVERLAP = 1e-6
+from fenics_mortar.utils.rounding import SAME_PLACE
 
 
 def describe_start(contact: Interface) -> str:
@@ -27,7 +24,7 @@ def describe_start(contact: Interface) -> str:
         )
     overlap = -np.nan_to_num(contact.gap)
     j = int(np.argmax(overlap / contact.nodal_lengths))
-    if overlap[j] <= OVERLAP * contact.nodal_lengths[j]:
+    if overlap[j] <= SAME_PLACE * contact.nodal_lengths[j]:
         return ""
     return (
         f"'{contact.slave.name}' and '{contact.master.name}' overlap by up to {overlap[j]:.3g} at "
@@ -52,7 +49,7 @@ def describe_overlap(contact: Interface) -> str:
         return ""
     overlap = np.where(contact.active, -np.nan_to_num(contact.gap) / contact.nodal_lengths, 0.0)
     j = int(np.argmax(overlap))
-    if overlap[j] <= MANY:
+    if overlap[j] <= BEHIND:
         return ""
     depth = overlap[j] * contact.nodal_lengths[j]
     return (

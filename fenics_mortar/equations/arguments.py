@@ -14,6 +14,7 @@ from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la.choice import Algorithm
 from fenics_mortar.la.options import Solver
+from fenics_mortar.mesh.thickness import check_geometry
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 
@@ -47,8 +48,11 @@ def check_options(
     displacement: Any,
     linear_bulk: Any,
     adequacy: Any,
+    geometry: Any,
+    thickness: Any,
 ) -> None:
     """Refuse options of a wrong kind (local)."""
+    check_geometry(geometry, thickness)
     check_kind("petsc_options_prefix", petsc_options_prefix, str, "a text, as 'blocks_'")
     for name, value, kind, expected in (
         ("petsc_options", petsc_options, dict, "a dictionary, or None"),

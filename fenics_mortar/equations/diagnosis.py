@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Why there is no solution near a state, in words; all functions are collective."""
+"""Reasons why a solve failed, in words; all functions are collective."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, place
 
-# A node wavers if it was both open and closed in so many iterations.
+# Number of last iterations in which a node that opened and closed wavers.
 WAVERING = 4
 # Active set and branches of each pair in one iteration.
 Sets = list[tuple[Flags, Branches]]
 
 
 def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> None:
-    """Refuse a bulk tangent if it is not finite, or a node has no stiffness.
+    """Check that the bulk tangent is finite and that each node has stiffness.
 
     Args:
-        diagonal: Its diagonal, shape (owned dofs,).
+        diagonal: Diagonal of the tangent, shape (owned dofs,) [stress].
         bulk: The bodies.
-        floating: Their names.
+        floating: The bodies with their names.
 
     Raises:
         MortarError: On all ranks.
@@ -54,7 +54,7 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
         names = ", ".join(floating.name_of(label) for label in bodies)
         raise MortarError(
             f"the bulk tangent has no stiffness at {count} nodes, one at {where}, of {names}: "
-            "the residual form has to hold the stress of every body"
+            "the residual form has to contain the stress of every body"
         )
 
 
@@ -66,12 +66,12 @@ def diagnose(
     force: float,
     recent: Sequence[Sets],
 ) -> str:
-    """Inverted cells, loose bodies, edges that a shear peels off, deep overlaps; "" if none.
+    """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none.
 
     Args:
         bulk: The bodies.
         contacts: All pairs.
-        floating: Bodies that Dirichlet conditions do not hold.
+        floating: Bodies that Dirichlet conditions leave free to move rigidly.
         obstacles: The obstacles of the pairs.
         force: Size of the forces [stress length].
         recent: Sets of the last iterations.
@@ -84,25 +84,24 @@ def diagnose(
 
 
 def describe_inverted(bulk: Bulk) -> str:
-    """Number and place of inverted cells; "" if there are none."""
+    """Number and position of inverted cells; "" if there are none."""
     count, where = bulk.inverted_cells()
     return f"{count} cells are inverted, one at {where}: try smaller load steps" * bool(count)
 
 
 def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> str:
-    """Where nodes with shear, but no pressure, opened and closed; "" if nowhere (local)."""
+    """Describe nodes with shear without pressure that open and close; "" if none (local)."""
     for i, contact in enumerate(contacts):
         if not isinstance(contact, Contact):
             continue
         active = np.array([sets[i][0] for sets in recent])
         wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-        bound = contact.asker.friction_limit(contact.pair.law, np.zeros(1), contact.slave.X)
+        bound = contact.law_calls.friction_limit(contact.pair.law, np.zeros(1), contact.slave.X)
         if wavers.size and 0.0 < bound[0] < np.inf:
             return (
-                f"{wavers.size} nodes of '{contact.slave.name}' go on closing and opening, one "
-                f"at {place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} lets them "
-                "bear a shear without pressure, which may peel them off each time they close; "
-                "take smaller steps, or Coulomb(mu, max_shear=...), whose bound vanishes with the "
-                "pressure"
+                f"{wavers.size} nodes of '{contact.slave.name}' keep closing and opening, one at "
+                f"{place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} admits shear "
+                "without pressure, which may peel them off each time they close; take smaller "
+                "steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the pressure"
             )
     return ""

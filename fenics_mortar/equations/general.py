@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""All equations of bodies in contact, as Newton's method sees them.
+"""All equations of bodies in contact: evaluation, linearization, one Newton iteration, states.
 
-Residual of the bodies, laws of the contacts and balance of driven obstacles are one system, whose
-state is the displacement, the multipliers, the active sets and the places of obstacles. Here it is
-evaluated, moved by one linear solve, kept and taken up again: what ``newton``, ``damping`` and
-``release`` ask of their equations. Who chooses the linear system, the start and the model is
-``problem``.
+Residual of the bodies, contact laws and balance of driven obstacles form one system. Its state
+consists of displacement, multipliers, active sets and positions of obstacles. The class implements
+the protocols of ``newton.loop``, ``newton.damping`` and ``rigid.proximal``; linear system, initial
+guess and model are chosen by ``problem`` and ``solver``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
@@ -28,7 +28,7 @@ from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.measures import check_alike, rounding_of
 from fenics_mortar.equations.set_history import SetHistory
-from fenics_mortar.equations.springs import HoldingSprings
+from fenics_mortar.equations.springs import CombinedSprings
 from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
@@ -42,18 +42,21 @@ from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
 from fenics_mortar.verify.crossing import Crossings
 
+# Motions of no obstacles.
+NO_MOTION: Array = np.zeros((0, 3))
+
 
 class Increment(NamedTuple):
     """Solution of the linearized equations.
 
     Attributes:
-        u: Increment of the displacement and other unknowns of the bulk [length].
+        u: Increment of the displacement and other unknowns of the bulk, owned dofs [length].
         z: The new multipliers of each pair, shape (slave nodes, 2) [stress].
         motion: Increments of the motions of obstacles, shape (obstacles, 3) [length].
-        remark: Remarks on the solution, in words.
+        remark: Remarks on the solution; "" if there are none.
     """
 
-    u: PETSc.Vec
+    u: Array
     z: list[Array]
     motion: Array
     remark: str
@@ -62,27 +65,28 @@ class Increment(NamedTuple):
 class ContactEquations:
     """Bodies, contacts and driven obstacles together; all methods are collective.
 
-    More than 20 methods: the protocols of Newton's method, damping, springs and load paths.
+    More than 20 methods and 350 lines: the protocols of Newton's method, damping, springs and load
+    paths, and their documentation.
 
     Args:
         bulk: Bulk residual and tangent.
         contacts: The pairs bound to the mesh.
-        linearization: Which derivatives the tangent has.
-        newton: When to stop.
+        linearization: Derivatives in the tangent.
+        newton: Tolerances and limits of Newton's method.
 
     Attributes:
-        contacts: The pairs, as they are computed with.
-        tools: The obstacles of the contacts.
-        floating: Bodies that Dirichlet conditions do not hold.
-        springs: Springs that hold bodies and obstacles where Newton fails.
-        crossings: What looks for surfaces that crossed.
-        interrupted: Whether an interruption may have left matrices half made.
+        contacts: The bound pairs.
+        motions: The obstacles of the contacts.
+        floating: Bodies that Dirichlet conditions leave free to move rigidly.
+        springs: Anchored springs on bodies and obstacles if Newton's method fails.
+        crossings: Detection of crossed surfaces.
+        interrupted: Whether an interruption may have left incomplete matrices.
         last_converged: Whether the last solve ended in the present state.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
 
     Raises:
-        MortarError: On all ranks, if the bulk tangent is not finite, or zero at a node.
+        MortarError: On all ranks, if the bulk tangent is not finite or zero at a node.
     """
 
     system: LinearSystem
@@ -104,8 +108,9 @@ class ContactEquations:
         self.floating.find()
         self.crossings = Crossings(bulk, contacts, self.floating)
         self.last_converged = self.interrupted = False
-        self.springs = HoldingSprings(self.floating, self.motions, self.stiffest, self.forces)
+        self.springs = CombinedSprings(self.floating, self.motions, self.stiffest, self.forces)
         self._history = SetHistory(contacts)
+        self._loose: list[FloatingBody] = []
 
     def add_inertia(self, inertia: Inertia) -> None:
         """Add mass: inertia holds all bodies, and none floats."""
@@ -114,7 +119,7 @@ class ContactEquations:
         self.last_converged, self.interrupted = False, True  # matrices have another pattern
 
     def _set_stiffness(self) -> None:
-        """Give each contact the mean diagonal of K at its slave nodes."""
+        """Set the stiffness of each contact to the mean diagonal of K at its slave nodes."""
         diagonal = self.bulk.K.getDiagonal().array_r
         check_diagonal(diagonal, self.bulk, self.floating)
         largest = float(np.abs(diagonal[self.bulk.space.owned_dofs]).max(initial=0.0))
@@ -123,16 +128,17 @@ class ContactEquations:
         for contact in self.contacts:
             contact.set_stiffness(np.abs(contact.slave.gather(diagonal)).mean(axis=1))
 
-    # Where they stand
+    # Evaluation
 
     def evaluate(self, *, start: bool) -> Status:
         """Evaluate residual, operators and active sets at the present state."""
         self.bulk.assemble_residual()
-        self.floating.add_spring_forces()
+        if self.floating.bodies:
+            self.floating.add_spring_forces()
         return self.look(start=start)
 
     def look(self, *, start: bool) -> Status:
-        """Evaluate operators and active sets; the residual of the bulk is there."""
+        """Evaluate operators and active sets, with the bulk residual already assembled."""
         if start:
             self._history.begin()
             self._redundancy.begin()
@@ -142,14 +148,15 @@ class ContactEquations:
         residual, force = self._residual_and_force()
         self._force = force
         self._history.record(residual, changed)
-        gaps = [np.abs(c.gap / c.nodal_lengths)[c.active].max(initial=0.0) for c in self.contacts]
-        active = sum(int(c.active.sum()) for c in self.contacts)
-        sets = b"".join(
-            np.packbits([c.active, c.multiplier_nodes]).tobytes() + (c.active * c.branch).tobytes()
-            for c in self.contacts
-        )
-        gap = float(max(gaps, default=0.0))
-        return Status(residual, force, gap, active, changed, self.noise(), sets)
+        gap, num_active, sets = 0.0, 0, b""
+        for c in self.contacts:
+            active = c.active
+            gaps = np.abs(c.gap[active] / c.now.nodal_lengths[active])
+            gap = max(gap, float(gaps.max(initial=0.0)))
+            num_active += int(np.count_nonzero(active))
+            sets += np.packbits([active, c.multiplier_nodes]).tobytes()
+            sets += (active * c.branch).tobytes()
+        return Status(residual, force, gap, num_active, changed, self.roundoff(), sets)
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
@@ -157,7 +164,7 @@ class ContactEquations:
             contact.evaluate(self.bulk.u.x.array, self.linearization)
 
     def evaluate_contacts(self, *, start: bool) -> int:
-        """Evaluate operators and active sets; return how many nodes changed."""
+        """Evaluate operators and active sets; return the number of changed nodes."""
         changed = 0
         for contact in self.contacts:
             contact.evaluate(self.bulk.u.x.array, self.linearization)
@@ -170,56 +177,62 @@ class ContactEquations:
         return changed
 
     def evaluate_forces(self) -> tuple[Array, Array]:
-        """Evaluate everything; return the forces of the bulk and of contact, owned parts."""
+        """Evaluate all; return forces of bulk and contact, (owned dofs,) each [stress length]."""
         self.evaluate_contacts(start=True)
         bulk, contact, _ = self.forces()
         return bulk, contact
 
     def _residual_and_force(self) -> tuple[float, float]:
-        """Norm of all equations and of the forces they are made of [stress length].
+        """Norm of all residuals, and reference force [stress length].
 
-        Gaps and distances to prescribed values count as forces by the stiffness of the bulk.
+        Gaps and distances to prescribed values are converted to forces by the bulk stiffness.
         """
-        size, held = self.bulk.num_owned, self.bulk.held
+        size, prescribed = self.bulk.num_owned, self.bulk.prescribed_dofs
         contact_force, rows = self._contact_force(), float((self.motions.residual() ** 2).sum())
-        rows += sum(float((contact.residual() ** 2).sum()) for contact in self.contacts)
+        rows_of_contacts = 0.0
+        for contact in self.contacts:
+            rows_of_contacts += float((contact.residual() ** 2).sum())
+        rows += rows_of_contacts
         raise_noted(self.comm, self.contacts)
+        self._distance = self.bulk.distance_to_prescribed()
         self._total = total = self.bulk.r.array_r[:size] + contact_force
         free = self.bulk.to_force * total
-        reactions = free[held]
-        free[held] = self.stiffest * self.bulk.distance_to_prescribed() / self.bulk.units[held]
+        reactions = free[prescribed]
+        free[prescribed] = self.stiffest * self._distance / self.bulk.units[prescribed]
         inertia = self.bulk.inertia_forces()
-        mine = [free @ free, contact_force @ contact_force, reactions @ reactions]
-        sums = self.comm.allreduce(np.array([*mine, inertia @ inertia, rows, rows**2]))
+        mine = free @ free, contact_force @ contact_force, reactions @ reactions
+        sums = np.array([*mine, inertia @ inertia, rows, rows**2])
+        self.comm.Allreduce(MPI.IN_PLACE, sums)
         free2, force2 = sums[0], sums[1:4].max()
         check_alike(float(sums[4]), float(sums[5]), force2, self.comm.size)
         return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
 
-    def noise(self) -> float:
-        """Residual that rounding leaves, however long one iterates [stress length]."""
+    def roundoff(self) -> float:
+        """Attainable accuracy of the residual, limited by roundoff [stress length]."""
         inertia = self.bulk.inertia
         stiffest = self.stiffest + (0.0 if inertia is None else inertia.stiffness)
         return rounding_of(self.bulk, self.contacts, self._largest_displacement(), stiffest)
 
     def _largest_displacement(self) -> float:
-        return max(self.bulk.largest(self.bulk.u.x.array), self.motions.largest())
+        largest = self.bulk.largest(self.bulk.u.x.array)
+        return max(largest, self.motions.largest()) if self.motions.obstacles else largest
 
     def seconds(self) -> dict[str, float]:
-        """Seconds since the last call by phase, see ``clock``; of the slowest rank in each."""
+        """Seconds since the last call by phase, see ``clock``; maximum over ranks."""
         mine = clock.read()
         slowest = np.array(list(mine.values()))
         self.comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
         return dict(zip(mine, slowest.tolist(), strict=True))
 
     def diagnose(self) -> str:
-        """Name inverted cells, loose bodies, edges that a shear peels off, and deep overlaps."""
+        """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none."""
         recent = self._history.recent
         return diagnose(self.bulk, self.contacts, self.floating, self.motions, self._force, recent)
 
-    # Where they lead
+    # Newton iteration
 
     def advance(self) -> Step:
-        """Solve one linear system and move, less than all the way where that would be too far."""
+        """One Newton iteration: linearize, solve, apply; a step that is too long is shortened."""
         self._settle_sets()
         self.linearize()
         increment = self.solve_linear()
@@ -228,62 +241,76 @@ class ContactEquations:
     def linearize(self) -> None:
         """Assemble the tangent of all equations at the last evaluated state."""
         self.bulk.assemble_tangent()
-        self._loose = self.floating.loose()
-        self.floating.add_springs(self._loose, self._total, self._force)
-        with clock("assembly"):
-            self.system.assemble()
+        if self.floating.bodies:
+            self._loose = self.floating.loose()
+            self.floating.add_springs(self._loose, self._total, self._force)
+        self.system.assemble()
         raise_noted(self.comm, self.contacts)
 
+    @clock("solve")
     def solve_linear(self) -> Increment:
-        """Solve the linearized equations; no state changes."""
+        """Solve the linearized equations; the state is not changed."""
         goal = self.newton.residual_tolerance * self._force
-        self.system.solver.forcing = forcing(self._history.residuals, goal)
-        with clock("solve"):
-            step, z, motion = self.motions.solve(self.system, self.stiffest, self._force)
-        self.floating.drop_undriven(self._loose, step, self._total, self._force)
-        remarks = [self.system.solver.remark, self.floating.remark(self._loose)]
-        self.system.solver.remark = ""
-        return Increment(step, z, motion, "; ".join(filter(None, remarks)))
+        solver = self.system.solver
+        solver.forcing = forcing(self._history.residuals, goal)
+        x, motion = self.system.step(self._distance), NO_MOTION
+        if self.motions.obstacles:
+            x, motion = self.motions.solve(x, self.system, self.stiffest, self._force)
+        step, z = self.system.split(x)
+        remark, solver.remark = solver.remark, ""
+        if self._loose:
+            self.floating.drop_undriven(self._loose, step, self._total, self._force)
+            remark = "; ".join(filter(None, (remark, self.floating.remark(self._loose))))
+        return Increment(step, z, motion, remark)
 
     def apply(self, increment: Increment) -> Step:
-        """Move by an increment, less than all the way where that would be too far."""
+        """Apply an increment to the state; a step that is too long is shortened."""
         step = increment.u
         part = self.bulk.move(step)
         for contact, z in zip(self.contacts, increment.z, strict=True):
-            contact.move(z, part, step.array_r)
-        self.motions.move(part * increment.motion)
-        size = max(self.bulk.largest(step.array_r), np.abs(increment.motion).max(initial=0.0))
-        step.destroy()
+            contact.move(z, part, step)
+        if self.motions.obstacles:
+            self.motions.move(part * increment.motion)
+        size = max(self.bulk.largest(step), np.abs(increment.motion).max(initial=0.0))
         self.bulk.free_garbage()
         return self.step(size, part, increment.remark)
 
     def _settle_sets(self) -> None:
-        """Where bodies float and sets do not settle, take those of the linearized problem."""
-        if not self.floating.bodies or self.floating.held or not self._history.is_unsettled:
+        """Take the active set of the linearized problem if bodies float and it does not settle."""
+        if not self.floating.bodies or self.floating.anchored or not self._history.is_unsettled:
             return
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
-        if linearized.can_say:
+        if linearized.applies:
             self._history.count_call()
             self.bulk.assemble_tangent()
             linearized.choose_sets(self._redundancy.mark)
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
-        """Record of a step taken, by its largest increment [length]."""
-        facet = min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
-        size = max(self._largest_displacement(), 1e-8 * facet, 1e-300)
+        """Record of a step.
+
+        Args:
+            increment: Largest increment [length].
+            part: Fraction of the increment that was applied [1].
+            note: Remark.
+        """
+        size = max(self._largest_displacement(), 1e-8 * self._shortest_facet, 1e-300)
         return Step(increment / size, part, note)
 
-    def drifts(self) -> str:
-        """Say which bodies only slight forces along free motions move on (collective).
+    @cached_property
+    def _shortest_facet(self) -> float:
+        """Shortest slave facet, zero without contacts [length]."""
+        return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
 
-        Contact forces act along averaged normals of facets, so that smooth bodies without friction
-        are driven by a small part of them, and may have no equilibrium near by; "" if there are no
-        such bodies, or other forces are left as well.
+    def drifts(self) -> str:
+        """Describe bodies that are moved by small residual forces only; "" if there are none.
+
+        Contact forces act along averaged normals of facets. Their error drives smooth bodies
+        without friction, which may have no equilibrium near by.
         """
-        if self.floating.held or self._history.residuals[-1] > RIGID.slight * self._force:
+        if self.floating.anchored or self._history.residuals[-1] > RIGID.slight * self._force:
             return ""
         names = self.floating.names(self.floating.loose() or self.floating.bodies)
-        return f"only a slight force is left, which moves {names} on" if names else ""
+        return f"only a slight force is left, which moves {names}" if names else ""
 
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of sets; see ``SetHistory.merge``."""
@@ -292,10 +319,12 @@ class ContactEquations:
     # Forces
 
     def forces(self) -> tuple[Array, Array, Array]:
-        """Residual of the bulk, contact forces and those on obstacles, (obstacles, 3).
+        """Bulk residual, contact forces and forces on obstacles at the present state.
 
-        At the present state, the first two as parts of this rank [stress length]. What these sum to
-        at prescribed dofs are the reactions of the supports; the third is what holds the obstacles.
+        Returns:
+            Bulk residual and contact forces, (owned dofs,) each [stress length], whose sum at
+            prescribed dofs is the support reaction; forces and moments on obstacles, (obstacles, 3)
+            [stress length].
         """
         self.bulk.assemble_residual()
         bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
@@ -303,15 +332,18 @@ class ContactEquations:
         return bulk, self._contact_force(), self.motions.forces()
 
     def shear_forces(self) -> tuple[Array, Array]:
-        """What of the last two of ``forces`` is shear."""
+        """Contributions of shear to the last two results of ``forces``."""
         return self._contact_force("shear"), self.motions.forces("shear")
 
     @clock("assembly")
     def _contact_force(self, part: str = "z") -> Array:
-        """B^T z on the owned dofs, or that of the contacts' "shear" only."""
+        """B^T z on the owned dofs; with ``part="shear"`` of the tangential multipliers only."""
         force = np.zeros(self.bulk.num_owned)
         for contact in self.contacts:
-            on_slave, on_master = contact.operators.force(getattr(contact, part))
+            if part == "z":
+                on_slave, on_master = contact.now.forces
+            else:
+                on_slave, on_master = contact.operators.force(getattr(contact, part))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
         return force
@@ -319,7 +351,7 @@ class ContactEquations:
     # States
 
     def state(self) -> State:
-        """Copy the present state."""
+        """The present state, as a value."""
         return State(
             self.bulk.u.x.array,
             tuple(contact.state for contact in self.contacts),
@@ -330,10 +362,10 @@ class ContactEquations:
         )
 
     def restore(self, state: State) -> None:
-        """Go back to a state, exactly.
+        """Restore a state exactly, and evaluate the operators.
 
         Raises:
-            MortarError: On all ranks, if it is none, or one of another problem.
+            MortarError: On all ranks, if ``state`` is not a state of this problem.
         """
         with together(self.comm, "restore"):
             check_state(state, self.bulk.u.x.array.shape, [c.z.shape for c in self.contacts])
@@ -341,7 +373,7 @@ class ContactEquations:
         self.evaluate_operators()
 
     def put(self, state: State) -> None:
-        """Go back to a state, whose operators are not evaluated (local)."""
+        """Restore a state without evaluating operators (local)."""
         self.bulk.u.x.array[:] = state.u
         self.motions.places = state.places
         self.crossings.restore(state.standing, state.u)
@@ -352,7 +384,7 @@ class ContactEquations:
         self.last_converged = state.converged
 
     def interface_motion(self, before: State) -> float:
-        """Largest motion of a surface since a state, in its shortest facets (collective)."""
+        """Largest motion of a surface since a state, over its shortest facet [1]."""
         change = (self.bulk.u.x.array - before.u)[: self.bulk.num_owned]
         sides = [side for c in self.contacts for side in (c.slave, c.master) if side.num_nodes]
         motions = [np.hypot(*side.gather(change).T).max() / side.lengths.min() for side in sides]

@@ -53,12 +53,12 @@ class Inputs:
         self._as_bound = [_options(contact.pair) for contact in contacts]
         self._conflicts = Conflicts(bulk)
 
-    def check(self, newton: Any, accept_violations: Any) -> list[str]:
+    def check(self, newton: Any, **flags: Any) -> list[str]:
         """Refuse invalid values; return remarks on questionable ones (collective).
 
         Args:
             newton: Options of the next solve.
-            accept_violations: Option of the next solve.
+            flags: Options of the next solve, true or false.
 
         Raises:
             MortarError, ValueError: On all ranks.
@@ -66,16 +66,19 @@ class Inputs:
         comm = self._bulk.comm
         with together(comm, "what was set of the problem"):
             check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
-            check_flag("accept_violations", accept_violations)
+            for name, flag in flags.items():
+                check_flag(name, flag)
             for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
                 _check_contact(contact, as_bound)
             for obstacle in self._obstacles:
                 check_obstacle(obstacle)
+                if self._bulk.space.is_axisymmetric:
+                    check_axial(obstacle)
         check_same(comm, self._numbers())
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
             check_lengths(name, contact.offset, contact.slave.num_nodes)
-        words = {**dict(self._words(newton)), "accept_violations": accept_violations}
+        words = {**dict(self._words(newton)), **flags}
         check_same_words(comm, "what was set of the problem", words)
         self._check_distances()
         return self._conflicts.describe()
@@ -213,6 +216,20 @@ def check_obstacle(obstacle: Obstacle) -> None:
             raise MortarError(f"{what} of obstacle '{name}' is {given!r}: {expected}")
         if not np.isfinite(allowed).all():
             raise NotFiniteError(f"{what} of obstacle '{name}' is {given}: {expected}")
+
+
+def check_axial(obstacle: Obstacle) -> None:
+    """Refuse forces other than axial ones on an obstacle that is a body of revolution (local).
+
+    Raises:
+        MortarError: If its radial motion or its rotation is driven.
+    """
+    if np.isfinite(obstacle.load[[0, 2]]).any():
+        raise MortarError(
+            f"obstacle '{obstacle.name}' is pushed radially or turned: a rigid body of revolution "
+            "moves along its axis only; expected push(y=...), and move(x=..., angle=...) for tools "
+            "that change their shape"
+        )
 
 
 def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None:

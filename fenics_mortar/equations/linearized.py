@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Linear solves with the tangent of all equations, or its transpose, at the present state.
 
-The operator A is the derivative of these residuals by displacement u, multipliers z and places q of
-the obstacles, at fixed active sets and branches of the contact laws:
+The operator A is the derivative of these residuals with respect to displacement u, multipliers z
+and positions q of the obstacles, at fixed active sets and branches of the contact laws:
 
 ===============================  ================  =====================================  ==========
 unknowns                         units             rows                                   units
@@ -12,20 +12,20 @@ u, free dofs                     length            forces of bodies and contact 
 u, dofs with prescribed values   length            u                                      length
 z, multipliers of slave nodes    stress            rows of the contact law, as in         stress
                                                    ``Contact.rows``: blocks . u + A_z z   * length
-q, motions that forces drive     length, radian    forces and moment f_q of contact, in   stress
+q, driven motions                length, radian    forces and moment f_q of contact, in   stress
                                                    equilibrium with the push              * length,
                                                                                           * length^2
 q, prescribed motions            length, radian    q                                      as q
 ===============================  ================  =====================================  ==========
 
-Springs that regularize floating bodies and loose obstacles while Newton iterates have no part in A:
-where contact leaves a rigid motion free, A is singular.
+A does not contain the springs that regularize floating bodies and loose obstacles in Newton's
+method. If contact leaves a rigid motion free, A is singular.
 
-A change of the residuals by dR at a solution moves it by -A^-1 dR: a force f on the bodies by A^-1
-f, a prescribed displacement by its change in the row of the dof, a push by its change in the row of
-the motion. The gradient of a functional J of the solution by a parameter p is -y . dR/dp with A^T
-y = dJ/d(u, z, q) (the adjoint method). With unknowns beside the displacement (mixed functions) u
-has all of them, in their own units and equations.
+A change dR of the residuals changes the solution by -A^-1 dR. For a force f on the bodies this is
+A^-1 f; a change of a prescribed displacement enters the row of its dof, a change of a push the row
+of its motion. The gradient of a functional J with respect to a parameter p is -y . dR/dp with
+A^T y = dJ/d(u, z, q) (adjoint method). For mixed functions u contains all unknowns, with their own
+units and equations.
 """
 
 from __future__ import annotations
@@ -51,15 +51,14 @@ from fenics_mortar.utils.errors import check_same, together
 
 @dataclass(frozen=True)
 class LinearVector:
-    """A right-hand side or solution of ``ContactProblem.linear_solve``; units see there.
+    """Right-hand side or solution of ``ContactProblem.linear_solve``; units: see ``linearized``.
 
     Attributes:
-        u: Values of the dofs that this rank owns, in the order of dolfinx, shape (owned dofs,);
-            ``None`` in a right-hand side: zero.
-        z: Of each pair both components at its slave nodes, in their order along the surface, shape
-            (slave nodes, 2), alike on all ranks; ``None``: zero.
-        q: x, y and angle of each obstacle, in the order of ``problem.tools.obstacles``, shape
-            (obstacles, 3), alike on all ranks; ``None``: zero.
+        u: Values of the owned dofs in the order of dolfinx, shape (owned dofs,); ``None``: zero.
+        z: Values at the slave nodes of each pair, in the order along the surface, shape (slave
+            nodes, 2) each, replicated; ``None``: zero.
+        q: x, y and angle of each obstacle, in the order of ``problem.obstacles``, shape
+            (obstacles, 3), replicated; ``None``: zero.
     """
 
     u: Array | None = None
@@ -67,7 +66,15 @@ class LinearVector:
     q: Array | None = None
 
     def dot(self, other: LinearVector, comm: MPI.Comm) -> float:
-        """Sum of the products of all entries, each counted once (collective)."""
+        """Scalar product with another vector, each entry counted once (collective).
+
+        Args:
+            other: The other vector.
+            comm: Communicator of the mesh.
+
+        Returns:
+            The sum [product of the units of both], equal on all ranks.
+        """
         pairs = [(self.q, other.q), *zip(self.z or (), other.z or (), strict=False)]
         alike = sum(float(np.vdot(a, b)) for a, b in pairs if a is not None and b is not None)
         mine = 0.0 if self.u is None or other.u is None else float(self.u @ other.u)
@@ -75,9 +82,9 @@ class LinearVector:
 
 
 class LinearizedEquations:
-    """A at the last evaluated state, factored with the first solve; all methods are collective.
+    """A at the last evaluated state, factored in the first solve; all methods are collective.
 
-    It is good until the next Newton iteration: matrix and factors are those of the problem.
+    Valid until the next Newton iteration, since matrix and factors are those of the problem.
 
     Args:
         bulk: The bodies.
@@ -111,7 +118,7 @@ class LinearizedEquations:
         return LinearVector(u, z, q.reshape(self._shape))
 
     def _solve(self, b: Array, c: Array) -> tuple[Array, Array]:
-        """A [x, q] = [b, c]; prescribed motions are known at once."""
+        """Solve A [x, q] = [b, c]; prescribed motions are eliminated first."""
         driven, border, q = self._driven, self._border, c.copy()
         given = c[~driven]
         x = self._system.solve(b - given @ border.columns[~driven])
@@ -122,7 +129,7 @@ class LinearizedEquations:
         return x, q
 
     def _solve_transposed(self, b: Array, c: Array) -> tuple[Array, Array]:
-        """A^T [x, q] = [b, c]; prescribed motions are found at last."""
+        """Solve A^T [x, q] = [b, c]; prescribed motions are computed last."""
         driven, border, q = self._driven, self._border, c.copy()
 
         def solve(rhs: Array) -> Array:
@@ -139,8 +146,8 @@ class LinearizedEquations:
         """The right-hand side as a vector of the system and values of motions.
 
         Raises:
-            ValueError: On all ranks, if it has another shape or kind.
-            MortarError: On all ranks, if it is not alike on all of them.
+            ValueError: On all ranks, if shape or type are wrong.
+            MortarError: On all ranks, if z or q differ between ranks.
         """
         with together(self._bulk.comm, "linear_solve"):
             check_kind("rhs", rhs, LinearVector, "a LinearVector")
@@ -159,7 +166,7 @@ class LinearizedEquations:
 
 
 def _checked(name: str, values: Array | None, shape: tuple[int, ...]) -> Array:
-    """Values of this shape, zero by default."""
+    """Values as floats of the given shape, zero by default (local)."""
     if values is None:
         return np.zeros(shape)
     values = np.asarray(values, float)

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""Sets of bodies that contact holds: the solution of the linearized problem says them.
+"""Active sets of bodies supported by contact, from the linearized contact problem.
 
-Stiff bodies that only contact holds move by elastic strains as long as the right nodes touch and
-stick; with other sets some of them are loose, and a Newton step moves them far. Each node takes the
-piece that the last iterate asks for, all at once, and so the sets of a wall may go in circles, and
-those of an arch lead to a mechanism. Here the linearized problem is solved with its inequalities,
-in the multipliers alone, by the compliance of all bodies; see ``rigid.complementarity``. The Newton
-step that follows has the sets of its solution.
+Stiff bodies supported by contact alone undergo only small elastic displacements if the active set
+is correct. With another set some bodies are loose, and a Newton step moves them far. An active-set
+iteration updates all nodes at once; it may cycle for a wall, or turn an arch into a mechanism. Here
+the linearized problem is solved together with its inequalities. The compliance of all bodies
+reduces it to the multipliers, see ``rigid.complementarity``. The next Newton step uses the active
+set and branches of this solution.
 
-The compliance of a floating body is that of the elastic body on springs, with the springs on its
-rigid motions exchanged for weaker ones: a body by itself may be unstable under its loads, as a
-pendulum upside down, and on weak springs its stiffness would not be positive definite.
+The compliance of a floating body is that of the elastic body on springs; a low-rank correction then
+weakens the springs on its rigid motions. With weak springs from the start the stiffness would not
+be positive definite for a body that is unstable under its loads, such as an inverted pendulum.
 
-It takes a linear solve for each component of a multiplier of a node that may touch, so that this is
-done only where bodies float and sets do not settle by themselves.
+The compliance needs one linear solve for each multiplier component of all nodes that may touch.
+Therefore this is done only if bodies float and the active set does not settle.
 """
 
 from __future__ import annotations
@@ -37,27 +37,28 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
-# Stiffness of the springs on a body over its stiffest diagonal entry: above what its loads make it
-# unstable by, of the order of the strains, and so small that the elastic answer is that without.
+# Stiffness of the springs on a body over its largest diagonal entry of K [1]: larger than the
+# negative stiffness of its loads, of the order of the strains, but with a negligible effect on the
+# elastic compliance.
 SPRING = 1e-3
-# With more nodes that may touch the dense table of the pivots, four rows a node, takes longer than
-# the iterations that it saves: about 2 s with so many.
-MOST_NODES = 250
+# Largest number of nodes that may touch: with more, Lemke's dense tableau of four rows a node takes
+# longer than the iterations saved (about 2 s for this number).
+MAX_NODES = 250
 PREFIX = "fenics_mortar_settling_"
 
 
-class BodiesOnSprings:
-    """The answer of all bodies to forces, floating ones on weak springs (collective).
+class BodyCompliance:
+    """Compliance of all bodies, floating ones on weak springs (collective).
 
     Args:
         bulk: The bodies; springs are added to their tangent, which has to be assembled.
-        floating: Those that Dirichlet conditions leave free.
+        floating: The floating bodies.
     """
 
     def __init__(self, bulk: Bulk, floating: FloatingBodies) -> None:
         self._bulk = bulk
         springs = np.zeros(bulk.num_owned)
-        motions, answers = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
+        motions, added = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
         for body in floating.bodies:
             mine = floating.labels[: bulk.space.num_nodes] == body.label
             dofs = bulk.space.owned_dofs[mine]
@@ -69,18 +70,18 @@ class BodiesOnSprings:
             rigid[:, dofs.ravel()] = body.displacement(x).reshape(len(rigid), -1)
             products = bulk.comm.allreduce(rigid @ rigid.T)
             motions.append(np.linalg.solve(np.linalg.cholesky(products), rigid))
-            answers.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
-        self._motions, self._by_force = np.concatenate(motions), np.concatenate(answers)
+            added.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
+        self._motions, self._added = np.concatenate(motions), np.concatenate(added)
         bulk.add_to_diagonal(springs)
         self._factors = factored_bulk(bulk, PREFIX)
 
-    def to(self, forces: Array) -> Array:
-        """Displacements by forces, owned parts, shape (num_owned, k); held dofs take none."""
+    def displacements(self, forces: Array) -> Array:
+        """Displacements due to forces, both of shape (owned dofs, k); none at prescribed dofs."""
         bulk, found = self._bulk, []
         forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
-        for part in portions(forces.shape[1]):
-            sizes = (bulk.num_owned, None), (None, part.size)
-            load = np.asfortranarray(forces[:, part]).ravel(order="F")
+        for group in portions(forces.shape[1]):
+            sizes = (bulk.num_owned, None), (None, group.size)
+            load = np.asfortranarray(forces[:, group]).ravel(order="F")
             loads = PETSc.Mat().createDense(sizes, array=load, comm=bulk.comm)
             loads.assemble()
             answers = loads.duplicate()
@@ -89,36 +90,36 @@ class BodiesOnSprings:
             loads.destroy()
             answers.destroy()
         along = bulk.comm.allreduce(self._motions @ forces)
-        return np.concatenate(found, axis=1) + self._motions.T @ (self._by_force[:, None] * along)
+        return np.concatenate(found, axis=1) + self._motions.T @ (self._added[:, None] * along)
 
 
 class LinearizedContact:
-    """Gaps and slips as linear functions of the multipliers, at the present state (collective).
+    """The linearized contact problem at the present state; all methods are collective.
 
     Args:
         bulk: The bodies; tangent and residual are assembled.
-        floating: Those that Dirichlet conditions leave free.
-        system: Knows the numbers of the multipliers.
-        tools: The obstacles.
+        floating: The floating bodies.
+        system: The linear system, which numbers the multipliers.
+        motions: The obstacles.
     """
 
     def __init__(
         self, bulk: Bulk, floating: FloatingBodies, system: LinearSystem, motions: DrivenObstacles
     ) -> None:
-        self._bulk, self._system, self._tools = bulk, system, motions
+        self._bulk, self._system, self._obstacles = bulk, system, motions
         self._floating = floating
         self._contacts = [c for c in system.contacts if isinstance(c, Contact)]
 
     @property
-    def can_say(self) -> bool:
-        """Whether nodes are few, and laws piecewise linear as Coulomb's, with friction somewhere.
+    def applies(self) -> bool:
+        """Whether nodes are few, all laws are Coulomb's or frictionless, and any has friction.
 
-        Without friction a round body on facets may have no equilibrium near by, and sets of the
-        linearized problem let it roll on.
+        Without friction a round body on facets may have no equilibrium near by, and the sets of the
+        linearized problem would let it roll on.
         """
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
-        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MOST_NODES:
+        if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MAX_NODES:
             return False
         laws = [contact.pair.law for contact in self._contacts]
         if not any(law.has_friction for law in laws):
@@ -129,11 +130,14 @@ class LinearizedContact:
         ) and not any(contact.now.strength(pressure)[1].any() for contact in self._contacts)
 
     def choose_sets(self, mark: Callable[[], None]) -> bool:
-        """Take sets and multipliers of the linearized problem; whether it has a solution.
+        """Solve the linearized problem; take over its active sets, branches and multipliers.
 
         Args:
-            mark: Marks nodes whose stick follows from other constraints, which depends on the sets;
-                see ``redundancy``.
+            mark: Marks redundant sticks of the present sets, see ``redundancy``. The problem is
+                solved again with these elastic, until there are no more.
+
+        Returns:
+            Whether there is a solution, the same on all ranks.
         """
         problem, nodes = self._problem()
         marked = -1
@@ -148,7 +152,7 @@ class LinearizedContact:
         return True
 
     def _take(self, nodes: Sequence[Indices], found: Sets) -> None:
-        """Take sets and multipliers of some nodes; all others are open."""
+        """Take over sets and multipliers of ``nodes``; all other nodes are open."""
         ends = np.cumsum([j.size for j in nodes])[:-1]
         for contact, j, *sets in zip(
             self._contacts, nodes, *(np.split(part, ends) for part in found), strict=True
@@ -171,21 +175,21 @@ class LinearizedContact:
     def _with_elastic_sticks(
         self, problem: FrictionProblem, nodes: Sequence[Indices]
     ) -> FrictionProblem:
-        """The problem where redundant sticks are elastically, see ``redundancy``."""
+        """The problem with elastic redundant sticks, see ``redundancy`` (local)."""
         V, q, n = problem.V.copy(), problem.q.copy(), problem.slope.size
         parts = []
         for contact, j in zip(self._contacts, nodes, strict=True):
             row = contact.stiffness[j] * _slip_weight(contact, j) / ELASTIC
             shear = (contact.partners.shear / self._system.scale(contact))[j]
             parts.append(np.stack([row, shear]) * contact.redundant[j])
-        give, shear = np.concatenate(parts, axis=1)
-        give = give / max(float(contact.stiffness.max()) for contact in self._contacts)
-        V[np.arange(n, 2 * n), np.arange(n, 2 * n)] -= give
-        q[n:] += give * shear
+        elastic, shear = np.concatenate(parts, axis=1)
+        elastic = elastic / max(float(contact.stiffness.max()) for contact in self._contacts)
+        V[np.arange(n, 2 * n), np.arange(n, 2 * n)] -= elastic
+        q[n:] += elastic * shear
         return problem._replace(V=V, q=q)
 
     def _problem(self) -> tuple[FrictionProblem, list[Indices]]:
-        """The linearized problem of all nodes that may touch, and these of each contact."""
+        """The linearized problem of all nodes that may touch, and these nodes of each contact."""
         kept = [contact.state for contact in self._contacts]
         for contact in self._contacts:
             contact.change(
@@ -201,7 +205,7 @@ class LinearizedContact:
                 contact.put(state)
 
     def _problem_of(self, nodes: Sequence[Indices]) -> FrictionProblem:
-        """The problem of some nodes, active and sticking at present."""
+        """The problem of ``nodes``, which are active and stick at present."""
         E, ties = self._directions(nodes), self._tied()
         A = np.concatenate([E, ties])
         used = np.flatnonzero(A.any(axis=0))
@@ -217,49 +221,52 @@ class LinearizedContact:
         for contact, j in zip(self._contacts, nodes, strict=True):
             slopes.append(contact.now.strength(pressure)[0][j])
             rows.append(_slip_weight(contact, j))
-        # Rows of slip, weighted as those of the gap: so the compliance is symmetric.
+        # Weights of the rows of slip that make the compliance symmetric.
         weight = np.concatenate([np.ones(len(E) // 2), *rows])
         weight /= max(float(contact.stiffness.max()) for contact in self._contacts)
         return FrictionProblem(weight[:, None] * V, weight * y, np.concatenate(slopes))
 
     def _typical_pressure(self) -> float:
-        """Mean pressure of the nodes that bear one, or a small one where none does [stress]."""
+        """Mean pressure of loaded nodes, or a small value if there are none [stress]."""
         borne = np.concatenate([np.abs(c.pressure[c.z.any(axis=1)]) for c in self._contacts])
-        soft = min(float(contact.stiffness.min()) for contact in self._contacts)
+        soft = min(float(contact.modulus.min()) for contact in self._contacts)
         return max(float(borne.mean()) if borne.size else 0.0, SPRING * RIGID.weakest_spring * soft)
 
     def _gaps(self, used: Indices) -> tuple[Array, Array]:
-        """Rows y + V zeta of multiplier components, on all ranks.
+        """V and y of gaps and slips y + V zeta of multiplier components, replicated.
 
         Args:
-            used: Their numbers; the others are zero.
+            used: Numbers of the components; all others are zero.
+
+        Returns:
+            V, shape (used, used) [stress], and y, shape (used,) [stress length].
         """
         system, bulk, comm = self._system, self._bulk, self._bulk.comm
         laws = [contact.rows() for contact in system.contacts]
         size = 2 * system.num_multipliers
         B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
         C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(laws))
-        bodies = BodiesOnSprings(bulk, self._floating)
+        compliance = BodyCompliance(bulk, self._floating)
         moved, force = bulk.K.createVecs()
-        moved.array[bulk.held] = bulk.distance_to_prescribed()
+        moved.array[bulk.prescribed_dofs] = bulk.distance_to_prescribed()
         bulk.K.mult(moved, force)
         rest = -(force.array_r + bulk.r.array_r[: bulk.num_owned])
         forces = _columns(B_T, used)
-        answers = bodies.to(np.column_stack([forces, rest]))
+        answers = compliance.displacements(np.column_stack([forces, rest]))
         answers[:, -1] += moved.array_r
         rows = comm.allreduce(_columns(C.transpose(), used).T @ answers)
         rhs = np.zeros(2 * sum(place.size for place in system.places))
         for law, place in zip(laws, system.places, strict=True):
             rhs[2 * place[:, None] + np.arange(2)] = law.rhs
         V, y = -rows[:, :-1], rows[:, -1] - rhs[used]
-        self._let_tools_move(V, y, used)
+        self._free_obstacles(V, y, used)
         for matrix in (B_T, C, moved, force):
             matrix.destroy()
         return V, y
 
-    def _let_tools_move(self, V: Array, y: Array, used: Indices) -> None:
-        """Let obstacles move as forces drive them, on weak springs; changes both arrays."""
-        motions, system = self._tools, self._system
+    def _free_obstacles(self, V: Array, y: Array, used: Indices) -> None:
+        """Add the compliance of driven obstacles on weak springs to ``V`` and ``y`` (in place)."""
+        motions, system = self._obstacles, self._system
         driven = motions.driven
         if not driven.any():
             return
@@ -284,7 +291,7 @@ class LinearizedContact:
         y += (motions.forces() - motions.residual())[driven] @ by_motion
 
     def _directions(self, nodes: Sequence[Indices]) -> Array:
-        """Normals of the nodes, then tangents, among all components of multipliers."""
+        """Normals, then tangents of the nodes as rows over all multiplier components (local)."""
         size, found = 2 * sum(place.size for place in self._system.places), []
         places = dict(zip(map(id, self._system.contacts), self._system.places, strict=True))
         for kind in ("n", "tau"):
@@ -296,7 +303,7 @@ class LinearizedContact:
         return np.concatenate(found)
 
     def _tied(self) -> Array:
-        """Components of multipliers of ties, among all of them."""
+        """Multiplier components of ties as rows over all components (local)."""
         system = self._system
         columns = [
             2 * place[contact.active_nodes][:, None] + np.arange(2)
@@ -308,13 +315,13 @@ class LinearizedContact:
 
 
 def _may_touch(contact: Contact) -> Flags:
-    """Active nodes, and others whose gap is no longer than they are, (slave nodes,), bool."""
+    """Active nodes and nodes with a gap below their nodal length, (slave nodes,), bool."""
     gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
     return contact.active | (gap <= contact.nodal_lengths)
 
 
 def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
-    """Owned rows and some columns, ascending, of a matrix, dense."""
+    """Owned rows and the ascending columns ``used`` of a matrix as a dense array (local)."""
     starts, columns, values = matrix.getValuesCSR()
     rows = np.repeat(np.arange(starts.size - 1), np.diff(starts))
     place = np.full(matrix.getSize()[1], -1)
@@ -326,6 +333,6 @@ def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
 
 
 def _slip_weight(contact: Contact, j: Indices) -> Array:
-    """What makes rows of slip those of the gap, turned: so the compliance is symmetric."""
+    """Weights of rows of slip that make the compliance symmetric, (nodes,) [1]."""
     o = contact.operators
-    return (contact.nodal_lengths * o.weight)[j] / o.diagonal[j] ** 2
+    return (contact.nodal_areas * o.weight)[j] / o.diagonal[j] ** 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Measures of the residual: its rounding, and whether all ranks have the same rows of contact."""
+"""Roundoff of the residual, and a check that contact rows are equal on all ranks."""
 
 from __future__ import annotations
 
@@ -10,17 +10,13 @@ import numpy as np
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.rounding import EPSILON
-
-# Squared norms of what all ranks know may differ by this part; a spread that is found as the root
-# of a difference of squares has the root of rounding.
-ALIKE = 1e-6
+from fenics_mortar.utils.rounding import EPSILON, SOLVED
 
 
 def rounding_of(
     bulk: Bulk, contacts: Sequence[Interface], displacement: float, stiffness: float
 ) -> float:
-    """Residual that rounding leaves, however long one iterates [stress length] (collective).
+    """Attainable accuracy of the residual, limited by roundoff [stress length] (collective).
 
     Args:
         bulk: The bodies.
@@ -28,29 +24,29 @@ def rounding_of(
         displacement: Largest displacement of bodies and obstacles [length].
         stiffness: Largest diagonal entry of the bulk tangent [stress].
     """
-    noise = stiffness * np.sqrt(bulk.r.getSize()) * displacement
+    roundoff = stiffness * np.sqrt(bulk.r.getSize()) * displacement
     for c in contacts:
         steepest = max(stiffness, c.steepness)
-        noise += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
-    return 4.0 * EPSILON * float(noise)
+        roundoff += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
+    return 4.0 * EPSILON * float(roundoff)
 
 
 def check_alike(total: float, squares: float, force2: float, num_ranks: int) -> None:
-    """Refuse contact rows, known on all ranks, that differ between ranks (local).
+    """Check that replicated contact rows are equal on all ranks (local).
 
     Args:
-        total: Sum over the ranks of the squared norm of these rows.
-        squares: Sum of the squares of that norm.
-        force2: Squared force that they are compared with.
+        total: Sum over the ranks of the squared norm of the rows.
+        squares: Sum over the ranks of its square.
+        force2: Square of the reference force.
         num_ranks: Number of ranks.
 
     Raises:
-        MortarError: On all ranks.
+        MortarError: On all ranks, if the rows differ.
     """
     mean = total / num_ranks
     spread = np.sqrt(max(squares / num_ranks - mean**2, 0.0))
-    if spread > ALIKE * max(mean, force2):
+    if spread > SOLVED * max(mean, force2):  # roundoff of the spread is sqrt(EPSILON) = 1.5e-8
         raise MortarError(
-            "the equations of contact are not the same on all ranks: a law, a distance or "
-            "something set of a contact or obstacle is another one on some of them"
+            "the equations of contact differ between ranks: expected the same law, distance and "
+            "attributes of contacts and obstacles on all ranks"
         )

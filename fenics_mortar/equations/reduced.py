@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: MIT
 """Linear bulk, factored once: Newton's method on the contact dofs alone.
 
-With a constant symmetric K a solution without contact force changes by the forces q that contact
-puts on the dofs S of its surfaces, and by the prescribed values of the dofs H, in proportion. After
-a step that was taken whole the residual vanishes but for these, r_S = -q, and the next step is
+For constant symmetric K the displacement is linear in the contact forces q on the dofs S of the
+surfaces and in the prescribed values of the dofs H. After a full step the residual is r_S = -q and
+zero elsewhere, and the next step is
 
     dd_S = d_S - A (K_c dd + B^T z)_S,        C dd + A_z z = rhs,
 
-where d_S is the step without contact force and A = (K^-1)_SS the compliance. This is a small system
-with the solutions of the large one; A is dense, and on rank 0. What a step without contact force
-does is known too:
+where d_S is the step without contact force and A = (K^-1)_SS the compliance, a dense matrix on rank
+0. This small system is equivalent to the large one. The step without contact force is
 
     d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
 
-F being the dofs that are not held, I those of F not in S. Only new loads need the last term. A is
-the inverse of a Schur complement, K with all but S eliminated. Of W there are products with the
-changes of prescribed values so far, few of which are independent along a path. Inside the bodies
-the displacement is found where Newton has ended.
+with the free dofs F and I = F without S. The last term is needed for new loads only. A is the
+inverse of the Schur complement of K on S. Products of W are stored for the changes of prescribed
+values so far, few of which are independent along a path. The displacement inside the bodies is
+computed at the end of Newton's method.
 """
 
 from __future__ import annotations
@@ -37,17 +36,22 @@ from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
 from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.la.sparse import flatten
+from fenics_mortar.la.system import components
 from fenics_mortar.newton.loop import Status, Step
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
+# Relative motion of a facet's ends over its length above which a step may invert cells [1]: the
+# areas of cells there change by about as much, and may change by 0.8, see ``Bulk.move``.
+DISTORTION = 0.25
+
 
 class ReducedEquations:
-    """The equations of a problem for ``newton.solve``, on the contact dofs.
+    """Equations for ``newton.loop.solve``, reduced to the contact dofs; methods are collective.
 
     Args:
-        general: The general equations, with linear bulk; none of the bodies floats.
+        general: The general equations, with linear bulk and without floating bodies.
         prefix: Prefix of PETSc's options.
     """
 
@@ -66,7 +70,7 @@ class ReducedEquations:
         return Compliance(self._bulk, self._dofs, prefix)
 
     def evaluate(self, *, start: bool) -> Status:
-        """See ``ContactEquations``; after a step the residual is that of contact alone."""
+        """See ``ContactEquations``; after a step the residual is known from contact alone."""
         if start:
             self._force = None
             self._bulk.assemble_residual()
@@ -74,7 +78,7 @@ class ReducedEquations:
 
     def advance(self) -> Step:
         """Solve the small system; move the surfaces and the prescribed dofs."""
-        u, held = self._bulk.u.x.array, self._bulk.held
+        u, prescribed = self._bulk.u.x.array, self._bulk.prescribed_dofs
         change = self._bulk.distance_to_prescribed()
         with clock("solve"):
             without_contact = self._step_without_contact(change)
@@ -85,35 +89,73 @@ class ReducedEquations:
             step, zeta, self._force = self._solve(without_contact, laws, *parts)
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
-        moved[held] = change
-        u += moved
-        self._balance(self._force)
+        moved[prescribed] = change
+        part = 1.0
+        if self._distorts(step):
+            part = self._move_all(moved)
+        else:
+            u += moved
+            self._balance(self._force)
         for contact, place in self._system.numbered():
             z = zeta[place] * self._system.scale(contact)[:, None]
-            contact.move(z, 1.0, moved[: self._bulk.num_owned])
-        return self._general.step(self._bulk.largest(moved))
+            contact.move(z, part, moved[: self._bulk.num_owned])
+        return self._general.step(self._bulk.largest(moved), part)
+
+    def _distorts(self, step: Array) -> bool:
+        """Whether a step of the contact dofs may invert cells: facets change by much of their length.
+
+        Local, equal on all ranks.
+        """
+        for contact in self._general.contacts:
+            for side in (contact.slave, contact.master):
+                u = step[self._dofs.number(side.dofs)]
+                change = np.hypot(*(u[side.facets[:, -1]] - u[side.facets[:, 0]]).T)
+                if (change > DISTORTION * side.lengths).any():
+                    return True
+        return False
+
+    def _move_all(self, moved: Array) -> float:
+        """Take as large a fraction of the step as cells allow, with all dofs; returns it (collective).
+
+        The next step begins with the residual that is left.
+
+        Args:
+            moved: Increments of contact dofs and prescribed ones.
+        """
+        u = self._bulk.u.x.array
+        start = u.copy()
+        u += moved
+        self._find_inside()
+        whole = self._bulk.r.duplicate()
+        whole.array[:] = (u - start)[: self._bulk.num_owned]
+        u[:] = start
+        self._bulk.u.x.scatter_forward()
+        part = self._bulk.move(whole)
+        whole.destroy()
+        self._bulk.assemble_residual()
+        return part
 
     def _balance(self, force: Array) -> None:
-        """Make the residual that of contact forces alone, as it is after a whole step."""
-        r, held = self._bulk.r.array, self._bulk.held
+        """Set the residual to that of contact forces alone, as after a full step (local)."""
+        r, prescribed = self._bulk.r.array, self._bulk.prescribed_dofs
         r[self._inside] = 0.0
-        kept = r[held]
+        kept = r[prescribed]
         self._dofs.put(-force, r)
-        r[held] = kept
+        r[prescribed] = kept
 
     def _step_without_contact(self, change: Array) -> Array:
-        """d_S, for a ``change`` of the prescribed values; complete on rank 0."""
+        """d_S (size,) [length] for a ``change`` of the prescribed values; complete on rank 0."""
         r = self._bulk.r.array_r[: self._bulk.num_owned]
         step = self._compliance.by_forces(-self._dofs.gather(r))
-        rounding = self._general.noise() / self._general.stiffest
+        rounding = self._general.roundoff() / self._general.stiffest
         step += self._compliance.by_prescribed(change, rounding)
         rest = self._bulk.r.duplicate()
         rest.array[:] = np.where(self._inside, -r, 0.0)
         forces = self._bulk.to_force * rest.array_r
-        if np.sqrt(self._comm.allreduce(float(forces @ forces))) > self._general.noise():
+        if np.sqrt(self._comm.allreduce(float(forces @ forces))) > self._general.roundoff():
             step += self._dofs.gather(self._compliance.solve(rest).array_r)
         moved = np.zeros(self._bulk.num_owned)
-        moved[self._bulk.held] = change
+        moved[self._bulk.prescribed_dofs] = change
         return np.where(self._dofs.free, step, 0.0) + self._dofs.gather(moved)
 
     def _assemble(self, laws: Sequence[Rows]) -> list[coo_array]:
@@ -130,12 +172,12 @@ class ReducedEquations:
     def _collect(
         self, blocks: Iterable[Block], shape: tuple[int, int], are_dofs: tuple[bool, bool]
     ) -> coo_array:
-        """The blocks of all ranks, on rank 0; whether rows and columns are global dofs."""
+        """Gather blocks on rank 0; ``are_dofs``: whether rows and columns are global dofs."""
         *places, v = flatten(blocks)
         i, j = (self._dofs.number(p) if are else p for p, are in zip(places, are_dofs, strict=True))
         parts = self._comm.gather((i, j, v)) or [(i, j, v)]
         i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
-        inside = (i >= 0) & (j >= 0)
+        inside = (i >= 0) & (j >= 0) & (v != 0.0)
         return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 
     def _solve(
@@ -147,7 +189,7 @@ class ReducedEquations:
         C: coo_array,
         A_z: coo_array,
     ) -> tuple[Array, Array, Array]:
-        """Step of the contact dofs, multipliers zeta (n, 2) and contact force of the solution."""
+        """Step of the contact dofs, multipliers zeta (n, 2) and contact force (collective)."""
         rhs, weight = np.zeros((A_z.shape[0] // 2, 2)), np.ones((A_z.shape[0] // 2, 1))
         for (contact, place), law in zip(self._system.numbered(), laws, strict=True):
             rhs[place], weight[place, 0] = law.rhs, 1.0 / contact.stiffness
@@ -156,7 +198,7 @@ class ReducedEquations:
             answer = self._solve_dense(d, K_c, B_T, C, A_z, rhs.ravel(), np.repeat(weight, 2))
         answer = self._comm.bcast(answer)
         if answer is None:
-            raise MortarError("the linear system was not solved, it may be singular")
+            raise MortarError("the reduced linear system is singular")
         step, zeta, force = answer
         return step, zeta.reshape(-1, 2), force
 
@@ -172,10 +214,12 @@ class ReducedEquations:
     ) -> tuple[Array, Array, Array] | None:
         """The solution on rank 0; ``None`` if the system is singular.
 
-        Unknown are the dofs that contact touches and the multipliers that act.
+        Unknown are the multipliers that may act, and the dofs that their rows and forces touch: where
+        a law has neither displacements nor a right-hand side, the multiplier is zero.
         """
-        t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row, C.col]))
-        a = np.unique(B_T.col)
+        nodes = np.unique(np.concatenate([C.row, np.flatnonzero(rhs)]) // 2)
+        a = np.intersect1d(components(nodes[:, None]), B_T.col)
+        t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row[np.isin(B_T.col, a)], C.col]))
         K_t, B_t = _dense(K_c, t, t), _dense(B_T, t, a)
         A_t = self._compliance.A[t]
         scale = weight[a, None]
@@ -200,8 +244,11 @@ class ReducedEquations:
 
     def finish(self) -> None:
         """Find the displacement inside the bodies."""
-        if self._force is None:
-            return
+        if self._force is not None:
+            self._find_inside()
+
+    def _find_inside(self) -> None:
+        """Balance the forces inside the bodies by their displacement (collective)."""
         self._bulk.u.x.scatter_forward()
         self._bulk.assemble_residual()
         with clock("solve"):
@@ -225,13 +272,13 @@ class ReducedEquations:
         return self._general.drifts()
 
     def diagnose(self) -> str:
-        """See ``ContactEquations``, of the whole bodies."""
+        """See ``ContactEquations``; computes the displacement inside the bodies first."""
         self.finish()
         return self._general.diagnose()
 
 
 def _dense(matrix: coo_array, rows: Indices, columns: Indices) -> Array:
-    """Some rows and columns of a matrix, ascending; entries elsewhere are left out."""
+    """Dense submatrix of ascending rows and columns (local)."""
     inside = np.isin(matrix.row, rows) & np.isin(matrix.col, columns)
     i, j = (
         np.searchsorted(some, place[inside])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Active sets and residuals of the iterations of one solve, and ways out of cycles of sets."""
+"""Active sets and residuals of the iterations of a solve; how to leave cycles of sets."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from fenics_mortar.contact.laws import STICK
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import WAVERING, Sets
 
-# Largest c_n after a cycle of the active set.
+# Largest c_n after a cycle of the active set [1].
 LESS_WEIGHT = 1e-3
-# Sets are taken from the linearized problem so often in a solve: a guess, since walls and arches
-# need it once or a few times. Where there is no equilibrium, it only takes time.
+# Largest number of linearized contact problems in a solve: walls and arches need one or a few; more
+# only cost time if there is no equilibrium.
 MAX_CALLS = 8
 
 
@@ -26,7 +26,7 @@ class SetHistory:
         contacts: The pairs.
 
     Attributes:
-        residuals: Norms of all equations, one for each evaluation [stress length].
+        residuals: Norm of all residuals for each evaluation [stress length].
     """
 
     def __init__(self, contacts: Sequence[Contact | Tie]) -> None:
@@ -34,27 +34,27 @@ class SetHistory:
         self.begin()
 
     def begin(self) -> None:
-        """Forget the last solve."""
+        """Discard the data of the last solve."""
         self.residuals: list[float] = []
         self._sets: list[Sets] = []
         self._changed = self._calls = 0
 
     def record(self, residual: float, changed: int) -> None:
-        """Add the present sets, of which ``changed`` nodes have changed."""
+        """Add the present sets; ``changed``: number of nodes that changed."""
         self.residuals.append(residual)
         self._sets.append([(c.active, c.branch) for c in self._contacts])
         self._changed = changed
 
     @property
     def recent(self) -> list[Sets]:
-        """The sets of the last iterations, in which a node may waver."""
+        """Sets of the last ``WAVERING`` iterations."""
         return self._sets[-WAVERING:]
 
     @property
     def is_unsettled(self) -> bool:
-        """Whether sets change, and would not settle by themselves.
+        """Whether sets change although the residual does not decrease tenfold.
 
-        A step that lowers the residual tenfold has settled them, but for nodes at rounding.
+        If it does, the sets have settled except for nodes at roundoff.
         """
         residuals = self.residuals
         if not self._changed or len(residuals) < 2 or self._calls == MAX_CALLS:
@@ -62,15 +62,15 @@ class SetHistory:
         return not residuals[-1] < 0.1 * residuals[-2]
 
     def count_call(self) -> None:
-        """Note that sets are taken from the linearized problem."""
+        """Count a linearized contact problem."""
         self._calls += 1
 
     def merge(self, period: int) -> str:
-        """Leave a cycle of the active set or of sticking and sliding nodes; return a remark.
+        """Leave a cycle of the active set or of branches; return a remark.
 
-        All nodes that were active in it are so for one iteration, and gaps weigh less from then on,
-        in later solves too: a large c_n releases nodes for small gaps that a step leaves behind.
-        Nodes that did not always slide in one direction stick for that iteration.
+        All nodes that were active in the cycle are active for one iteration. c_n is reduced in this
+        and later solves: a large c_n opens nodes for small gaps left by a step. Nodes that changed
+        branch in the cycle stick for one iteration.
         """
         wavering = 0
         for i, contact in enumerate(self._contacts):

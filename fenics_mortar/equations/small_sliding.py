@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Linear bulk and small sliding without friction: pressures of active nodes alone are unknown.
+"""Linear bulk and frictionless small sliding: the unknowns are the pressures of active nodes.
 
-D, M and n stay as they are on the undeformed mesh: contact pushes along B_n = B^T n, one column per
-slave node, and the gap is linear. With the displacement without contact force, of gap g_0, there
-remains a linear complementarity problem of the pressures,
+D, M and n are those of the undeformed mesh: contact forces act along B_n = B^T n, one column per
+slave node, and the gap is linear. With g_0 the gap without contact forces, the pressures solve the
+linear complementarity problem
 
     g = g_0 + S p >= 0,    p >= 0,    p . g = 0,    S = B_n^T K^-1 B_n,
 
-and columns of S are solved for as nodes become active.
+Columns of S are computed when nodes become active.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from fenics_mortar.utils.errors import MortarError
 
 
 class SmallSlidingEquations(ReducedEquations):
-    """The equations for pairs that slide little: pressures of active nodes alone are unknown.
+    """Equations for small sliding, reduced to the pressures of active nodes.
 
     Args:
-        general: The general equations, with linear bulk; none of the bodies floats.
+        general: The general equations, with linear bulk and without floating bodies.
         prefix: Prefix of PETSc's options.
     """
 
     def __init__(self, general: ContactEquations, prefix: str) -> None:
         super().__init__(general, prefix)
         self._count = sum(place.size for place in self._system.places)
-        self._carries = np.empty(0, bool)
+        self._multiplier_nodes = np.empty(0, bool)
         self._open: list[Array] = []
 
     def _factor(self, prefix: str) -> Any:
@@ -60,7 +60,7 @@ class SmallSlidingEquations(ReducedEquations):
         with clock("assembly"):
             pushes = self._pushes()
         with clock("solve"):
-            self._know_answers(pushes)
+            self._update_responses(pushes)
             zeta, step, self._force = self._solve_pressures(pushes)
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
@@ -73,9 +73,9 @@ class SmallSlidingEquations(ReducedEquations):
 
     @clock("solve")
     def _move_without_contact(self) -> None:
-        """Move all dofs to where they were without contact."""
-        u, held = self._bulk.u, self._bulk.held
-        u.x.array[held] += self._bulk.distance_to_prescribed()
+        """Compute the displacement of all dofs without contact forces."""
+        u, prescribed = self._bulk.u, self._bulk.prescribed_dofs
+        u.x.array[prescribed] += self._bulk.distance_to_prescribed()
         u.x.scatter_forward()
         self._bulk.assemble_residual()
         rest = self._bulk.r.duplicate()
@@ -85,13 +85,13 @@ class SmallSlidingEquations(ReducedEquations):
         self._start = self._dofs.gather(u.x.array)
 
     def _find_gaps(self) -> None:
-        """Gaps k_j g_j / D_jj without contact, and a clean slate if other nodes carry now."""
+        """Gaps k_j g_j / D_jj without contact; discards columns if multiplier nodes changed."""
         multiplier_nodes = np.concatenate(
             [contact.multiplier_nodes for contact in self._general.contacts]
         )
-        if not np.array_equal(multiplier_nodes, self._carries):
-            self._carries = multiplier_nodes
-            self._answers = np.zeros((self._dofs.size, self._count))
+        if not np.array_equal(multiplier_nodes, self._multiplier_nodes):
+            self._multiplier_nodes = multiplier_nodes
+            self._responses = np.zeros((self._dofs.size, self._count))
             self._known = np.zeros(self._count, bool)
             self._open = []
         if self._force is None or not self._open:
@@ -103,7 +103,7 @@ class SmallSlidingEquations(ReducedEquations):
             self._active[place] = contact.active
 
     def _pushes(self) -> csr_array:
-        """B_n of the active nodes, (size, slave nodes), complete on rank 0."""
+        """B_n of the slave nodes, (size, slave nodes), complete on rank 0."""
         normals = np.zeros((self._count, 2))
         for contact, place in self._system.numbered():
             normals[place] = contact.operators.n
@@ -113,31 +113,31 @@ class SmallSlidingEquations(ReducedEquations):
         B_T = self._collect(self._system.force_blocks(), shape, (True, False))
         return B_T.tocsr() @ csr_array(entries, shape=(columns.size, self._count))
 
-    def _know_answers(self, pushes: csr_array) -> None:
-        """Solve for the displacements by the pressures of nodes that had none so far."""
+    def _update_responses(self, pushes: csr_array) -> None:
+        """Compute the displacements due to pressures of newly active nodes."""
         new = np.flatnonzero(self._active & ~self._known)
-        for part in portions(new.size):
-            loads = self._compliance.loads(pushes[:, new[part]].T.tocsr())
+        for group in portions(new.size):
+            loads = self._compliance.loads(pushes[:, new[group]].T.tocsr())
             answers = self._compliance.answers(loads)
             columns = self._compliance.at_contact(answers)
             self._general.comm.Allreduce(MPI.IN_PLACE, columns)
-            self._answers[:, new[part]] = columns
+            self._responses[:, new[group]] = columns
             loads.destroy()
             answers.destroy()
         self._known[new] = True
 
     def _solve_pressures(self, pushes: csr_array) -> tuple[Array, Array, Array]:
-        """Pressures zeta (slave nodes,), and by them displacements and forces, both (size,)."""
+        """Pressures zeta (slave nodes,), resulting displacements and forces, (size,) each."""
         zeta, a, pressures = np.zeros(self._count), np.flatnonzero(self._active), None
         if not a.size:
             pressures = np.empty(0)
         elif self._comm.rank == 0:
-            S = pushes[:, a].T @ self._answers[:, a]
+            S = pushes[:, a].T @ self._responses[:, a]
             with suppress(LinAlgError):
                 pressures = solve(S, -self._gaps[a], assume_a="pos")
         pressures = self._comm.bcast(pressures)
         if pressures is None:
-            raise MortarError("the linear system was not solved, it may be singular")
+            raise MortarError("the reduced linear system is singular")
         zeta[a] = pressures
         force = self._comm.bcast(pushes @ zeta if self._comm.rank == 0 else None)
-        return zeta, -self._answers @ zeta, force
+        return zeta, -self._responses @ zeta, force

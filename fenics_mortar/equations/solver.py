@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One solve of all equations: rigid motions first, then Newton's method, then the certificate."""
+"""A solve: rigid moves, Newton's method with fallbacks, certificate."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fenics_mortar.newton.damping import Damped
 from fenics_mortar.newton.loop import solve
 from fenics_mortar.newton.report import NewtonReport, once
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.release import hold_here, release_slowly
+from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.verify.certificate import Certificate, certify
@@ -28,8 +28,8 @@ class Solver:
     """Solves the equations of a problem; all methods are collective.
 
     Args:
-        equations: The equations, whose state is moved.
-        create_system: Makes their linear system.
+        equations: The equations; their state is changed.
+        create_system: Creates their linear system.
         linear_bulk: Whether to solve on the contact dofs alone; see ``LinearBulk``.
         prefix: Prefix of PETSc's options.
     """
@@ -48,7 +48,7 @@ class Solver:
         self._begin_where_meshed()
 
     def _begin_where_meshed(self) -> None:
-        """Evaluate the contacts at the start, and take its gaps for what the pairs say."""
+        """Evaluate the contacts of the undeformed mesh and set their initial gaps."""
         equations = self._equations
         equations.evaluate_operators()
         for contact in equations.contacts:
@@ -58,14 +58,14 @@ class Solver:
         self._starts = [describe_start(contact) for contact in equations.contacts]
 
     def renew(self) -> None:
-        """Make anew what an interruption may have left half made."""
+        """Create again matrices and solvers that an interruption may have left incomplete."""
         self._equations.bulk.renew_tangent()
         self._equations.bulk.assemble_tangent()
         self._equations.system = self._create_system()
         self.linear_bulk.forget()
 
     def accept(self) -> None:
-        """Count slip and ways of nodes from the last evaluated state."""
+        """Count slip and paths of nodes from the last evaluated state."""
         for contact in self._equations.contacts:
             contact.accept()
             contact.start_step()
@@ -82,7 +82,7 @@ class Solver:
         """Solve from the present state; see ``ContactProblem.solve``.
 
         Args:
-            remarks: What the record is to begin with.
+            remarks: First remarks of the record.
             accept_violations: Whether a state that violates its certificate is returned.
         """
         e = self._equations
@@ -94,7 +94,7 @@ class Solver:
             e.motions.follow(e.evaluate_operators)
             moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
             moved += e.floating.settle(e.evaluate_forces)
-            e.springs.let_go()
+            e.springs.remove_springs()
             if moved:
                 self._accept_moved()
             report = self._solve()
@@ -102,7 +102,7 @@ class Solver:
         except Exception:  # of whatever kind, for all ranks alike
             e.last_converged = False
             e.crossings.leave()
-            e.springs.let_go()
+            e.springs.remove_springs()
             raise
         e.last_converged = True
         accepted = [contact.accepted for contact in e.contacts]
@@ -111,7 +111,7 @@ class Solver:
         e.bulk.free_garbage()
         passages = e.crossings.passages(e.motions.places)
         report.certificate = replace(
-            self.certificate(), drift=e.motions.strayed(), passages=passages
+            self.certificate(), drift=e.motions.own_slide(), passages=passages
         )
         violations = report.certificate.violations()
         told = [f"VIOLATED: {violation}" for violation in violations]
@@ -130,7 +130,7 @@ class Solver:
         return report
 
     def _solve(self) -> NewtonReport:
-        """Solve on the contact dofs where the bulk is linear, else on all."""
+        """Solve on the contact dofs if the bulk is linear, else on all dofs."""
         e = self._equations
         reduced, remarks = self.linear_bulk.choose()
         if reduced is not None:
@@ -139,15 +139,20 @@ class Solver:
                 report = solve(reduced, e.newton)
                 reduced.finish()
                 if self._is_sound(report):
+                    report.solver = self.linear_bulk.words
                     report.notes[:0] = filter(None, remarks)
                     return report
             except NotConvergedError:
                 if e.newton.tentative:
                     raise
             e.restore(start)
-            remarks = ["the contact dofs alone led astray: this step was solved on all dofs"]
+            remarks = [
+                "the reduced iteration on the contact dofs failed: this step was solved on all dofs"
+            ]
         report = self._solve_on_all_dofs()
         self.linear_bulk.count(report.num_iterations)
+        why = [e.system.describe_solver(), self.linear_bulk.words if reduced is None else ""]
+        report.solver = "; ".join(filter(None, why))
         report.notes[:0] = remarks
         return report
 
@@ -155,11 +160,11 @@ class Solver:
         """Whether the present state solves all equations and inverts no cell (collective)."""
         e = self._equations
         status = e.evaluate(start=False)
-        allowed = e.newton.residual_tolerance * max(report.force, status.force) + status.noise
+        allowed = e.newton.residual_tolerance * max(report.force, status.force) + status.roundoff
         return status.residual <= allowed and not e.bulk.inverted_cells()[0]
 
     def _solve_on_all_dofs(self) -> NewtonReport:
-        """One Newton loop; where that fails and bodies float, several with springs that let go."""
+        """Newton's method; if it fails and bodies float, the proximal point method."""
         e = self._equations
         start = e.state()
         try:
@@ -171,16 +176,16 @@ class Solver:
             failed = error
             if e.drifts():
                 try:
-                    return hold_here(e, e.newton, error, most=RIGID.slight)
-                except NotConvergedError as held:
-                    failed = NotConvergedError(error.report.reason, held.report)
+                    return solve_with_weak_springs(e, e.newton, error, max_fraction=RIGID.slight)
+                except NotConvergedError as with_springs:
+                    failed = NotConvergedError(error.report.reason, with_springs.report)
             e.restore(start)
-            return release_slowly(e, e.newton, failed)
+            return solve_with_springs(e, e.newton, failed)
 
     def _accept_moved(self) -> None:
-        """Count slip from where bodies were moved to, but for nodes that slid there (collective).
+        """Count slip from the positions after rigid moves, except for nodes that slid.
 
-        Motion towards another body is no slip; motion along one, from touch to touch, is.
+        Motion of a body towards another one is not slip; motion along a surface in contact is.
         """
         e = self._equations
         touched = iter(e.floating.touched)
@@ -194,10 +199,10 @@ class Solver:
 
 
 def _wrong_state(report: NewtonReport, violations: Sequence[str]) -> NotConvergedError:
-    """The error that says that a state violates its certificate, and what helps."""
+    """Error for a state that violates its certificate, with advice."""
     report.reason = f"converged to a wrong state: {'; '.join(violations)}"
     report.converged = False
     smaller = any("smaller steps" in words or "inverted" in words for words in violations)
-    advice = "follow_path takes such a step back and cuts it; " * smaller
+    advice = "follow_path undoes and cuts such a step; " * smaller
     words = f"{report.reason}; {advice}solve(accept_violations=True) returns it"
     return NotConvergedError(words, report)

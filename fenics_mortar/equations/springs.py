@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Springs that hold floating bodies and driven obstacles where Newton fails; see ``release``."""
+"""Anchored springs on floating bodies and driven obstacles; see ``proximal``."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.rigid.release import Remaining
+from fenics_mortar.rigid.proximal import Remaining
 from fenics_mortar.utils.arrays import Array
 
 
-class HoldingSprings:
+class CombinedSprings:
     """Anchored springs of a problem; all methods are collective.
 
     Args:
@@ -33,27 +33,23 @@ class HoldingSprings:
         self._floating, self._obstacles = floating, obstacles
         self._stiffness, self._forces = stiffness, forces
 
-    def hold(self, travel: float) -> None:
+    def anchor(self, elongation: float) -> None:
         """Tie floating bodies and driven obstacles to where they are; see ``AnchoredSprings``."""
-        self._floating.hold(self._total(), travel)
-        self._obstacles.hold(travel, self._stiffness)
+        self._floating.anchor(self._total(), elongation)
+        self._obstacles.anchor(elongation, self._stiffness)
 
-    def let_go(self) -> None:
+    def remove_springs(self) -> None:
         """Remove the springs."""
-        self._floating.let_go()
-        self._obstacles.let_go()
+        self._floating.remove_springs()
+        self._obstacles.remove_springs()
 
-    def stiff_travel(self) -> float:
-        """The ``travel`` of ``hold`` at which springs are as stiff as the bodies [facets]."""
-        return self._floating.stiff_travel(self._total())
-
-    def travel(self) -> float:
-        """Largest rigid motion since ``hold``, in shortest facets."""
-        return max(self._floating.travel(), self._obstacles.travel())
+    def max_motion(self) -> float:
+        """Largest rigid motion since ``anchor``, in shortest facets."""
+        return max(self._floating.max_motion(), self._obstacles.max_motion())
 
     def fractions(self) -> list[tuple[str, float, bool]]:
-        """Name, force of springs over contact force, whether it slides, of all that they hold."""
-        return self._floating.held_fractions() + self._obstacles.held_fractions()
+        """Name, force of springs over contact force, whether it slides, of each body on springs."""
+        return self._floating.spring_fractions() + self._obstacles.spring_fractions()
 
     def largest(self) -> float:
         """Largest force of springs over contact force [1]; zero without springs."""
@@ -61,14 +57,14 @@ class HoldingSprings:
 
     def remaining(self) -> Remaining:
         """Forces that springs carry over contact forces."""
-        held = self.fractions()
+        carried = self.fractions()
         energy = self._floating.spring_energy() + self._obstacles.spring_energy()
-        each = [f"{name} with {fraction:.1e} of its contact force" for name, fraction, _ in held]
+        each = [f"{fraction:.1e} of the contact force on {name}" for name, fraction, _ in carried]
         return Remaining(
             self.largest(),
-            max((fraction for _, fraction, slides in held if slides), default=0.0),
-            f"springs hold {', '.join(each)}, with an energy of {energy:.3e}: contact does not "
-            "resist its motion more than the facets' corners drive it; prescribe it, or refine",
+            max((fraction for _, fraction, slides in carried if slides), default=0.0),
+            f"springs carry {', '.join(each)}, with an energy of {energy:.3e}: contact does not "
+            "resist the motion more than the facets' corners drive it; prescribe it, or refine",
         )
 
     def _total(self) -> Array:

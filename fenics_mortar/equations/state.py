@@ -17,13 +17,15 @@ from fenics_mortar.verify.crossing import Standing
 
 @dataclass(frozen=True)
 class State:
-    """All that a solve begins from: a value, ``dataclasses.replace`` makes another one.
+    """All that a solve starts from, as an immutable value; all methods are local.
+
+    ``dataclasses.replace`` returns a changed copy.
 
     Attributes:
-        u: Displacement and other unknowns of the bulk, the part of this rank.
+        u: Displacement and other unknowns of the bulk, shape (local dofs,) [length].
         interfaces: State of each pair.
-        places: Places of the obstacles, shape (obstacles, 3).
-        standing: Places of outlines and obstacles at the last accepted state.
+        places: Positions (x, y, angle) of the obstacles, shape (obstacles, 3).
+        standing: Positions of outlines and obstacles in the last accepted state.
         converged: Whether the last solve ended in this state.
         rates: Velocity and accelerations, ``None`` in statics.
     """
@@ -40,10 +42,10 @@ class State:
         freeze(self)
 
     def with_settings_of(self, other: State) -> State:
-        """This state with the offsets, weights of gaps and undeformed operators of another one.
+        """This state with the offsets, weights of gaps and undeformed operators of ``other``.
 
-        These are set by users and kept by a problem, where this state may be a guess from earlier
-        ones, or that of another model.
+        Users set these for a problem, while this state may be an extrapolation of earlier states or
+        the state of another model.
         """
         pairs = zip(self.interfaces, other.interfaces, strict=True)
         return replace(
@@ -54,7 +56,7 @@ class State:
         )
 
     def counting_slip_from(self, other: State) -> State:
-        """This state with the partners and ways of another one."""
+        """This state with the partners and the accepted positions of ``other``."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
         return replace(
             self,
@@ -65,7 +67,7 @@ class State:
         )
 
     def towards(self, other: State, part: float) -> State:
-        """Part of the way to another state, with the sets of this one."""
+        """Interpolate to ``other`` by the fraction ``part``, with the active sets of this state."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
         return replace(
             self,
@@ -76,7 +78,7 @@ class State:
 
 
 def check_state(state: Any, shape: tuple[int, ...], pairs: Sequence[tuple[int, ...]]) -> None:
-    """Refuse an object that is no state, or one of another problem (local).
+    """Check that an object is a state of this problem (local).
 
     Args:
         state: The object.
@@ -84,7 +86,7 @@ def check_state(state: Any, shape: tuple[int, ...], pairs: Sequence[tuple[int, .
         pairs: Shapes of the multipliers of its pairs.
 
     Raises:
-        TypeError: If it is no state.
+        TypeError: If the object is not a state.
         MortarError: If its arrays have other shapes.
     """
     check_kind("state", state, State, "what state() of the same problem returned")

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Solves that are interrupted: the problem is then as it was before.
+"""Undo interrupted solves: the problem is then in its previous state.
 
-An interruption is a KeyboardInterrupt, or whatever else comes from elsewhere than the equations, as
-from a function of the user. It may come anywhere, and on one rank only: what is undone is undone
-without communication. What was half made of matrices, factors and solvers is made anew when the
-next solve begins.
+An interruption is a KeyboardInterrupt or any other exception that does not come from the equations,
+such as an error of a user's function. It may occur anywhere and on one rank only; therefore a state
+is restored without communication. Incomplete matrices, factors and solvers are created again at the
+start of the next solve.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 
 
 class Before:
-    """A problem as it is now, to go back to (local).
+    """Snapshot of a problem (local).
 
     Args:
-        equations: Its equations.
-        adequacy: Its ``AdequacyCheck``, or ``None``.
+        equations: The equations of the problem.
+        adequacy: The ``AdequacyCheck`` of the problem, or ``None``.
     """
 
     def __init__(self, equations: ContactEquations, adequacy: Any) -> None:
@@ -34,7 +34,7 @@ class Before:
         self._take_back_adequacy = adequacy.remember() if adequacy is not None else None
 
     def take_back(self, *, renew: bool) -> None:
-        """Go back; ``renew``: make matrices and solvers anew in the next solve."""
+        """Restore the snapshot; ``renew``: create matrices and solvers again in the next solve."""
         equations = self._equations
         clock.leave(self._depth)
         drop_added_options()
@@ -49,7 +49,7 @@ class Before:
 
 @contextmanager
 def undone_if_interrupted(equations: ContactEquations, adequacy: Any) -> Iterator[None]:
-    """A block after which a ``ContactProblem`` is as before if anything but the package raises."""
+    """Context that restores a problem if any exception but a ``MortarError`` is raised."""
     before = Before(equations, adequacy)
     try:
         yield

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Material points that face each other: points of slave facets and their partners on the master."""
+"""Points of slave facets and their partners on the master, as material points."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ STEPS = 4
 
 @dataclass(frozen=True)
 class Points:
-    """Gauss points of some segments on their facets of one side (all methods are local).
+    """Quadrature points of segments on the facets of one side (all methods are local).
 
     Attributes:
         facet: Facet of each segment, shape (n,).
-        slave: Its nodes, shape (n, K).
-        s: Places -1 ... 1 on the facet, shape (n, q).
-        weights: Weights for integrals over these, shape (n, q).
-        shape: Shape functions of the nodes, shape (n, q, K).
+        slave: Nodes of these facets, shape (n, K).
+        s: Places on the facets, -1 ... 1, shape (n, q).
+        weights: Quadrature weights in s, shape (n, q) [1].
+        shape: Shape functions at the points, shape (n, q, K).
     """
 
     facet: Indices
@@ -40,26 +40,31 @@ class Points:
     shape: Array
 
     def of(self, nodal: Array) -> Array:
-        """Values at the points by those of the side's nodes (nodes, ...): (n, q, ...)."""
+        """Interpolate nodal values (nodes, ...) of this side at the points: (n, q, ...)."""
         return np.einsum("nqk,nk...->nq...", self.shape, nodal[self.slave])
 
     def direction(self, nodal: Array) -> Array:
-        """Unit vectors (n, q, 2) along those of the slave nodes (slave nodes, 2)."""
+        """Interpolate nodal vectors (nodes, 2) and normalize them: (n, q, 2)."""
         v = self.of(nodal)
         return np.asarray(v / np.linalg.norm(v, axis=2, keepdims=True))
 
-    def dual_moments(self, x: Array, values: Array) -> tuple[Array, Array]:
-        """Integrals of ``values`` (n, q) times dual functions, and of dual functions, each (n, K).
+    def dual_moments(self, w: Array, values: Array) -> tuple[Array, Array]:
+        """Integrals of values times the dual functions, and of the dual functions themselves.
 
-        Slave nodes at ``x``; each segment must be a whole facet.
+        Args:
+            w: Weights of the points, as by ``measure``, shape (n, q) [length].
+            values: Values at the points, shape (n, q) [unit]; each segment is a whole facet.
+
+        Returns:
+            Integrals [unit length] and [length], each (n, K).
         """
-        N, w = self.shape, self.measure(x)
+        N = self.shape
         mass = np.einsum("nq,nqj,nqk->njk", w, N, N)
         sizes, moments = np.einsum("nq,nqj->nj", w, N), np.einsum("nq,nqj,nq->nj", w, N, values)
         return sizes * np.linalg.solve(mass, moments[..., None])[..., 0], sizes
 
     def measure(self, x: Array) -> Array:
-        """Tributary lengths of the points with the slave nodes at ``x``, shape (n, q) [length]."""
+        """Tributary lengths (n, q) [length] of the points for nodes at ``x`` (nodes, 2)."""
         _, slope = lagrange(self.s, self.shape.shape[2] - 1)
         along = np.einsum("nqk,nkc->nqc", slope, x[self.slave])
         return self.weights * np.linalg.norm(along, axis=2)
@@ -67,11 +72,11 @@ class Points:
 
 @dataclass(frozen=True)
 class Facing(Points):
-    """Gauss points of the slave and their partners on the master (all methods are local).
+    """Quadrature points of the slave and their partners on the master (all methods are local).
 
     Attributes:
         master: Master nodes of each segment, shape (n, K).
-        on_master: Their shape functions at the partners, shape (n, q, K).
+        on_master: Shape functions of these at the partners, shape (n, q, K).
         start: Initial distance of point and partner along tau, shape (n, q) [length].
     """
 
@@ -84,25 +89,25 @@ class Facing(Points):
         return self.of(v) - np.einsum("nqk,nkc->nqc", self.on_master, w[self.master])
 
     def slip(self, o: MortarOperators) -> Array:
-        """Slip since these points faced each other, shape (n, q) [length]."""
+        """Slip since the points were paired, at the state of ``o``, shape (n, q) [length]."""
         return np.einsum("nqc,nqc->nq", self.direction(o.tau), self.apart(o.x, o.m)) - self.start
 
 
 def points_between(facet: Indices, nodes: Indices, ends: Array, rule: Rule = GAUSS) -> Points:
-    """Gauss points between ``ends`` (n, 2) on facets (n,) with ``nodes`` (n, K) (local)."""
+    """Quadrature points between ``ends`` (n, 2) on facets (n,) with ``nodes`` (n, K) (local)."""
     middle, half = ends.mean(axis=1)[:, None], np.diff(ends) / 2
     s = middle + half * rule[0]
     return Points(facet, nodes, s, half * rule[1], lagrange(s, nodes.shape[1] - 1)[0])
 
 
 def points_of(segments: Segments, rule: Rule = GAUSS) -> Points:
-    """Points of the segments on the slave (local)."""
+    """Quadrature points of the segments on the slave (local)."""
     facet = np.repeat(segments.facets, np.diff(segments.offsets))
     return points_between(facet, segments.slave, segments.ends, rule)
 
 
 def points_behind(o: MortarOperators, segments: Segments) -> Points:
-    """Gauss points of the parts of master facets that the segments face at the state of ``o``."""
+    """Gauss points on the parts of master facets that face the segments, at ``o`` (local)."""
     on_master = face(o, segments, ENDS).on_master
     ends = np.sort(on_master @ np.linspace(-1.0, 1.0, on_master.shape[2]), axis=1)
     of_first_node = np.zeros(o.master.num_nodes, np.int64)
@@ -112,7 +117,7 @@ def points_behind(o: MortarOperators, segments: Segments) -> Points:
 
 
 def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
-    """Partners on the master of the points of segments at the state of ``o`` (local)."""
+    """Quadrature points of segments and their partners at the state of ``o`` (local)."""
     here, gap = points_of(segments, rule), o.sample_gaps(o.x, segments, rule[0])
     y = here.of(o.x) + gap[..., None] * here.direction(o.n)
     master = segments.master
@@ -122,16 +127,16 @@ def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
 
 
 def nearest_facets(x: Array, m: Array, surface: Surface) -> tuple[Indices, Array]:
-    """Nearest facets of points, and coordinates along their chords (local).
+    """Facet nearest to each point, and coordinate along its chord (local).
 
     Args:
-        x: Points, shape (k, 2).
-        m: Places of the nodes of the surface, shape (nodes, 2).
+        x: Points, shape (k, 2) [length].
+        m: Positions of the nodes of the surface, shape (nodes, 2) [length].
         surface: The surface.
 
     Returns:
-        The two ends of each facet, shape (k, 2), and coordinates from 0 to 1, or beyond for points
-        beyond the ends of the surface, shape (k,).
+        End nodes of the facets, shape (k, 2), and coordinates, shape (k,): 0 to 1 along the chord,
+        less or more for points beyond the ends of the surface.
     """
     ends = surface.facets[:, [0, -1]]
     chord = m[ends[:, 1]] - m[ends[:, 0]]
@@ -143,7 +148,7 @@ def nearest_facets(x: Array, m: Array, surface: Surface) -> tuple[Indices, Array
 
 
 def _places_on(m: Array, y: Array) -> Array:
-    """Places (n, q) on facets with nodes at ``m`` (n, K, 2) of points ``y`` (n, q, 2) on them."""
+    """Coordinates s (n, q) of points ``y`` (n, q, 2) on facets with nodes at ``m`` (n, K, 2)."""
     degree = m.shape[1] - 1
     s = np.zeros(y.shape[:2])
     for _ in range(STEPS if degree > 1 else 1):

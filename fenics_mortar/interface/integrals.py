@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
@@ -18,16 +19,31 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 
 
-def evaluate_normals(surface: Surface, x: Array, weighting: Weighting) -> tuple[Array, Array]:
-    """Averaged normals (n, 2) of the nodes at ``x`` and their derivatives (n, 2, 4 K - 2)."""
+def evaluate_normals(
+    surface: Surface,
+    x: Array,
+    weighting: Weighting,
+    links: tuple[Indices, Indices] | None = None,
+) -> tuple[Array, Array]:
+    """Averaged unit normals of nodes, and their derivatives (local).
+
+    Args:
+        surface: The surface.
+        x: Current positions of its n nodes, shape (n, 2) [length].
+        weighting: Weights of the facet normals at a node.
+        links: Nodes before and after each node, (n,) each, if not those of the surface.
+
+    Returns:
+        Normals (n, 2) and derivatives (n, 2, 4 K - 2) [1 / length]; see ``kernels.normals``.
+    """
     n, dn = np.empty_like(x), np.zeros((len(x), 2, 4 * surface.degree + 2))
-    curve = surface.previous, surface.following, surface.inner
-    normals.tabulate_normals(x, *curve, WEIGHTINGS[weighting], n, dn)
+    links = (surface.previous, surface.following) if links is None else links
+    normals.tabulate_normals(x, *links, surface.inner, WEIGHTINGS[weighting], n, dn)
     return n, dn
 
 
 def share_of(items: Indices, comm: MPI.Comm) -> Indices:
-    """This rank's contiguous, equal share of ``items``, independent of ownership (local)."""
+    """This rank's contiguous share of ``items`` (k,); all shares are equal to one item (local)."""
     bounds = [items.size * rank // comm.size for rank in (comm.rank, comm.rank + 1)]
     return items[bounds[0] : bounds[1]]
 
@@ -52,22 +68,24 @@ def evaluate_mortar(
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
         m: Current positions of the master nodes, shape (master nodes, 2) [length].
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool. The
-            neighbours take over the weight of those that do not.
-        prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2);
-            nan elsewhere.
-        options: How to integrate.
-        linearization: Which derivatives to fill; the others are zero.
-        view: Limits of the search behind the slave's facets at these positions.
+            functions of other nodes are handed over to their neighbours.
+        prescribed_normals: Normals to use instead of the averaged ones, shape (slave nodes, 2); nan
+            where none is prescribed.
+        options: Discretization.
+        linearization: Derivatives to evaluate; the others are zero.
+        view: Limits of the search behind the slave facets at these positions.
 
     Returns:
         The operators.
     """
-    n, dn = evaluate_normals(slave, x, options.weighting)
+    links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]], options.weighting)
+    used = multiplier_nodes[slave.facets].any(axis=1) & ~alone
+    n, dn = evaluate_normals(slave, x, options.weighting, links)
     given = np.isfinite(prescribed_normals[:, 0])
     n[given], dn[given] = prescribed_normals[given], 0.0
     if not linearization.normals:
         dn = np.zeros_like(dn)
-    share = share_of(np.flatnonzero(multiplier_nodes[slave.facets].any(axis=1)), slave.comm)
+    share = share_of(np.flatnonzero(used), slave.comm)
     s = find_segments(
         slave,
         master,
@@ -85,7 +103,7 @@ def evaluate_mortar(
         slave, s, (x, n, dn, m), multiplier_nodes, options, linearization.segments
     )
     nodal = sum_over_facets(slave, slave.facets[share], D, gap, cover)
-    num_segments = slave.comm.allreduce(s.num_segments)
+    num_segments = slave.comm.allreduce(len(s.slave))
     return MortarOperators(
         slave, master, x, m, n, dn, s, D, M, dD, dM, dgap, *nodal, num_segments, linearization
     )
@@ -94,9 +112,17 @@ def evaluate_mortar(
 def sum_over_facets(
     slave: Surface, nodes: Indices, D: Array, gap: Array, cover: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Diagonal of D, gap, cover and row sum of D of each slave node, shapes (slave nodes,).
+    """Assemble integrals of facets at the slave nodes, over all ranks (collective).
 
-    Collective; ``nodes`` (f, K), ``D`` (f, K, K), ``gap`` and ``cover`` (f, K) are of this share.
+    Args:
+        slave: The slave surface.
+        nodes: Nodes of this rank's share of facets, shape (f, K).
+        D: Slave matrices of these facets, shape (f, K, K) [length].
+        gap: Weighted gaps, shape (f, K) [length^2].
+        cover: Integrals of N over the covered parts, shape (f, K) [length].
+
+    Returns:
+        Diagonal of D, weighted gap, cover and row sum of D, each (slave nodes,).
     """
     nodal = np.zeros((4, slave.num_nodes))
     on_facets = (np.einsum("ejj->ej", D), gap, cover, D.sum(axis=2))
@@ -108,7 +134,7 @@ def sum_over_facets(
 
 def _empty_values(s: Segments, size: int) -> tuple[Array, ...]:
     """Arrays for D, dD, M, dM, g, dg and the cover; see ``kernels.facets``."""
-    number, count, columns = s.facets.size, s.num_segments, 8 * size - 4
+    number, count, columns = s.facets.size, len(s.slave), 8 * size - 4
     return (
         np.zeros((number, size, size)),
         np.zeros((count, size**2, columns)),
@@ -130,29 +156,30 @@ def _integrate(
 ) -> tuple[Array, ...]:
     """D, dD, M, dM, g, dg and cover of the facets of this share (collective).
 
-    Where a surface is covered up to a place inside a quadratic facet, the integral of the far
-    node's shape function can be negative. Such a node carries no multiplier: its function,
-    continuous there, goes to its neighbour.
+    If the cover ends inside a quadratic facet, the integral of the shape function of the far node
+    can be negative. Such a node carries no multiplier: its function is handed over to its
+    neighbour, without a jump.
     """
     nodes = slave.facets[s.facets]
+    thickness = slave.thickness.for_kernels if slave.thickness else None
     if slave.degree > 1:
         cover = np.empty(nodes.shape)
-        facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover)
+        facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
         nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
         slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
     weights = hand_over(multiplier_nodes[nodes])
-    values = _empty_values(s, nodes.shape[1])
-    facets.tabulate_facets(
+    size = nodes.shape[1]
+    D, dD, M, dM, g, dg, cover = _empty_values(s, size)
+    facets.integrate_facets(
         geometry, (nodes, weights, s.partial), (s.master, s.end_is_fixed, s.ends), s.offsets,
-        s.pair_offsets, s.rule, (*options.kinds, move_ends), values,
+        s.pair_offsets, (s.points, s.weights, s.spans), (*options.kinds, move_ends),
+        (D, M, g, cover), (dD, dM, dg), thickness,
     )  # fmt: skip
     if options.integration == "nodes":
-        values[0][weights == 0.0] = 0.0  # but for rounding
-    D, dD, M, dM, *others = values
-    size = nodes.shape[1]
-    dD, dM = (array.reshape(len(array), size, size, array.shape[2]) for array in (dD, dM))
-    return D, dD, M, dM, *others
+        D[weights == 0.0] = 0.0  # remove rounding
+    shape = size, size, dD.shape[2]
+    return D, dD.reshape(-1, *shape), M, dM.reshape(-1, *shape), g, dg, cover
 
 
 def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
@@ -162,6 +189,8 @@ def hand_over(multiplier_nodes: npt.NDArray[np.bool_]) -> Array:
     multiplier nodes of the facet.
     """
     place = np.arange(multiplier_nodes.shape[1])
+    if multiplier_nodes.all():
+        return np.tile(np.eye(place.size), (len(multiplier_nodes), 1, 1))
     distance = np.where(
         multiplier_nodes[:, :, None], np.abs(place[:, None] - place).astype(float), np.inf
     )

@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""The mortar operators of one slave and one master surface, with all derivatives.
+"""Mortar operators of one slave and one master surface, with their derivatives.
 
 ==========  ==========================================================================
 symbol      meaning
 ==========  ==========================================================================
 D[j, k]     int Phi_j N_k over the current slave surface; j, k slave nodes
-M[j, l]     int Phi_j (N_l o chi); l master nodes, chi the projection
+M[j, l]     int Phi_j (N_l o chi); l master nodes, chi the projection to the master
 g[j]        weighted gap int Psi_j g, g = n^ . (x_master - x_slave) >= 0 when open
 n, tau      averaged unit normal of a slave node, tau = (-n_y, n_x)
 f_c         contact force: sum_j D[j, k] z_j on slave node k, -sum_j M[j, l] z_j on l
 ==========  ==========================================================================
 
 Formulas: Popp, Gee & Wall (2009); consistent treatment of partly covered facets: Popp, Seitz, Gee
-& Wall (2013). A rank holds the integrals of its share of the slave facets; what belongs to nodes
-is summed over the ranks and equal everywhere.
+& Wall (2013). Each rank holds the integrals over its share of the slave facets. Nodal quantities
+are summed over the ranks and equal on all of them.
 
-Derivatives are kept as dense blocks. With K nodes per facet, 2 or 3, a segment has C = 8 K - 4
-columns: the components of the slave nodes of the facet before, its own and the one after, and of
-its master nodes. A `Block` says where a stack of such blocks goes.
+Derivatives are stored as dense blocks. With K nodes per facet, 2 or 3, a segment has C = 8 K - 4
+columns: the components of the slave nodes of the previous facet, of its own and of the next one,
+and of its master nodes. A `Block` holds a stack of such blocks with their rows and columns.
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 
 class Block(NamedTuple):
-    """Dense blocks: values (b, r, c) to add at rows (b, r) and columns (b, c); -1 is left out."""
+    """Dense blocks of a sparse matrix: values (b, r, c) at rows (b, r) and columns (b, c).
+
+    Values are added; entries with a row or column of -1 are ignored.
+    """
 
     rows: Indices
     columns: Indices
@@ -46,12 +49,13 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class Linearization:
-    """Which terms the tangent keeps; the residual is always exact.
+    """Terms of the consistent tangent that are kept; the residual is always exact.
 
     Attributes:
-        normals: Derivatives of the nodal normals.
-        segments: Motion of the segment ends on the slave facets.
-        frozen: Neither D, M nor n have derivatives: the paper's fixed-point iteration.
+        normals: Whether to include derivatives of the nodal normals.
+        segments: Whether to include the motion of the segment ends on the slave facets.
+        frozen: Whether D, M and n are constant in the tangent: a fixed-point iteration for these
+            (Popp, Gee & Wall 2009).
     """
 
     normals: bool = True
@@ -71,25 +75,26 @@ LINEARIZATIONS = {
 class MortarOperators:
     """D, M, weighted gap and normals at given positions, with their derivatives.
 
-    More than 20 methods: one for each quantity and one for its derivative.
+    The class has more than 20 methods: each quantity and each derivative has its own.
 
     Attributes:
         slave, master: The two surfaces.
         x, m: Current positions of their nodes, shapes (slave nodes, 2), (master nodes, 2).
-        n: Slave normals, shape (slave nodes, 2).
-        dn: Their derivatives by the K - 1 nodes before, the own node and the K - 1 nodes after,
-            shape (slave nodes, 2, 4 K - 2).
-        segments: Segments of this rank's share of facets.
+        n: Unit normals of the slave nodes, shape (slave nodes, 2).
+        dn: Derivatives of n by positions of the K - 1 nodes before, the node itself and the K - 1
+            nodes after, shape (slave nodes, 2, 4 K - 2) [1 / length].
+        segments: Segments of this rank's share of the slave facets.
         D: Slave matrices of the facets of this share, shape (f, K, K) [length].
         M: Master matrices of its segments, shape (n, K, K) [length].
-        dD: Derivative of D by each segment's nodes, shape (n, K, K, C) [1].
+        dD: Derivative of D by the nodes of each segment, shape (n, K, K, C) [1].
         dM: Derivative of M for each pair of segments, shape (p, K, K, C) [1].
-        dgap: Derivative of the weighted gap by each segment's nodes, shape (n, K, C) [length].
+        dgap: Derivative of the weighted gap by the nodes of each segment, shape (n, K, C) [length].
         diagonal: D[j, j] of every slave node, shape (slave nodes,) [length].
         gap: Weighted gap of every slave node, shape (slave nodes,) [length^2].
         cover: Integral of N_j over the covered part, shape (slave nodes,) [length].
         weight: Integral of Phi_j, the row sum of D, shape (slave nodes,) [length].
-        num_segments: Segments on all ranks together.
+        num_segments: Number of segments on all ranks.
+        linearization: Derivatives that are included; the others are zero.
     """
 
     slave: Surface
@@ -123,17 +128,26 @@ class MortarOperators:
 
     @cached_property
     def columns(self) -> Indices:
-        """Displacement dofs of the columns of each segment, shape (n, C); -1 is missing."""
-        degree = self.slave.degree
-        near = self.slave.along(self.segments.slave[:, 0], range(-degree, 2 * degree + 1))
-        on_slave = self.slave.dofs_of(near)
-        return np.concatenate([on_slave, self.master.dofs_of(self.segments.master)], axis=1)
+        """Displacement dofs of the columns of each segment, shape (n, C); -1 where none."""
+        on_slave = self.slave.near_dofs[self.segments.slave[:, 0]]
+        return np.concatenate([on_slave, self.master_dofs], axis=1)
+
+    @cached_property
+    def master_dofs(self) -> Indices:
+        """Displacement dofs of the master nodes of each segment, shape (n, 2 K)."""
+        masters = self.segments.master
+        return self.master.dofs[masters].reshape(len(masters), 2 * masters.shape[1])
 
     def force(self, z: Array) -> tuple[Array, Array]:
-        """D^T z on slave and -M^T z on master nodes for multipliers ``z`` (slave nodes, 2).
+        """Contact forces D^T z on slave and -M^T z on master nodes (collective).
 
-        Collective. These add to the internal forces: what acts on the bodies is minus them. Returns
-        arrays (slave nodes, 2) and (master nodes, 2) [stress length].
+        They add to the internal forces: the forces that act on the bodies have the opposite sign.
+
+        Args:
+            z: Multipliers, shape (slave nodes, 2) [stress].
+
+        Returns:
+            Arrays (slave nodes, 2) and (master nodes, 2) [stress length].
         """
         on_slave, on_master = np.zeros_like(self.x), np.zeros_like(self.m)
         forces = np.einsum("ejk,ejc->ekc", self.D, z[self.facet_nodes])
@@ -145,50 +159,68 @@ class MortarOperators:
         return both[: len(on_slave)], both[len(on_slave) :]
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
-        """Where the other side bears what forces, each (points, 2); signs as in ``force``."""
+        """Points of the master and forces there, each (master nodes, 2) (collective).
+
+        Units [length] and [stress length]; signs as in ``force``.
+        """
         return self.m, self.force(z)[1]
 
     def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
-        """Gaps at the points -1..1 of segments, with the slave nodes at ``x``: (n, points)."""
+        """Gaps at points of segments, along the normals of this state (local).
+
+        Args:
+            x: Positions of the slave nodes, shape (slave nodes, 2) [length].
+            s: Segments.
+            points: Places in each segment, -1 ... 1, shape (q,).
+
+        Returns:
+            Gaps, shape (n, q) [length].
+        """
         gaps = np.zeros((s.num_segments, points.size))
         projection.sample_gaps((x, self.n, self.m), (s.slave, s.master), s.ends, points, gaps)
         return gaps
 
     def force_derivative(self, z: Array) -> list[Block]:
-        """Blocks of d(D^T z)/dd and -d(M^T z)/dd at fixed ``z`` (slave nodes, 2) [stress]."""
+        """Blocks of d(D^T z)/dd and -d(M^T z)/dd [stress] at fixed ``z`` (slave nodes, 2)."""
         return [self.slave_force_derivative(z), self.master_force_derivative(z)]
 
     def slave_force_derivative(self, z: Array) -> Block:
-        """Blocks of d(D^T z)/dd in displacement dofs."""
+        """Blocks of d(D^T z)/dd [stress] at fixed ``z`` (slave nodes, 2).
+
+        Rows and columns are displacement dofs.
+        """
         s = self.segments
         values = np.einsum("sjkq,sjc->skcq", self.dD, z[s.slave])
-        rows = self.slave.dofs_of(s.slave)
+        rows = self.slave.dofs[s.slave].reshape(len(s.slave), 2 * s.slave.shape[1])
         return Block(rows, self.columns, values.reshape(*rows.shape, self.dD.shape[3]))
 
     def master_force_derivative(self, z: Array) -> Block:
-        """Blocks of -d(M^T z)/dd in displacement dofs."""
+        """Blocks of -d(M^T z)/dd [stress] at fixed ``z`` (slave nodes, 2).
+
+        Rows and columns are displacement dofs.
+        """
         s = self.segments
         i, k = s.pairs[:, 0], s.pairs[:, 1]
         values = -np.einsum("pjlq,pjc->plcq", self.dM, z[s.slave[i]])
-        rows = self.master.dofs_of(s.master[i])
+        rows = self.master_dofs[i]
         return Block(rows, self.columns[k], values.reshape(*rows.shape, self.dM.shape[3]))
 
     def weight_derivative(self) -> list[Block]:
-        """Blocks of dw/dd, w the row sum of D: rows are slave nodes, columns displacement dofs."""
+        """Blocks of dw/dd [1], w = row sums of D; rows: slave nodes, columns: displacement dofs."""
         if self.linearization.frozen:
             return []
         return [Block(self.segments.slave, self.columns, self.dD.sum(axis=2))]
 
     def gap_derivative(self) -> list[Block]:
-        """Blocks of dg/dd: rows are slave nodes, columns displacement dofs [length]."""
+        """Blocks of dg/dd [length]; rows: slave nodes, columns: displacement dofs."""
         if self.linearization.frozen:
             return self._jump_derivative(-self.n)
         return [Block(self.segments.slave, self.columns, self.dgap)]
 
     def vector_derivative(self, along: Array) -> list[Block]:
-        """Blocks of along_j . d(D x - M m)_j/dd for ``along`` (slave nodes, 2).
+        """Blocks of along_j . d(D x - M m)_j/dd [length] for directions ``along`` (slave nodes, 2).
 
-        Their normal parts are what dgap is for; frozen operators have no derivative of the rest,
+        For normal components use ``gap_derivative``. Frozen operators neglect this derivative,
         which is small in contact.
         """
         if self.linearization.frozen:
@@ -204,7 +236,7 @@ class MortarOperators:
         ]
 
     def _jump_derivative(self, along: Array) -> list[Block]:
-        """along_j . (D_jk dx_k - M_jl dx_l): D and M do not move."""
+        """Blocks of along_j . (D_jk dx_k - M_jl dm_l) [length] for constant D and M."""
         s, nodes = self.segments, self.facet_nodes
         on_slave = np.einsum("ejk,ejc->ejkc", self.D, along[nodes])
         on_master = -np.einsum("sjl,sjc->sjlc", self.M, along[s.slave])
@@ -218,25 +250,40 @@ class MortarOperators:
         ]
 
     def freeze(self) -> Self:
-        """These operators without derivatives, for small motions; see ``after_small_motion``."""
+        """Copy with constant D, M and n, for small motions; see ``after_small_motion``."""
         at_rest = {name: np.zeros_like(getattr(self, name)) for name in ("dn", "dD", "dM", "dgap")}
         return replace(self, linearization=LINEARIZATIONS["frozen"], **at_rest)
 
     def after_small_motion(self, x: Array, m: Array) -> Self:
         """Frozen operators after small motions of the nodes to ``x`` and ``m`` (collective).
 
-        D, M and n stay; g_j changes by -n_j . (D[j, k] dx_k - M[j, l] dm_l).
+        D, M and n are constant; g_j changes by -n_j . (D[j, k] dx_k - M[j, l] dm_l).
+
+        Args:
+            x: New positions of the slave nodes, shape (slave nodes, 2) [length].
+            m: New positions of the master nodes, shape (master nodes, 2) [length].
         """
         jump = self.jump(x - self.x, m - self.m)
         return replace(self, x=x, m=m, gap=self.gap - np.einsum("jc,jc->j", self.n, jump))
 
     @cached_property
     def vectors(self) -> Array:
-        """Weighted gap vectors D x - M m, shape (slave nodes, 2); at first collective."""
+        """Weighted gap vectors D x - M m, shape (slave nodes, 2) [length^2].
+
+        Collective at the first access.
+        """
         return self.jump(self.x, self.m)
 
     def jump(self, on_slave: Array, on_master: Array) -> Array:
-        """D v - M w for vectors v (slave nodes, 2) and w (master nodes, 2) (collective)."""
+        """Weighted jump D v - M w of nodal vectors, shape (slave nodes, 2) (collective).
+
+        Args:
+            on_slave: v, shape (slave nodes, 2) [unit].
+            on_master: w, shape (master nodes, 2) [unit].
+
+        Returns:
+            The jump [unit length].
+        """
         s, nodes = self.segments, self.facet_nodes
         total = np.zeros_like(self.x)
         np.add.at(total, nodes, np.einsum("ejk,ekc->ejc", self.D, on_slave[nodes]))
@@ -246,11 +293,10 @@ class MortarOperators:
 
     def normal_columns(self) -> Indices:
         """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
-        degree, own = self.slave.degree, np.arange(self.slave.num_nodes)
-        return self.slave.dofs_of(self.slave.along(own, range(-degree, degree + 1)))
+        return self.slave.near_dofs[:, : 2 * (2 * self.slave.degree + 1)]
 
     def less_offset(self, offset: Array) -> MortarOperators:
-        """The operators for the gap less an offset, interpolated between nodes (collective).
+        """Operators for the gap less an offset, interpolated between nodes (collective).
 
         The weighted gap becomes g_j - sum_k D[j, k] offset_k.
 
@@ -265,9 +311,15 @@ class MortarOperators:
         return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)
 
     def normal_derivative(self, z: Array) -> Array:
-        """d(n_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""
+        """dn_j/dd . z_j at fixed ``z`` (slave nodes, 2): shape (slave nodes, 4 K - 2).
+
+        Columns as in ``dn``; units of z / length.
+        """
         return np.einsum("jc,jcq->jq", z, self.dn)
 
     def tangential_derivative(self, z: Array) -> Array:
-        """d(tau_j)/dd . z_j at fixed ``z``, shape (slave nodes, 4 K - 2), columns as in ``dn``."""
+        """dtau_j/dd . z_j at fixed ``z`` (slave nodes, 2): shape (slave nodes, 4 K - 2).
+
+        Columns as in ``dn``; units of z / length.
+        """
         return z[:, 1:] * self.dn[:, 0] - z[:, :1] * self.dn[:, 1]

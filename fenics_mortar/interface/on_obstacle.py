@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Mortar operators of a slave surface on a rigid obstacle, with their derivatives.
 
-The slave is integrated facet by facet, with the multiplier functions of a facet that is covered
-altogether (the mean of a dual function's weight times phi), on Gauss points or on the nodes. For
-phi, V and arm see ``obstacles.obstacle``.
+The slave is integrated facet by facet, on Gauss points or on the nodes, with the multiplier
+functions of a fully covered facet. For phi, V and arm see ``obstacles.obstacle``.
 
 ==========  ==========================================================================
 symbol      meaning
 ==========  ==========================================================================
 Phi         C N with C = H diag(d) mass^-1 (dual) or H (standard), where d_j = int N_j,
-            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours
+            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours;
+            integrals are weighted by the out-of-plane thickness
 D[j, k]     int Phi_j N_k: H[j, k] d_k of dual functions
 g[j]        int Phi_j phi: the weighted gap
 n           -grad phi / |grad phi| at the slave node
@@ -44,11 +44,11 @@ from fenics_mortar.utils.errors import call_together
 
 @dataclass(frozen=True)
 class ObstacleOperators(MortarOperators):
-    """Operators of a slave surface and an obstacle: a segment is a facet, its master has no nodes.
+    """Operators of a slave surface and an obstacle: segments are facets, the master has no nodes.
 
     Attributes:
-        obstacle: The obstacle, where it was at the evaluation.
-        arm: What an angle is multiplied by to be a turn [length].
+        obstacle: The obstacle, at its place of the evaluation.
+        arm: Length by which angles are multiplied [length].
         phi: Signed distance of the slave nodes, shape (slave nodes,) [length].
         V: Motions at the slave nodes, shape (slave nodes, 3, 2).
         dn_dq: Derivative of the normals by the motions, shape (slave nodes, 2, 3) [1 / length].
@@ -63,11 +63,17 @@ class ObstacleOperators(MortarOperators):
     dgap_dq: Array
 
     def freeze(self) -> Self:
-        """These operators without derivatives, but for that of the gap by the motions."""
+        """Copy with constant D and n; the gap keeps its derivative by the motions."""
         return replace(super().freeze(), dn_dq=np.zeros_like(self.dn_dq))
 
     def after_small_motion(self, x: Array, m: Array, dq: Array | None = None) -> Self:
-        """Frozen operators after small motions of the nodes and of the obstacle, ``dq`` (3,)."""
+        """Frozen operators after small motions of the nodes and of the obstacle (collective).
+
+        Args:
+            x: New positions of the slave nodes, shape (slave nodes, 2) [length].
+            m: Positions of master nodes, shape (0, 2).
+            dq: Change of the motions, shape (3,) [length].
+        """
         dq = np.zeros(3) if dq is None else dq
         moved = super().after_small_motion(x, m)
         apart = np.einsum("kmc,m->kc", self.V, dq) - (x - self.x)
@@ -75,14 +81,18 @@ class ObstacleOperators(MortarOperators):
         return replace(moved, gap=moved.gap + self.dgap_dq @ dq, phi=phi)
 
     def motion_force(self, z: Array) -> Array:
-        """f_q for multipliers ``z``, shape (3,) [stress length] (collective)."""
+        """f_q for multipliers ``z`` (slave nodes, 2): shape (3,) [stress length] (collective)."""
         return -np.einsum("kc,kmc->m", self.force(z)[0], self.V)
 
     def motion_force_derivatives(self, z: Array) -> tuple[Array, Array, Array]:
-        """Derivatives of f_q by the slave nodes, the multipliers and q (collective).
+        """Derivatives of f_q by slave nodes, multipliers and q (collective).
 
-        The first two of shape (3, slave nodes, 2), the last (3, 3). D and V change with nodes, V
-        with the motions.
+        Args:
+            z: Multipliers, shape (slave nodes, 2) [stress].
+
+        Returns:
+            Arrays (3, slave nodes, 2) [stress], (3, slave nodes, 2) [length] and (3, 3) [stress]. D
+            depends on the nodes, V on nodes and motions.
         """
         nodes, degree = self.facet_nodes, self.slave.degree
         near = self.slave.along(nodes[:, 0], range(-degree, 2 * degree + 1))
@@ -104,11 +114,23 @@ class ObstacleOperators(MortarOperators):
         return moves * E_d, M_q, moves * by_motions
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
-        """Feet of the slave nodes on the obstacle, and the forces there."""
+        """Nearest points of the obstacle and forces there, each (slave nodes, 2) (collective).
+
+        Units [length] and [stress length].
+        """
         return self.x + self.phi[:, None] * self.n, -self.force(z)[0]
 
     def sample_gaps(self, x: Array, s: Segments, points: Array) -> Array:
-        """Phi at the points -1..1 of each facet of this share, (f, points) (collective)."""
+        """Signed distances at points of each facet of this share (collective).
+
+        Args:
+            x: Positions of the slave nodes, shape (slave nodes, 2) [length].
+            s: Segments, one per facet.
+            points: Places on the facets, -1 ... 1, shape (q,).
+
+        Returns:
+            phi, shape (f, q) [length].
+        """
         at = np.einsum("kp,ekc->epc", _shapes(points, s.slave.shape[1])[0], x[s.slave])
         distance = f"the distance of '{self.obstacle.name}'"
         evaluate = partial(self.obstacle.evaluate, at.reshape(-1, 2))
@@ -116,7 +138,7 @@ class ObstacleOperators(MortarOperators):
 
 
 def surface_without_nodes(slave: Surface, name: str) -> Surface:
-    """The master side of a pair with an obstacle."""
+    """Master surface without nodes, for a pair with an obstacle (local)."""
     none, dofs, facets = np.empty(0, np.int64), np.empty((0, 2), np.int64), slave.facets[:0]
     nodes = none, none, none, none, none
     return Surface(name, slave.X[:0], facets, *nodes, dofs, dofs, slave.comm)
@@ -140,13 +162,13 @@ def evaluate_obstacle(
         slave: The side that carries the multiplier.
         master: Surface without nodes.
         obstacle: The other side.
-        arm: What an angle is multiplied by to be a turn [length].
+        arm: Length by which angles are multiplied [length].
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
         prescribed_normals: Normals to use instead of the obstacle's, shape (slave nodes, 2); nan
-            elsewhere.
-        options: How to integrate.
-        linearization: Which derivatives to fill.
+            where none is prescribed.
+        options: Discretization.
+        linearization: Derivatives to evaluate; the others are zero.
 
     Returns:
         The operators.
@@ -160,7 +182,9 @@ def evaluate_obstacle(
         facets = facets[_faces(obstacle, x[slave.facets[facets]], rule[0], options)]
         nodes = slave.facets[facets]
         weights = hand_over(multiplier_nodes[nodes])
-        return normals, facets, integrate_facets(obstacle, arm, x[nodes], weights, rule, options)
+        thickness = _thickness_of(slave, x, nodes)
+        of_facets = integrate_facets(obstacle, arm, x[nodes], weights, rule, options, thickness)
+        return normals, facets, of_facets
 
     normals, facets, integrals = call_together(slave.comm, distance, of_share)
     phi, n, dn, dn_dq = normals
@@ -187,7 +211,18 @@ def evaluate_obstacle(
 def obstacle_normals(
     obstacle: Obstacle, arm: float, x: Array, degree: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Phi, normals (n, 2) of the slave nodes, derivatives by nodes and motions; see ``dn``."""
+    """Signed distance and normals of the slave nodes, with derivatives of the normals (local).
+
+    Args:
+        obstacle: The obstacle.
+        arm: Length by which angles are multiplied [length].
+        x: Current positions of the slave nodes, shape (n, 2) [length].
+        degree: Degree of the facets.
+
+    Returns:
+        phi (n,) [length], normals (n, 2), and their derivatives by nodes, (n, 2, 4 degree + 2), as
+        ``MortarOperators.dn``, and by motions, (n, 2, 3), both [1 / length].
+    """
     phi, gradient, hessian = obstacle.evaluate(x)
     size = np.sqrt((gradient**2).sum(axis=1))[:, None]
     n = -gradient / size
@@ -203,7 +238,7 @@ def obstacle_normals(
 def _faces(
     obstacle: Obstacle, x: Array, points: Array, options: MortarOptions
 ) -> npt.NDArray[np.bool_]:
-    """Which facets ``x`` (f, K, 2) face the obstacle and are within reach of it."""
+    """Whether facets at ``x`` (f, K, 2) face the obstacle within the search radius, (f,)."""
     at = np.einsum("kp,ekc->epc", _shapes(points, x.shape[1])[0], x)
     phi, gradient, _ = obstacle.evaluate(at.reshape(-1, 2))
     near = np.abs(phi).reshape(at.shape[:2]).min(axis=1, initial=np.inf) <= options.radius
@@ -220,19 +255,23 @@ def integrate_facets(
     weights: Array,
     rule: tuple[Array, Array],
     options: MortarOptions,
+    thickness: tuple[Array, float] | None = None,
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Integrals of whole facets; f facets of K nodes, C = 6 K - 4 columns (see ``columns``).
+    """Integrals over f whole facets of K nodes, with C = 6 K - 4 columns, see ``columns`` (local).
 
     Args:
         obstacle: The other side.
-        arm: What an angle is multiplied by to be a turn [length].
-        x: Current positions of their nodes, shape (f, K, 2) [length].
+        arm: Length by which angles are multiplied [length].
+        x: Current positions of the nodes, shape (f, K, 2) [length].
         weights: H, shape (f, K, K).
-        rule: Points and weights on -1 ... 1.
-        options: Basis and what weighs the gap.
+        rule: Points and weights on [-1, 1], each (q,).
+        options: Discretization, for basis and weights of the gap.
+        thickness: That of the nodes, shape (f, K) [length], and its derivative by their first
+            coordinate [1]; one by default.
 
     Returns:
-        D (f, K, K), dD (f, K, K, C), g (f, K), dg (f, K, C), dg by the motions (f, K, 3), d (f, K).
+        D (f, K, K) [length], dD (f, K, K, C) [1], g (f, K) [length^2], dg (f, K, C) [length], dg by
+        the motions (f, K, 3) [length], d (f, K) [length].
     """
     (N, dN), (count, size, _) = _shapes(rule[0], x.shape[1]), x.shape
     tangent, at = np.einsum("kp,ekc->epc", dN, x), np.einsum("kp,ekc->epc", N, x)
@@ -242,6 +281,11 @@ def integrate_facets(
     W = rule[1] * J
     dW = np.einsum("p,epc,kp->epkc", rule[1], tangent / J[:, :, None], dN)
     dW = dW.reshape(*J.shape, 2 * size)
+    if thickness is not None:
+        theta = thickness[0] @ N
+        dW = dW * theta[:, :, None]
+        dW[:, :, ::2] += thickness[1] * W[:, :, None] * N.T
+        W = W * theta
     d, dd = np.einsum("ep,jp->ej", W, N), np.einsum("epq,jp->ejq", dW, N)
     mass = np.einsum("ep,jp,kp->ejk", W, N, N)
     dmass = np.einsum("epq,jp,kp->ejkq", dW, N, N)
@@ -272,6 +316,13 @@ def integrate_facets(
     return D, dD, g, dg, -np.einsum("ejp,ep,epc,epmc->ejm", Psi, W, gradient, V), d
 
 
+def _thickness_of(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:
+    """Thickness at the ``nodes`` (f, K) of facets, and its derivative; ``None`` without one."""
+    if slave.thickness is None:
+        return None
+    return slave.thickness.at(x)[nodes], slave.thickness.by_x
+
+
 def _shapes(points: Array, size: int) -> tuple[Array, Array]:
     """Shape functions of facets of ``size`` nodes and derivatives, each (size, points)."""
     N, dN = lagrange(points, size - 1)
@@ -279,7 +330,7 @@ def _shapes(points: Array, size: int) -> tuple[Array, Array]:
 
 
 def _as_segments(facets: Indices, nodes: Indices, rule: tuple[Array, Array]) -> Segments:
-    """One segment a facet, covered altogether, without master nodes."""
+    """One segment per facet, which covers it entirely, without master nodes."""
     count, offsets = facets.size, np.arange(facets.size + 1)
     return Segments(
         facets=facets,

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 from fenics_mortar.interface.segments import Integration
@@ -50,7 +51,7 @@ class MortarOptions:
     radius: float
     min_cosine: float
 
-    @property
+    @cached_property
     def kinds(self) -> tuple[int, int]:
         """Basis and weights of the gap, as the kernels take them.
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The outlines of bodies, all of their exterior facets, replicated on every rank.
 
-As contact surfaces, see ``surfaces``, outlines are curves: small beside the bulk. They are drawn by
-straight segments between the nodes, so that a quadratic facet is two.
+Outlines are curves, as contact surfaces, and small compared with the bulk; see ``surfaces``. They
+consist of straight segments between nodes: two for a quadratic facet.
 """
 
 from __future__ import annotations
@@ -19,29 +19,30 @@ from dolfinx import mesh as dmesh
 from fenics_mortar.interface.surfaces import Surface, facet_nodes, replicate
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import ROUNDING, TINY
 
-# Steps of a coordinate in the order of segments: more than a curve has in one direction.
-STEPS = 1 << 16
-# Tolerance of coordinates in the order of nodes over the extent [1], above the rounding of ranks;
-# an odd factor of it, so that no node of a regular mesh lies between two steps.
-ROUNDING, ODD = 1e-9, 0.97312
+# Factor of the steps to which coordinates are rounded [1]: no node of a regular mesh lies between
+# two steps, where the result would depend on the last digit.
+ODD = 0.97312
 
 
 @dataclass(frozen=True)
 class Outline:
-    """Segments of the outlines of some bodies, equal on all ranks but for what this one owns.
+    """Segments of the outlines of some bodies; equal on all ranks except ``local_dofs``.
 
-    Nodes are in an order that follows from their places, segments in one in which neighbours in
-    space are near each other: neither depends on the ranks.
+    The order of the nodes follows from their coordinates, that of the segments from a curve that
+    fills the plane, so that neighbours in space are near each other. Neither depends on the
+    partition of the mesh.
 
     Attributes:
         X: Reference positions of the nodes, shape (n, 2) [length].
-        nodes: Their global numbers in the displacement's space, shape (n,).
+        nodes: Global numbers of the nodes in the displacement's space, shape (n,).
         bodies: Body of each node, shape (n,).
         segments: Nodes of each segment, the body on the left, shape (m, 2).
-        ends: Nodes at the ends of the facet that each segment is a part of, shape (m, 2).
+        ends: End nodes of the facet that contains each segment, shape (m, 2).
         owners: Rank that owns each node, shape (n,).
-        local_dofs: Local dofs of the nodes this rank owns, shape (owned nodes, 2).
+        local_dofs: Local dofs of the nodes owned by this rank, shape (owned nodes, 2).
+        comm: Communicator of the mesh.
     """
 
     X: Array
@@ -59,36 +60,39 @@ class Outline:
         return self.bodies[self.segments[:, 0]]
 
     def positions(self, u: Array) -> Array:
-        """Current positions at the displacement ``u``, a local array: (n, 2) (collective)."""
+        """Current positions at the displacement ``u``, an array (local dofs,) (collective).
+
+        Returns an array of shape (n, 2) [length].
+        """
         return self.X + self.gather(u)
 
     def gather(self, values: Array) -> Array:
-        """Collect nodal values (n, 2) of a local array of all dofs (collective)."""
+        """Gather nodal values (n, 2) of an array of all local dofs, (local dofs,) (collective)."""
         return replicate(values[self.local_dofs], self.owners, self.comm)
 
     def lengths(self, x: Array) -> Array:
-        """Chords of the facets that segments are parts of, with nodes at ``x``, shape (m,)."""
+        """Chords of the facets that contain the segments, nodes at ``x`` (n, 2): (m,) [length]."""
         return np.hypot(*(x[self.ends[:, 1]] - x[self.ends[:, 0]]).T)
 
     def neighbours(self) -> tuple[Indices, Indices]:
-        """Segments after and before each one, -1 for none, each (m,); in forks one of them."""
+        """Segments after and before each one, -1 for none, each (m,); one of several at a fork."""
         begins, ends = np.full((2, len(self.X)), -1)
         numbers = np.arange(len(self.segments))
         begins[self.segments[:, 0]], ends[self.segments[:, 1]] = numbers, numbers
         return begins[self.segments[:, 1]], ends[self.segments[:, 0]]
 
     def places_of(self, nodes: Indices) -> Indices:
-        """Where global ``nodes`` are among those of the outlines, shape as ``nodes``."""
+        """Numbers in the outlines of global ``nodes``, shapes (k,)."""
         order = np.argsort(self.nodes)
         return order[np.searchsorted(self.nodes[order], nodes)]
 
     def segments_of(self, surface: Surface) -> Indices:
-        """Ends of the segments of a surface's facets, facet by facet, shape (k, 2)."""
+        """End nodes of the segments of a surface's facets, facet by facet, shape (k, 2)."""
         at = self.places_of(surface.nodes)[surface.facets]
         return np.stack([at[:, :-1].ravel(), at[:, 1:].ravel()], axis=1)
 
     def are_of(self, surface: Surface) -> npt.NDArray[np.bool_]:
-        """Whether each segment is one of a surface, shape (m,)."""
+        """Whether each segment belongs to a surface, shape (m,), bool."""
         key = np.array([len(self.X), 1])
         return np.isin(self.segments @ key, self.segments_of(surface) @ key)
 
@@ -97,16 +101,19 @@ class Outline:
         return self.bodies[self.places_of(surface.nodes)[surface.facets[:, 0]]]
 
     def without(self, surface: Surface, nodes: Indices) -> Outline:
-        """The outlines less those facets of a surface whose nodes are all among ``nodes``.
+        """The outlines without the tied facets of a surface (local).
 
-        Where bodies are tied to each other they go on.
+        Args:
+            surface: The surface.
+            nodes: Global numbers of tied nodes, shape (k,); a facet is tied if all of its nodes
+                are.
         """
         tied = np.isin(surface.nodes[surface.facets], nodes).all(axis=1)
         stays = ~self.are_of(replace(surface, facets=surface.facets[tied]))
         return replace(self, segments=self.segments[stays], ends=self.ends[stays])
 
     def of_bodies(self, bodies: Indices) -> Outline:
-        """The outlines of some bodies only (local)."""
+        """The outlines of the bodies with the given numbers (k,) only (local)."""
         used = np.isin(self.bodies, bodies)
         number = np.cumsum(used) - 1
         mine = used[self.segments[:, 0]]
@@ -124,12 +131,12 @@ class Outline:
 
 
 def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) -> Outline:
-    """Collect the exterior facets of bodies (collective).
+    """Extract the exterior facets of bodies (collective).
 
     Args:
-        space: The displacement's nodes and dofs.
-        labels: Body of each local node.
-        bodies: The bodies, equal on all ranks.
+        space: Nodes and dofs of the displacement.
+        labels: Body of each local node, shape (local nodes,).
+        bodies: Numbers of the bodies, equal on all ranks, shape (k,).
     """
     V, comm = space.V, space.V.mesh.comm
     topology, index_map = V.mesh.topology, V.dofmap.index_map
@@ -145,7 +152,7 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
     )
     nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     X = places.reshape(-1, 2)[first]
-    extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, 1e-300)
+    extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, TINY)
     steps = np.rint(X / (ODD * ROUNDING * extent))
     order = np.lexsort((steps[:, 1], steps[:, 0]))
     rank_of = np.empty_like(order)
@@ -165,15 +172,16 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
 
 
 def _along_a_curve(X: Array, segments: Indices) -> Indices:
-    """Order of segments along a curve that fills the plane (Morton), by their middles."""
+    """Order of segments (m, 2) by their midpoints along a Morton curve, shape (m,)."""
     if not len(segments):
         return np.empty(0, np.int64)
     middles = X[segments].mean(axis=1)
     low = middles.min(axis=0)
-    scale = ODD * (STEPS - 1) / max(float(np.ptp(middles, axis=0).max()), 1e-300)
+    bits = np.iinfo(np.int64).bits // 2 - 1
+    scale = ODD * (2**bits - 1) / max(float(np.ptp(middles, axis=0).max()), TINY)
     place = np.rint((middles - low) * scale).astype(np.int64)
     key = np.zeros(len(segments), np.int64)
-    for bit in range(STEPS.bit_length() - 1):
+    for bit in range(bits):
         for d in range(2):
             key |= ((place[:, d] >> bit) & 1) << (2 * bit + d)
     return np.lexsort((segments[:, 1], segments[:, 0], key))

@@ -4,15 +4,15 @@
 ============  =========================================================================
 integration   segments of a slave facet
 ============  =========================================================================
-"segments"    its intersections with master facets; each has a Gauss rule of its own
-"elements"    the facet has one Gauss rule; each run of points with the same partner is
-              a segment. Its ends are fixed: the cuts that give each point of the rule a
-              length equal to its weight
-"nodes"       as "elements", with the points of Lobatto's rule, which are the nodes
+"segments"    its intersections with master facets, each with a Gauss rule
+"elements"    runs of points with the same partner; the points are one Gauss rule for the
+              whole facet. Segment ends are fixed, such that each point has a length
+              equal to its weight
+"nodes"       as "elements", with the Lobatto rule, whose points are the nodes
 ============  =========================================================================
 
-The last two smear the kinks at ends of master facets inside a slave facet: forces balance, but the
-patch test is not satisfied (Farah, Popp & Wall 2015). "nodes" is node-to-segment contact.
+The last two do not resolve the kinks at ends of master facets inside a slave facet: forces balance,
+but the patch test is not satisfied (Farah, Popp & Wall 2015). "nodes" is node-to-segment contact.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import search
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.rounding import ROUNDING
 
 Integration = Literal["segments", "elements", "nodes"]
-# Lengths in xi [1] that are rounding: for covered and missing lengths of facets, overlaps of
-# segments, and distances of fixed points from master nodes.
-NEGLIGIBLE = 1e-10
+# Default number of Gauss points per segment, or between two neighbouring nodes of a facet.
+POINTS = 5
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,10 @@ class Segments:
     """Segments of some slave facets, found at given positions.
 
     Attributes:
-        facets: Slave facets looked at, shape (f,).
-        partial: Whether the multiplier functions of a facet move with its segments, shape (f,): it
-            is curved, or a part of it has no partner and its segments have ends that move.
+        facets: Slave facets that were searched, shape (f,).
+        partial: Whether the multiplier functions of a facet vary with its segments, shape (f,),
+            bool: it is curved, its thickness varies with its position, or it is partly covered by
+            segments with moving ends.
         offsets: Segments of facet i are offsets[i]:offsets[i + 1], shape (f + 1,).
         pair_offsets: Pairs of segments coupled by these functions: those of facet i are
             pair_offsets[i]:pair_offsets[i + 1], shape (f + 1,).
@@ -78,7 +79,7 @@ class Segments:
 
     @property
     def rule(self) -> tuple[Array, Array, Indices]:
-        """Points, weights and spans, as the kernels take them."""
+        """Points (p,), weights (p,) and spans (n, 2), the arguments of the kernels."""
         return self.points, self.weights, self.spans
 
 
@@ -94,7 +95,7 @@ def find_segments(
     radius: float,
     min_cosine: float,
     integration: Integration = "segments",
-    points: int = 5,
+    points: int = POINTS,
     view: View | None = None,
 ) -> Segments:
     """Find the segments of the given slave facets.
@@ -105,36 +106,40 @@ def find_segments(
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
         n: Unit normals of the slave nodes, shape (slave nodes, 2).
         m: Current positions of the master nodes, shape (master nodes, 2) [length].
-        facets: Slave facets to look at, shape (f,).
-        radius: Farthest distance along the normal, on either side [length].
+        facets: Slave facets to search, shape (f,).
+        radius: Largest distance along the normal, on either side [length].
         min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
         integration: Kind of segments; see above.
         points: Gauss points per segment, with "elements" per slave facet.
-        view: Limits of the search behind the slave's facets; none by default.
+        view: Limits of the search behind the slave facets; none by default.
 
     Returns:
-        The segments; where several master facets lie over one another, the nearest. With "elements"
-        a facet with fewer partners than nodes has none: its dual basis would not exist.
+        The segments; of overlapping ones only the nearest. With "elements"
+        a facet with fewer partners than nodes has none: its dual basis would not exist. Lengths in
+        xi below ``ROUNDING`` are ignored: covered and missing lengths of facets, overlaps of
+        segments, distances of fixed points from master nodes.
 
     Note:
         Local: no communication.
     """
     geometry, nodes = (x, n, m), slave.facets[facets]
     view = open_view(facets.size) if view is None else view.of(facets)
-    seen = (*view, NEGLIGIBLE)
-    search_for = geometry, nodes, master.facets, radius, seen, (min_cosine, NEGLIGIBLE)
+    search_for, limits = (geometry, nodes, master.facets, radius), (min_cosine, ROUNDING)
     if integration == "segments":
-        offsets, masters, branches = _intersections(search_for, points)
+        seen = (view[:3], view.outline, ROUNDING)
+        offsets, masters, branches = _intersections((*search_for, *seen, limits), points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
-        least = nodes.shape[1] if integration == "elements" else 1
-        offsets, masters, branches = _runs(search_for, *rule, least=least)
+        min_points = nodes.shape[1] if integration == "elements" else 1
+        offsets, masters, branches = _runs(
+            (*search_for, (*view, ROUNDING), limits), *rule, min_points=min_points
+        )
     counts = np.diff(offsets)
     owner = np.repeat(np.arange(facets.size), counts)
     ends, fixed = branches[:2]
     cover = np.bincount(owner, ends[:, 1] - ends[:, 0], facets.size)
     moves = np.bincount(owner, ~fixed.all(axis=1), facets.size) > 0
-    partial = ((cover < 2.0 - NEGLIGIBLE) & moves) | (slave.degree > 1)
+    partial = ((cover < 2.0 - ROUNDING) & moves) | slave.functions_move
     pair_counts = np.where(partial, counts**2, counts)
     pair_offsets = np.concatenate([[0], np.cumsum(pair_counts)])
     return Segments(
@@ -161,17 +166,17 @@ class _Pieces(NamedTuple):
 
 def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Pieces]:
     """Offsets, master facets and pieces of segments with one Gauss rule for all."""
-    offsets, masters, fixed, ends = search.find_segments(*search_for)
+    offsets, masters, fixed, ends = search.find_segments_within(*search_for)
     s, w = gauss_rule(points)
     spans = np.tile([0, points], (len(masters), 1))
     return offsets, masters, _Pieces(ends, fixed, s, w, spans)
 
 
 def _runs(
-    search_for: tuple[Any, ...], xi: Array, w: Array, *, least: int
+    search_for: tuple[Any, ...], xi: Array, w: Array, *, min_points: int
 ) -> tuple[Indices, Indices, _Pieces]:
     """Offsets, master facets and pieces of runs of points of the rule ``xi``, ``w``."""
-    offsets, masters, runs = search.find_points(*search_for, xi, least)
+    offsets, masters, runs = search.find_points(*search_for, xi, min_points)
     cuts = np.concatenate([[-1.0], np.cumsum(w)[:-1] - 1.0, [1.0]])
     ends, lengths = cuts[runs], np.diff(runs, axis=1)[:, 0]
     stops = np.cumsum(lengths)
@@ -185,14 +190,14 @@ def _runs(
 
 @cache
 def gauss_rule(points: int) -> tuple[Array, Array]:
-    """Points and weights of Gauss on [-1, 1]."""
+    """Gauss points and weights on [-1, 1], each (points,)."""
     return np.polynomial.legendre.leggauss(points)
 
 
 def facet_rule(integration: Integration, size: int, points: int) -> tuple[Array, Array]:
-    """Points and weights on a whole facet of ``size`` nodes: Gauss, or for "nodes" Lobatto.
+    """Points and weights on a whole facet of ``size`` nodes, each (points,).
 
-    The points of the latter are the nodes: the trapezoidal rule or Simpson's.
+    Gauss, or for "nodes" Lobatto, whose points are the nodes: trapezoidal or Simpson's rule.
     """
     if integration != "nodes":
         return gauss_rule(points)

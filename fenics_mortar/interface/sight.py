@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Limits of the search behind a slave surface: present outlines of the bodies of a pair.
+"""Limits of the search behind a slave surface, by the present outlines of the bodies of a pair.
 
-Without a limit the back of a plate would find partners through the plate. Such a partner is farther
-behind the slave surface than both bodies are thick; see ``kernels.sight`` for the rule. Thicknesses
-are those of the present state, since bodies bend and are compressed.
+Without a limit, the back of a plate would find partners through the plate. Such a partner is
+farther behind the slave surface than half the thickness of both bodies together, see
+``kernels.sight``. Thicknesses are those of the present state, since bodies bend and are compressed.
 
-Up to a safe depth no limit is evaluated, so that the cost per iteration is that of gathering the
-outlines, which include the positions of both surfaces.
+The limit is not evaluated up to a safe depth. The cost per iteration is therefore that of gathering
+the outlines, which include the positions of both surfaces.
 """
 
 from __future__ import annotations
@@ -19,23 +19,22 @@ from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.sight import tabulate_lengths
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import ROUNDING
 
 # Safe depth over the undeformed thickness behind a facet [1], and at most the facet's length: no
 # body is compressed to less, or bends within less.
 SAFE = 0.25
-# Distance over facet length [1] within which the end of a line is on the facet itself: rounding.
-ROUNDING = 1e-10
 
 
 class View(NamedTuple):
-    """Bodies behind the facets of a slave surface, as arguments of the kernels.
+    """Bodies behind the facets of a slave surface: arguments of the kernels.
 
     Attributes:
-        safe: Depth behind each slave facet up to which any partner counts, shape (f,) [length].
+        safe: Depth behind each slave facet up to which all partners count, shape (f,) [length].
         slave_bodies: Bodies of the slave facets, shape (f,).
         master_bodies: Bodies of the master facets, shape (m,).
-        outline: Present positions of nodes (b, 2) [length], pieces (p, 2) with the body on their
-            left, and bodies of these, shape (p,).
+        outline: Present positions of the nodes (b, 2) [length], segments (p, 2) with the body on
+            the left, and bodies of the segments (p,).
     """
 
     safe: Array
@@ -44,7 +43,7 @@ class View(NamedTuple):
     outline: tuple[Array, Indices, Indices]
 
     def of(self, facets: Indices) -> View:
-        """The view of some of the slave facets, shape (k,)."""
+        """The view of the slave facets with the numbers ``facets`` (k,)."""
         return self._replace(safe=self.safe[facets], slave_bodies=self.slave_bodies[facets])
 
 
@@ -56,15 +55,15 @@ def open_view(num_facets: int) -> View:
 
 
 class Sight:
-    """Outlines of the bodies of a slave and a master surface, and the nodes of these on them.
+    """Outlines of the bodies of a slave and a master surface.
 
     Args:
-        outline: Outlines of all bodies in pairs; those tied to each other have one number.
+        outline: Outlines of the bodies of all pairs; bodies that are tied have one number.
         slave, master: The surfaces.
         normals: Normals of the slave nodes in the undeformed mesh, shape (slave nodes, 2).
 
     Attributes:
-        outline: Outlines of the bodies of the two.
+        outline: Outlines of the bodies of the two surfaces.
     """
 
     def __init__(self, outline: Outline, slave: Surface, master: Surface, normals: Array) -> None:
@@ -83,10 +82,13 @@ class Sight:
         return x, self.outline.segments, self._segment_bodies
 
     def look(self, u: Array | None) -> tuple[View, Array, Array]:
-        """The view at the displacement ``u``, a local array, or undeformed (collective).
+        """The view at a displacement (collective).
+
+        Args:
+            u: Displacement, shape (local dofs,) [length]; None for the undeformed state.
 
         Returns:
-            The view, and the displacements of the nodes of slave and master, each (nodes, 2).
+            The view, and the displacements of slave and master nodes, each (nodes, 2) [length].
         """
         X = self.outline.X
         moved = np.zeros_like(X) if u is None else self.outline.gather(u)

@@ -1,31 +1,29 @@
 # SPDX-License-Identifier: MIT
 """Contact surfaces: the facets of a tag as curves, replicated on every rank.
 
-A curve is small, O(sqrt(N)) nodes beside a bulk of N: so every rank holds all of it, and nothing
-in the contact evaluation depends on who owns a facet. Nodes are numbered along the curves, from
-ends and in an order that follow from the coordinates alone, so the numbering does not depend on how
-the mesh is distributed.
+A curve has O(sqrt(N)) nodes if the bulk has N, so every rank holds all of it: the contact
+evaluation does not depend on the ownership of facets. Nodes are numbered along the curves. Start
+and order of the curves follow from coordinates alone, so the numbering does not depend on the
+partition of the mesh.
 
-What that costs each rank: with S slave and M master nodes, and B nodes on the outlines of their
-bodies, a Newton iteration collects positions, 16 B bytes (of a rigid obstacle's slave 16 S), sums
-of D, gap and cover, 32 S, contact forces, 16 (S + M), and forces on slave nodes to recover the
-multipliers, 16 S; multigrid weighs what these follow, 8 S. Together that is 72 S + 16 M + 16 B,
-however many ranks there are. `demos.studies.performance.ranks` counts it:
-21,744 bytes in 6 calls, the formula
-says 21,736, with 41,000 unknowns. On two ranks each has 49.7 to 50.3 % of the segments.
-An iteration at 161,000 unknowns takes 0.55 s on one rank and 0.35 s on
-two, one at 322,000 on two ranks 0.81 s, on a machine of two cores.
+Communication per rank and Newton iteration, with S slave nodes, M master nodes and B nodes on the
+outlines of their bodies, for any number of ranks:
 
-What limits many ranks is simulated there, not run: an interface like that of two blocks, bodies cut
-into squares. With 1e9 unknowns on 1e3 ranks S = 12,911 and M = 25,821; each rank holds 5.8 MB and
-is handed 3.4 MB in an iteration, as much as on 10 ranks. That is little beside a million unknowns
-of its own; but it does not shrink, nor does the work on all nodes that every rank repeats (normals,
-the sorted boxes of the search). With solver "iterative" the strip along the interface costs more:
-its right-hand side, 1.9 MB, goes to all ranks in every linear iteration, and each makes all of its
-factors. What would lift the limit: each rank keeps its own slave facets and the master facets whose
-boxes touch theirs. The busiest then holds 1.8 MB and is handed 21 kB in 12 messages. But only 18
-ranks have slave facets, so that their share of the integrals is 1 / 18 and not 1 / 1000; and the
-strip comes first.
+======================================================  =================
+quantity                                                bytes
+======================================================  =================
+positions (slave of a rigid obstacle: 16 S)             16 B
+sums of D, gap and cover                                32 S
+contact forces                                          16 (S + M)
+forces on slave nodes, from which multipliers follow    16 S
+weights in multigrid                                    8 S
+sum                                                     72 S + 16 M + 16 B
+======================================================  =================
+
+The work on all nodes (normals, tree of boxes) is repeated on each rank, too. With the solver
+"iterative", the strip along the interface costs more than that: its right-hand side is sent to all
+ranks in each linear iteration, and each rank factorizes the whole strip. The README of
+`demos.studies.performance` has measurements and a simulation of up to 1000 ranks.
 """
 
 from __future__ import annotations
@@ -41,16 +39,23 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
+from fenics_mortar.interface.curves import number_nodes, order_curves
 from fenics_mortar.kernels.shapes import lagrange
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.mesh.thickness import NodalThickness
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import SurfaceError, count_places, place
+from fenics_mortar.utils.errors import SurfaceError, count_places
+
+# Integral of a shape function times the thickness over nodal area [1] below which a node carries no
+# multiplier: as small, or negative, after slight motions. The axis of revolution at 1/20 of a facet
+# beside a vertex of quadratic facets leaves it 0.1; all other nodes have 0.6 or more.
+MIN_WEIGHT = 0.05
 
 
 @dataclass(frozen=True)
 class Surface:
-    """The facets of one boundary tag, equal on all ranks except for what this rank owns.
+    """Facets of one boundary tag; equal on all ranks except ``owned`` and ``local_dofs``.
 
     Attributes:
         name: Name used in messages.
@@ -61,9 +66,11 @@ class Surface:
         following: Node after each node, -1 at an end, shape (n,).
         nodes: Global number of each node in the displacement's space, shape (n,).
         owners: Rank that owns each node, shape (n,).
-        owned: Positions in these arrays of the nodes this rank owns.
+        owned: Indices in these arrays of the nodes owned by this rank, shape (owned nodes,).
         dofs: Global dofs of each node, shape (n, 2).
-        local_dofs: Local dofs of the nodes this rank owns, shape (owned nodes, 2).
+        local_dofs: Local dofs of the nodes owned by this rank, shape (owned nodes, 2).
+        comm: Communicator of the mesh.
+        thickness: Out-of-plane thickness; ``None`` if it is one.
     """
 
     name: str
@@ -77,11 +84,17 @@ class Surface:
     dofs: Indices
     local_dofs: Indices
     comm: MPI.Comm
+    thickness: NodalThickness | None = None
 
     @cached_property
     def num_nodes(self) -> int:
         """Number of nodes of the surface."""
         return self.X.shape[0]
+
+    @cached_property
+    def extent(self) -> float:
+        """Diagonal of the bounding box in the reference state [length]."""
+        return float(np.hypot(*np.ptp(self.X, axis=0)))
 
     @cached_property
     def degree(self) -> int:
@@ -107,8 +120,76 @@ class Surface:
         nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
         return nodal.astype(np.float64)
 
+    @cached_property
+    def near_dofs(self) -> Indices:
+        """Global dofs of the nodes before each node, its own and those of two facets after it.
+
+        For the first node of a facet: of the facet before, its own and the one after. Shape
+        (n, 6 K - 4) for facets of K nodes; -1 is beyond an end.
+        """
+        degree, own = self.degree, np.arange(self.num_nodes)
+        return self.dofs_of(self.along(own, range(-degree, 2 * degree + 1)))
+
+    @cached_property
+    def full_cover(self) -> Array:
+        """Integral of each nodal shape function times the thickness, undeformed, (n,) [area]."""
+        if self.thickness is None:
+            return self.nodal_lengths
+        measures = _measures(self.X[self.facets], self.thickness.at(self.X)[self.facets])
+        nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
+        return nodal.astype(np.float64)
+
+    @cached_property
+    def mean_thickness(self) -> Array | float:
+        """Mean thickness of the facets at each node, undeformed, shape (n,); 1.0 without one."""
+        if self.thickness is None:
+            return 1.0
+        areas = _measures(self.X[self.facets], self.thickness.at(self.X)[self.facets]).sum(axis=1)
+        sums = [
+            np.bincount(self.facets.ravel(), np.repeat(of_facets, self.degree + 1), self.num_nodes)
+            for of_facets in (areas, self.lengths)
+        ]
+        return np.asarray(sums[0] / sums[1])
+
+    @cached_property
+    def nodal_areas(self) -> Array:
+        """Nodal lengths times mean thickness, shape (n,): also positive where a weight is not."""
+        return self.nodal_lengths * self.mean_thickness
+
+    @cached_property
+    def weightless(self) -> npt.NDArray[np.bool_]:
+        """Nodes whose shape function has no positive integral with the thickness, shape (n,).
+
+        The vertex of a quadratic facet on the axis of revolution: int (1 - s) (1 - 2 s) s ds = 0.
+        """
+        return self.full_cover < MIN_WEIGHT * self.nodal_areas
+
+    @cached_property
+    def functions_move(self) -> bool:
+        """Whether multiplier functions change with the positions of wholly covered facets."""
+        return self.degree > 1 or (self.thickness is not None and self.thickness.by_x != 0.0)
+
+    @cached_property
+    def turns(self) -> Array:
+        """Turn of the curve to the left at each node, undeformed, 0 at ends, (n,) [radian]."""
+        inside = (self.previous >= 0) & (self.following >= 0) & ~self.inner
+        j, turns = np.flatnonzero(inside), np.zeros(self.num_nodes)
+        a, b = self.chords(self.X, j)
+        turns[j] = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))
+        return turns
+
+    def chords(self, x: Array, nodes: Indices) -> tuple[Array, Array]:
+        """Chords of the facets that end and begin at ``nodes`` (k,), (k, 2) each [length].
+
+        Args:
+            x: Positions of all nodes, shape (n, 2) [length].
+            nodes: Ends of two facets each.
+        """
+        near = self.along(nodes, range(-self.degree, self.degree + 1, self.degree))
+        return x[near[:, 1]] - x[near[:, 0]], x[near[:, 2]] - x[near[:, 1]]
+
     def along(self, nodes: Indices, steps: range) -> Indices:
-        """Nodes so many ``steps`` along the curve from ``nodes`` (k,): (k, steps); -1 is beyond."""
+        """Nodes at ``steps`` (s) along the curve from ``nodes`` (k,): (k, s); -1 beyond an end."""
         columns = []
         for step in steps:
             table = np.append(self.following if step > 0 else self.previous, -1)
@@ -119,10 +200,10 @@ class Surface:
         return np.stack(columns, axis=1)
 
     def gather(self, values: Array) -> Array:
-        """Collect nodal values of a function of the space on all ranks (collective).
+        """Gather nodal values of a function of the space on all ranks (collective).
 
         Args:
-            values: Local array of all dofs, owned ones first.
+            values: Local array of all dofs, owned ones first, shape (local dofs,).
 
         Returns:
             Values at the nodes of the surface, shape (n, 2), equal on all ranks.
@@ -130,16 +211,23 @@ class Surface:
         return replicate(values[self.local_dofs], self.owners, self.comm)
 
     def dofs_of(self, which: Indices) -> Indices:
-        """Global dofs (..., 2 k) of the nodes ``which`` (..., k) of the surface; -1 stays -1."""
+        """Global dofs of nodes of the surface (local).
+
+        Args:
+            which: Numbers of the nodes, -1 for none, shape (..., k).
+
+        Returns:
+            Dofs, -1 for none, shape (..., 2 k).
+        """
         dofs = np.where(which[..., None] >= 0, self.dofs[which], -1)
         return dofs.reshape(*which.shape[:-1], 2 * which.shape[-1])
 
     def welded(self, welds: Indices) -> Surface:
-        """The surface with curves joined where nodes are one (local).
+        """Surface with curves joined at welded nodes (local).
 
         Args:
-            welds: Pairs of global nodes, equal on all ranks, shape (k, 2): the second one stands
-                for both. Pairs that are not the end of a curve and the start of one are left.
+            welds: Pairs of global nodes, equal on all ranks, shape (k, 2): the second one replaces
+                the first. Pairs other than the end of one curve and the start of one are ignored.
         """
         previous, following = self.previous.copy(), self.following.copy()
         stands_for = np.arange(self.num_nodes)
@@ -166,41 +254,48 @@ class Surface:
             owned=number[self.owned[mine]],
             dofs=self.dofs[keep],
             local_dofs=self.local_dofs[mine],
+            thickness=self.thickness.of(keep) if self.thickness else None,
         )
 
     def scatter_add(self, values: Array, target: Array) -> None:
-        """Add replicated nodal ``values`` (n, 2) to the owned part of a local array (local)."""
+        """Add replicated nodal ``values`` (n, 2) to the owned dofs of a local array (local).
+
+        Args:
+            values: Shape (n, 2).
+            target: Local array of dofs, shape (owned dofs,) or longer; changed in place.
+        """
         target[self.local_dofs] += values[self.owned]
 
 
 def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: str) -> Surface:
-    """Collect the facets of ``tag`` as curves (collective).
+    """Extract the facets of ``tag`` as curves (collective).
 
     Args:
-        space: The displacement's nodes and dofs, degree 1 or 2.
+        space: Nodes and dofs of the displacement, degree 1 or 2.
         facet_tags: Facet tags of the mesh.
         tag: Tag of the surface.
         name: Name used in messages.
 
     Returns:
-        The surface, the same on all ranks.
+        The surface.
 
     Raises:
-        SurfaceError: If no facet has the tag, or a facet is not on the boundary of the mesh or has
-            zero length, or if more than two facets meet in a node. Raised on all ranks.
+        SurfaceError: If no facet has the tag, if a facet is not on the boundary of the mesh or has
+            zero length, or if more than two facets meet at a node. Raised on all ranks.
     """
     V = space.V
     comm = V.mesh.comm
     branches = comm.allgather(_local_facets(V, facet_tags, tag, name))
     ends, coordinates, given = (np.concatenate(branch) for branch in zip(*branches, strict=True))
-    nodes, X, facets = _number_nodes(ends, coordinates, given, name)
-    order, facets, previous, following = _order_curves(facets, X, name)
+    nodes, X, facets = number_nodes(ends, coordinates, given, name)
+    order, facets, previous, following = order_curves(facets, X, name)
     nodes = nodes[order]
     begin, end = V.dofmap.index_map.local_range
     starts = np.array(comm.allgather(begin))
     owners = np.searchsorted(starts, nodes, side="right") - 1
     owned = np.flatnonzero((nodes >= begin) & (nodes < end))
     local_dofs = space.dofs[nodes[owned] - begin]
+    thickness = space.thickness.at_nodes(X[order], comm) if space.thickness else None
     return Surface(
         name,
         X[order],
@@ -213,11 +308,23 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
         replicate(local_dofs + space.first, owners, comm),
         local_dofs,
         comm,
+        thickness,
     )
 
 
 def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.NDArray[Any]:
-    """Values (owned nodes, 2) of all ranks in the order of nodes, (nodes, 2) (collective)."""
+    """Gather the values of all ranks in the order of the nodes (collective).
+
+    Args:
+        mine: Values at the nodes owned by this rank, in order, shape (owned nodes, 2).
+        owners: Rank that owns each node, equal on all ranks, shape (nodes,).
+        comm: Communicator.
+
+    Returns:
+        Values at all nodes, shape (nodes, 2), equal on all ranks.
+    """
+    if comm.size == 1:
+        return np.ascontiguousarray(mine)
     everything = np.empty((owners.size, 2), mine.dtype)
     counts = np.bincount(owners, minlength=comm.size)
     comm.Allgatherv(np.ascontiguousarray(mine), (everything, 2 * counts))
@@ -227,10 +334,10 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
 
 
 def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array, Indices]:
-    """Nodes of the facets owned here, shape (m, K); their positions, (m, K, 2), and input numbers.
+    """Nodes (m, K), positions (m, K, 2) and input numbers (m, K) of the facets owned here.
 
-    Collective. A facet counts if any rank that has it gave it the tag. Nodes inside facets have the
-    input number -1.
+    Collective. A facet is included if any rank tags it, whether that rank owns the facet or not.
+    Nodes inside facets have the input number -1.
     """
     mesh = V.mesh
     mesh.topology.create_connectivity(1, 2)
@@ -245,7 +352,7 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
     if count:
         raise SurfaceError(
             f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
-            f"one at {where}; a contact surface is part of the outline of one body"
+            f"one at {where}; expected part of the outline of one body"
         )
     ends = facet_nodes(V, tagged)
     names = compat.input_nodes(V)
@@ -256,9 +363,13 @@ def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices
 
 
 def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
-    """Local nodes (m, K) of facets in order, the cell on the left (local).
+    """Local nodes (m, K) of facets in order, with the cell on the left (local).
 
-    The connectivities between facets and cells have to be there.
+    Requires the connectivities facets -> cells and cells -> facets.
+
+    Args:
+        V: Space of the displacement.
+        facets: Local facets, shape (m,).
     """
     topology = V.mesh.topology
     facet_cells, cell_facets = topology.connectivity(1, 2), topology.connectivity(2, 1)
@@ -276,75 +387,16 @@ def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
     return ends
 
 
-def _number_nodes(
-    ends: Indices, coordinates: Array, given: Indices, name: str
-) -> tuple[Indices, Array, Indices]:
-    """Number the nodes of the gathered facets and check the facets."""
-    if not ends.size:
-        raise SurfaceError(f"surface '{name}' has no facets")
-    nodes, first, inverse = np.unique(ends.ravel(), return_index=True, return_inverse=True)
-    X = coordinates.reshape(-1, 2)[first]
-    facets = inverse.reshape(ends.shape).astype(np.int64)
-    numbers = given.ravel()[first]
-    order = np.argsort(numbers, kind="stable")
-    twice = order[:-1][(np.diff(numbers[order]) == 0) & (numbers[order[:-1]] >= 0)]
-    if twice.size:  # dolfinx does not join cells of two ranks that meet in a corner only
-        raise _branching(name, X[twice[0]])
-    lengths = np.linalg.norm(X[facets[:, -1]] - X[facets[:, 0]], axis=1)
-    shortest = int(np.argmin(lengths))
-    if lengths[shortest] <= 1e-12 * lengths.max():
-        raise SurfaceError(
-            f"surface '{name}': the facet at {place(X[facets[shortest, 0]])} has zero length; "
-            "merge its two nodes"
-        )
-    return nodes, X, facets
+def _measures(X: Array, thickness: Array | None = None) -> Array:
+    """Integrals of the shape functions over facets at ``X`` (m, K, 2): shape (m, K) [length].
 
-
-def _branching(name: str, X: Array) -> SurfaceError:
-    return SurfaceError(
-        f"surface '{name}' branches at {place(X)}: more than two of its facets, or two that do not "
-        "continue each other, meet there; split it into two surfaces"
-    )
-
-
-def _order_curves(
-    facets: Indices, X: Array, name: str
-) -> tuple[Indices, Indices, Indices, Indices]:
-    """Walk along the curves: order of the nodes, renumbered facets, neighbours of each node."""
-    count = X.shape[0]
-    following, previous = np.full(count, -1), np.full(count, -1)
-    for a, b in np.concatenate([facets[:, k : k + 2] for k in range(facets.shape[1] - 1)]):
-        for table, node, other in ((following, a, b), (previous, b, a)):
-            if table[node] >= 0:
-                raise _branching(name, X[node])
-            table[node] = other
-    by_place = np.lexsort((X[:, 1], X[:, 0]))
-    by_place = by_place[np.isin(by_place, facets[:, 0])]
-    ends_first = np.concatenate([by_place[previous[by_place] < 0], by_place])
-    order: list[int] = []
-    seen = np.zeros(count, bool)
-    for start in ends_first:
-        node = int(start)
-        while node >= 0 and not seen[node]:
-            seen[node] = True
-            order.append(node)
-            node = int(following[node])
-    permutation = np.array(order)
-    position = np.empty(count + 1, np.int64)
-    position[permutation] = np.arange(count)
-    position[-1] = -1
-    previous, following = position[previous[permutation]], position[following[permutation]]
-    nodes = [np.flatnonzero(np.isin(permutation, facets[:, 0]))]
-    for _ in range(facets.shape[1] - 1):
-        nodes.append(following[nodes[-1]])
-    return permutation, np.stack(nodes, axis=1), previous, following
-
-
-def _measures(X: Array) -> Array:
-    """Integrals of the shape functions over facets ``X`` (m, K, 2): shape (m, K) [length]."""
-    if X.shape[1] == 2:
+    With ``thickness`` (m, K) [length] those of the shape functions times it.
+    """
+    if X.shape[1] == 2 and thickness is None:
         return np.repeat(np.linalg.norm(X[:, 1] - X[:, 0], axis=1)[:, None] / 2, 2, axis=1)
     points, weights = np.polynomial.legendre.leggauss(5)
     N, dN = lagrange(points, X.shape[1] - 1)
     J = np.linalg.norm(np.einsum("pk,mkc->mpc", dN, X), axis=2)
+    if thickness is not None:
+        J = J * np.einsum("pk,mk->mp", N, thickness)
     return np.einsum("pk,mp,p->mk", N, J, weights)

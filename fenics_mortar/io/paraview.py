@@ -12,7 +12,6 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 from mpi4py import MPI
 
@@ -185,6 +184,8 @@ class _Series:
         return self._path.with_name(f"{self._path.name}_{step:06d}_p{rank}.vtu")
 
     def _index(self) -> str:
+        from xml.sax.saxutils import quoteattr  # loads the library for HTTP
+
         lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1"><Collection>']
         for step, time in enumerate(self._times):
             for part, rank in enumerate(self._ranks):

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""Multiplier functions of a partly covered facet, and the functions that weigh its gap.
+"""Multiplier functions of a partly covered facet, and the functions that weight its gap.
 
 ===========  ====================================================================  ===========
 symbol       meaning                                                               shape
 ===========  ====================================================================  ===========
 T            1, t, ..., t^(K - 1) with t = (xi - middle) / half: a basis on the    (K,)
-             covered part S of the facet, whose ends are at t = -1 and 1
+             covered part S of the facet, which is -1 <= t <= 1
 G            moments int t^p dgamma over S, p = 0 ... 2 K - 2; the mass matrix     (2 K - 1,)
              of T has the entries G[p + q]
-B            coefficients of the shape functions, N = B T, zero from K on           (K, 2 K - 1)
-d            int N_j dgamma over S, B G                                            (K,)
-H            weights by which nodes take over functions of others                  (K, K)
+B            coefficients of the shape functions, N = B T; columns from K on are 0  (K, 2 K - 1)
+d            int N_j dgamma over S, d = B G                                        (K,)
+H            hand-over: H[i, j] is the fraction of function j added to that of i   (K, K)
 C            coefficients of the multiplier functions, Phi = C T                   (K, K)
-C_g          those of the functions that weigh the gap                             (K, K)
-..._dG       derivatives by G                                                      (..., 2 K - 1)
+C_g          coefficients of the functions that weight the gap                     (K, K)
+..._dG       derivatives with respect to G                                         (..., 2 K - 1)
 ===========  ====================================================================  ===========
 
 The bases are
@@ -21,29 +21,29 @@ The bases are
     standard   C = H B
     dual       C = H E,  E_j = d_j T(xi_j) G^-1:
 
-E_j is d_j times the polynomial that gives, integrated with any other one, its value at node j. So
-the dual functions are biorthogonal to N on S, whatever S and J; their sum is one ("consistent":
-Cichosz & Bischoff 2011; Popp, Seitz, Gee & Wall 2013). All integrals are sums over the points of
-the segments, in D as in M, so that the forces of both sides balance to the last digit. With points
-at the two nodes of a facet both bases are one, and D is diagonal.
+the integral of E_j times a polynomial of degree K - 1 is d_j times the polynomial at node j. The
+dual functions are therefore biorthogonal to N on S for any S and J, and sum to one ("consistent"
+dual basis: Cichosz & Bischoff 2011; Popp, Seitz, Gee & Wall 2013). D and M are sums over the same
+quadrature points, those of the segments: contact forces of both sides balance to rounding. If these
+points are the two nodes of a facet, both bases coincide and D is diagonal.
 
-A node without multiplier hands its function to its neighbours on the facet: the columns of H sum to
-one. Dual functions are shared in proportion to d_j, so that a neighbour whose d_j vanishes gets
-nothing and may be left out without a jump. If only the ends of a quadratic facet carry multipliers,
-they have the linear functions, (1 -+ xi) / 2: those are N_j + N_m / 2 with the standard basis, and
-Phi_j + Phi_m / 2 with the dual one where J is even and the cover full.
+A node without multiplier hands its function over to other nodes of the facet: each column of H sums
+to one. Dual functions are shared in proportion to d_j: a neighbour with d_j = 0 receives nothing,
+and can be dropped without a jump. If only the ends of a quadratic facet carry multipliers, with the
+inner node m, the functions are the linear ones, (1 -+ xi) / 2: N_j + N_m / 2 in the standard basis,
+and Phi_j + Phi_m / 2 in the dual one for full cover and even J.
 
-The gap of node j is weighted by Phi_j ("by basis"), by N_j ("by standard": Petrov-Galerkin, Popp,
+The gap at node j is weighted by Phi_j ("by basis"), by N_j ("by standard": Petrov-Galerkin, Popp,
 Seitz, Gee & Wall 2013), or "by cover": by Phi_j if the node is covered. The dual function of a node
-beyond the edge continues the gap from S to the node, where there is no master. On a facet of two
-nodes that both have multipliers the gap is evaluated at the edge p of S instead, by the function
+beyond the edge of S extrapolates the gap from S to the node, where there is no master. On two-node
+facets with multipliers at both nodes, the gap is evaluated at the edge p of S instead, by
 
     Psi_j = d_j T(p) G^-1 T,
 
-and on other facets it is weighted by N_j. All of these have the integral d_j.
+and on other facets it is weighted by N_j. The integral of each of these functions is d_j.
 
-T is fixed: ``middle`` and ``half`` are numbers, for Phi does not depend on them. All derivatives
-follow from those of G, by scalars that are computed once for a facet, and from that of p.
+T is fixed: ``middle`` and ``half`` have no derivatives, since Phi does not depend on them. All
+derivatives follow from those of G, with coefficients computed once per facet, and from that of p.
 """
 
 import numpy as np
@@ -52,13 +52,17 @@ from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
 DUAL, STANDARD = 0, 1
-# What weighs the gap, see above
+# Functions that weight the gap, see above
 BY_BASIS, BY_COVER, BY_STANDARD = 0, 1, 2
 
 
 @kernel
 def outermost(ends):
-    """The segments with the lower and the upper end of the cover: segments may have no length."""
+    """Indices of the segments at the lower and the upper end of the cover.
+
+    ``ends`` (s, 2), s > 0. These need not be the first and the last segment, as segments can have
+    zero length.
+    """
     first, last = 0, 0
     for i in range(1, ends.shape[0]):
         first = i if ends[i, 0].real < ends[first, 0].real else first
@@ -68,7 +72,10 @@ def outermost(ends):
 
 @kernel
 def shape_coefficients(place, G, B, d):
-    """Fill ``B`` (K, K first columns), by Taylor's formula at the middle, and ``d`` = B G."""
+    """Fill ``d`` = B G and the first K columns of ``B``: Taylor coefficients at the middle of S.
+
+    ``place`` = (lower end, upper end) of S in xi.
+    """
     low, high = place
     count = d.size
     N = np.empty((3, count))
@@ -83,7 +90,10 @@ def shape_coefficients(place, G, B, d):
 
 @kernel
 def invert_mass(G, work, inverse):
-    """Fill ``inverse`` of the mass matrix G[p + q] (K, K), by Gauss and Jordan."""
+    """Fill ``inverse`` (K, K) of the mass matrix G[p + q] by Gauss-Jordan elimination.
+
+    No pivoting: the matrix is positive definite. ``work`` (K, K) is overwritten.
+    """
     size = inverse.shape[0]
     for i in range(size):
         for k in range(size):
@@ -104,7 +114,7 @@ def invert_mass(G, work, inverse):
 
 @kernel
 def dual_function(t, d, shape, inverse, E, E_dG):
-    """Fill ``E`` (K,) = d T(t) G^-1 and its derivative; ``shape`` (2 K - 1,) = dd/dG."""
+    """Fill ``E`` (K,) = d T(t) G^-1 and ``E_dG`` (K, 2 K - 1); ``shape`` (2 K - 1,) is dd/dG."""
     count = E.size
     for p in range(count):
         value, T = 0.0 * d, 1.0 + 0.0 * t
@@ -122,13 +132,19 @@ def dual_function(t, d, shape, inverse, E, E_dG):
 
 @kernel
 def takes(weights, d, i, j):
-    """Whether node i takes a fraction of the function of node j, which others take, too."""
+    """Whether node i receives a share, less than all, of the function of node j.
+
+    ``weights`` = H (K, K); ``d`` (K,).
+    """
     return 0.0 < weights[i, j] < 1.0 and d[i].real > 0.0
 
 
 @kernel
 def hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG):
-    """Add what nodes take of the function ``E`` (K,) of node ``j``; fill column j of D."""
+    """Add the shares of the function ``E`` (K,) of node ``j`` to C; fill column j of D.
+
+    ``D_dG`` has the shape (K K, 2 K - 1).
+    """
     count = d.size
     total = 0.0 * d[0]
     for i in range(count):
@@ -155,7 +171,11 @@ def hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG):
 
 @kernel
 def dual_multipliers(place, weights, B, d, inverse, work, C, C_dG, D, D_dG):
-    """Fill C, D and their derivatives for the dual basis; ``work`` = (E (K,), E_dG)."""
+    """Fill C (K, K), D (K, K) and their derivatives by G for the dual basis.
+
+    ``place`` = (lower end, upper end) of S; ``weights`` = H (K, K); ``inverse`` (K, K) that of the
+    mass matrix; ``work`` = (E (K,), E_dG (K, 2 K - 1)), overwritten.
+    """
     E, E_dG = work
     count = d.size
     low, high = place
@@ -170,7 +190,10 @@ def dual_multipliers(place, weights, B, d, inverse, work, C, C_dG, D, D_dG):
 
 @kernel
 def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
-    """Fill C, D and their derivatives for the standard basis."""
+    """Fill C (K, K), D (K, K) and their derivatives by G for the standard basis.
+
+    ``weights`` = H (K, K); shapes of derivatives: C_dG (K, K, 2 K - 1), D_dG (K K, 2 K - 1).
+    """
     count = C.shape[0]
     C_dG[:] = 0.0
     D_dG[:] = 0.0
@@ -189,7 +212,10 @@ def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
 
 @kernel
 def edge_beyond(j, count, place):
-    """The edge next to node ``j`` if it lies beyond: -1 the lower one, 1 the upper one, else 0."""
+    """Edge of S that node ``j`` of ``count`` lies beyond: -1 lower, 1 upper, 0 none.
+
+    ``place`` = (lower end, upper end) of S in xi.
+    """
     xi = 2.0 * j / (count - 1.0) - 1.0
     if xi < place[0]:
         return -1
@@ -198,9 +224,10 @@ def edge_beyond(j, count, place):
 
 @kernel
 def weigh_gap(kinds, place, edges, weights, B, d, inverse, C, C_dG, C_g, C_g_dG, C_g_dp):
-    """Fill ``C_g``, its derivatives by G and, ``C_g_dp`` (K, K), by the edge next to each node.
+    """Fill ``C_g`` and its derivatives, ``C_g_dG`` and, by the edge next to each node, ``C_g_dp``.
 
-    ``kinds`` = (basis, what weighs the gap); ``edges``: ends of the cover, ``place`` as numbers.
+    ``kinds`` = (basis, weights of the gap); ``edges`` are the ends of S with their derivatives in a
+    complex step, ``place`` the same without; ``C_g_dp`` has the shape (K, K).
     """
     basis, by = kinds
     count = d.size

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Areas of cells at their nodes, and cells near a box."""
+"""Jacobian determinants of cells at their nodes, and cells near a box."""
 
 from fenics_mortar.kernels import kernel
 
@@ -8,14 +8,14 @@ from fenics_mortar.kernels import kernel
 def tabulate_areas(x, cells, gradients, areas):
     """Fill ``areas`` (cells, k) with the determinant of dx/dX at each node of each cell.
 
-    At a corner of a straight cell this is twice the area of the triangle spanned there.
+    At a corner of a straight cell this is twice the area of the triangle of its two edges.
 
     Args:
         x: Positions of all nodes, shape (n, 2) [length].
         cells: Nodes of each cell, shape (cells, k).
-        gradients: Gradients of the shape functions in the reference cell at its nodes: [a, b] is
-            that of function b at node a, shape (k, k, 2).
-        areas: Determinants [area].
+        gradients: Gradients in the reference cell: [a, b] is that of shape function b at node a,
+            shape (k, k, 2) [1].
+        areas: Determinants, shape (cells, k) [length^2]; filled.
     """
     for e in range(cells.shape[0]):
         x0, y0 = x[cells[e, 0], 0], x[cells[e, 0], 1]
@@ -31,14 +31,14 @@ def tabulate_areas(x, cells, gradients, areas):
 
 @kernel
 def find_near(x, cells, low, high, near):
-    """Fill ``near`` (cells,) with whether the box of a cell's nodes meets a box.
+    """Mark the cells whose bounding box of nodes intersects a box.
 
     Args:
         x: Positions of all nodes, shape (n, 2) [length].
         cells: Nodes of each cell, shape (cells, k).
         low: Lower left corner of the box, shape (2,) [length].
-        high: Its upper right corner.
-        near: The answers.
+        high: Upper right corner of the box, shape (2,) [length].
+        near: Whether each cell does, shape (cells,), bool; filled.
     """
     for e in range(cells.shape[0]):
         near[e] = True

@@ -21,7 +21,6 @@ import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.plane import (
-    MET,
     cross_properly,
     crossing_point,
     distance_of,
@@ -32,23 +31,25 @@ from fenics_mortar.kernels.plane import (
     side,
 )
 from fenics_mortar.kernels.tree import build_tree, query_tree
-
-# Largest number of segments followed from a crossing; a lens has far fewer.
-MAX_SEGMENTS = 512
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
 def begin_way(x, segments, way, used, e, forward, P):
-    """Start a path at P with the rest of segment e."""
+    """Start a path at P (2,) with the rest of segment e; fill way[:2] and used[0].
+
+    ``way`` (k + 1, 2): positions of the nodes of the path; ``used`` (k,): segments of its pieces.
+    ``forward``: whether the path follows the direction of the segments.
+    """
     way[0], way[1], used[0] = P, x[segments[e, 1 if forward else 0]], e
 
 
 @kernel
 def has_piece(x, segments, links, way, used, count, forward, i):
-    """Whether a path along an outline has piece i; appended if ``count`` == i.
+    """Whether a path along an outline has piece i; it is appended if ``count`` == i.
 
-    Piece i from ``way[i]`` to ``way[i + 1]`` is on segment ``used[i]``. A path ends if its arrays
-    are full, at the end of a curve, or at its start.
+    Piece i, from ``way[i]`` to ``way[i + 1]``, is on segment ``used[i]``. A path ends at the end of
+    a curve or at its own start. ``links`` = (after (m,), before (m,)).
     """
     if i < count:
         return True
@@ -63,8 +64,9 @@ def has_piece(x, segments, links, way, used, count, forward, i):
 
 @kernel
 def is_left(p, way, count, branch, at, forward):
-    """Whether p is inside the outline at its nearest point; ``forward``: direction of the path.
+    """Whether p (2,) is on the inner side of a path at its nearest point.
 
+    The nearest point is at the coordinate ``at``, 0 to 1, of piece ``branch`` of ``count`` pieces.
     At a node the sum of both unit normals is used.
     """
     nx, ny, bx, by = 0.0, 0.0, 0.0, 0.0
@@ -83,9 +85,10 @@ def is_left(p, way, count, branch, at, forward):
 
 @kernel
 def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, ahead):
-    """Nearest piece of a path to p, from piece ``begin`` over the arc length ``ahead``.
+    """Piece of path ``k`` nearest to p (2,), from piece ``begin`` over the length ``ahead``.
 
-    ``counts[k]``: number of its pieces. Returns squared distance, piece and coordinate on it.
+    ``counts`` (2,): numbers of pieces of both paths, updated. Returns (squared distance, piece,
+    coordinate on the piece, 0 to 1).
     """
     best, branch, at, j = np.inf, begin, 0.0, begin
     while ahead >= 0.0 and has_piece(x, segments, links, way, used, counts[k], forward, j):
@@ -101,9 +104,10 @@ def nearest_on_way(x, segments, links, way, used, counts, k, forward, p, begin, 
 
 @kernel
 def is_out_at_once(outlines, links, f, forward, P, p):
-    """Whether the path from P to p leaves the other body within a facet of P along its outline.
+    """Whether the path from P (2,) to p (2,) leaves the other body within a facet of P.
 
-    The outline of the other body is followed outwards from P, against ``forward``. Example: the
+    The outline of the other body is followed outwards from P on segment ``f``, against ``forward``,
+    over the length of one facet. Example: the
     nearly collinear tops of two adjacent blocks that overlap by rounding.
     """
     x, segments, lengths, _ = outlines
@@ -155,7 +159,7 @@ def depth_along(outlines, links, allowed, ways, useds, counts, forwards, order, 
         )
         f = useds[two][near]
         length, distance = max(lengths[e], lengths[f]), np.sqrt(square)
-        if distance <= MET * length:
+        if distance <= ROUNDING * length:
             break
         if not is_left(p, other, counts[two], near, at, forwards[two]):
             break
@@ -205,7 +209,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
     stack, hits = np.empty(128, np.int64), np.empty(boxes.shape[0] // 2, np.int64)
     rows, count = np.empty((64, 6)), 0
     walked = np.full((segments.shape[0], 2), -1)
-    size = min(segments.shape[0], MAX_SEGMENTS)
+    size = segments.shape[0]
     work = (
         np.empty((size + 1, 2)),
         np.empty((size + 1, 2)),
@@ -221,7 +225,7 @@ def find_crossings(x, segments, after, before, lengths, bodies, allowed):
             if not cross_properly(x, segments[e], segments[f]):
                 continue
             P = crossing_point(x, segments[e], segments[f])
-            rounding = MET * max(lengths[e], lengths[f])
+            rounding = ROUNDING * max(lengths[e], lengths[f])
             if is_at_end(x, segments[e], P, rounding) and is_at_end(x, segments[f], P, rounding):
                 continue  # coinciding corners
             facets, depth = crossing_depth(

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: MIT
 """D, M, the weighted gap and all derivatives of slave facets with K = 2 or 3 nodes.
 
-Two passes over the segments of a facet: the moments of its covered part make the multiplier
-functions, and with these the integrals and their derivatives follow. For the symbols see ``basis``
-and ``moments``.
+There are two passes over the segments of a facet. The first one computes the moments of the covered
+part, which determine the multiplier functions; the second one the integrals and their derivatives.
+For the symbols see ``basis`` and ``moments``.
 
-Where the functions of a facet change with its segments, M on segment i has derivatives by the nodes
-of each segment k, hence pairs (i, k). They change on curved facets, since J varies, and where a
-part of the facet has no partner and an end of the cover moves. Else the terms of all segments
-together vanish and are left out.
+If the multiplier functions of a facet vary with its segments, M on segment i has derivatives by the
+nodes of each segment k: hence pairs (i, k). They vary on curved facets, as J does, and where the
+facet is partly covered and an end of the cover moves. Otherwise the sum of these terms over the
+segments is zero, and they are left out.
 """
 
 import numpy as np
@@ -28,25 +28,42 @@ from fenics_mortar.kernels.moments import (
     chain_normals,
     integrate_derivatives,
     integrate_moments,
+    thickness_at,
 )
 from fenics_mortar.kernels.projection import combine, gather, segment_ends
 from fenics_mortar.kernels.shapes import tabulate_shapes
 
 
 @kernel
-def tabulate_covers(x, facets, ends, offsets, rule, cover):
-    """Fill ``cover`` (f, K): the integrals of N over the covered parts; see below."""
+def thickness_of(x, nodes, thickness, theta):
+    """Fill ``theta`` (K,), the ``thickness`` at ``nodes`` (K,), [length]."""
+    constant, by_x = thickness
+    for i in range(nodes.size):
+        theta[i] = constant[nodes[i]] + by_x * x[nodes[i], 0]
+
+
+@kernel
+def tabulate_covers(x, facets, ends, offsets, rule, cover, thickness=None):
+    """Fill ``cover`` (f, K) with the integrals of N over the covered parts [length].
+
+    ``x`` (n, 2), ``facets`` (f, K), ``ends`` (s, 2); others as in ``tabulate_facets``.
+    """
     points, weights, spans = rule
+    theta = np.empty(facets.shape[1])
     y, N = np.empty(6 * facets.shape[1]), np.empty((3, facets.shape[1]))
     cover[:] = 0.0
     for e in range(facets.shape[0]):
         gather(x, x, x, facets[e], facets[e], y)
+        if thickness is not None:
+            thickness_of(x, facets[e], thickness, theta)
         for i in range(offsets[e], offsets[e + 1]):
             c, h = 0.5 * (ends[i, 0] + ends[i, 1]), 0.5 * (ends[i, 1] - ends[i, 0])
             for p in range(spans[i, 0], spans[i, 1]):
                 tabulate_shapes(c + h * points[p], N)
                 tx, ty = combine(y, 0, N, 1)
                 J = np.sqrt(tx * tx + ty * ty)
+                if thickness is not None:
+                    J = J * thickness_at(theta, N, 0)
                 for j in range(facets.shape[1]):
                     cover[e, j] += weights[p] * J * h * N[0, j]
 
@@ -80,36 +97,41 @@ def apply_to_gap(C_g, C_g_dG, C_g_dp, T_g, g, g_dG, g_dp):
 
 @kernel
 def square(count, kind):
-    """An array (count, count) to be filled."""
+    """Uninitialized array (count, count)."""
     return np.empty((count, count), kind)
 
 
 @kernel
 def add_edge(g_dp, dend, dn_dx, nodes, row, dg):
-    """Add to dg (K, columns) what the derivative ``dend`` (6 K,) of an edge changes."""
+    """Add the change of g by the motion ``dend`` (6 K,) of an edge to ``dg`` (8 K - 4,)."""
     chain_normals(dend, dn_dx, nodes, row)
     for q in range(row.size):
         dg[q] += g_dp * row[q]
 
 
 @kernel
-def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, options, values):
-    """Make D, M and the weighted gap of all facets.
+def tabulate_facets(
+    geometry, facets, segments, offsets, pair_offsets, rule, options, values, thickness=None
+):
+    """Evaluate D, M, the weighted gap and their derivatives on all facets.
 
     Args:
         geometry: (x, n, dn_dx, m): slave positions, normals and their derivatives, master
-            positions.
-        facets: (slave nodes (f, K), weights H (f, K, K), partial (f,): whether the functions of a
-            facet move with its segments).
+            positions [length].
+        facets: (slave nodes (f, K), weights H (f, K, K), partial (f,): whether the multiplier
+            functions of a facet vary with its segments).
         segments: (master nodes (n, K), end_is_fixed (n, 2), ends (n, 2)).
-        offsets: Facet e has the segments offsets[e]:offsets[e+1].
-        pair_offsets: And the pairs pair_offsets[e]:pair_offsets[e+1] of them: (i, k), k running
-            fastest, if it is partial, else only i = k.
-        rule: (s, w, spans (n, 2)): segment i has the points spans[i, 0]:spans[i, 1].
-        options: (basis, what weighs the gap, whether the ends of segments have derivatives).
-        values: Filled; (D (f, K, K), dD (n, K K, C), M (n, K, K), dM (pairs, K K, C), g (f, K), dg
-            (n, K, C), cover (f, K)) with C = 8 K - 4 columns. Rows of facets without segments are
-            left as they are; dD and dM must come zeroed.
+        offsets: Segments of facet e are offsets[e]:offsets[e + 1], shape (f + 1,).
+        pair_offsets: Pairs (i, k) of segments of facet e are pair_offsets[e]:pair_offsets[e + 1],
+            shape (f + 1,): all pairs with k running fastest if it is partial, else only i = k.
+        rule: (s (p,), w (p,), spans (n, 2)): points of segment i are spans[i, 0]:spans[i, 1].
+        options: (basis, weights of the gap, whether the ends of segments have derivatives).
+        values: (D (f, K, K), dD (n, K K, C), M (n, K, K), dM (pairs, K K, C), g (f, K), dg
+            (n, K, C), cover (f, K)) with C = 8 K - 4 columns; filled. Rows of facets without
+            segments are left unchanged; dD and dM must be zero on entry. D, M, cover and dg are
+            [length], g is [length^2], dD and dM are [1].
+        thickness: (constant part at the slave nodes (n,) [length], derivative by their first
+            current coordinate [1]), linear between nodes; a factor of all integrals; by default 1.
     """
     x, n, dn_dx, m = geometry
     nodes, weights, partial = facets
@@ -118,20 +140,25 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
     basis, gap_weights, move_ends = options
     D, dD, M, dM, g, dg, cover = values
     kind, count, columns = x.dtype, nodes.shape[1], dD.shape[2]
-    size, most = 2 * count - 1, np.max(offsets[1:] - offsets[:-1]) if nodes.shape[0] else 0
+    size, max_segments = 2 * count - 1, np.max(offsets[1:] - offsets[:-1]) if nodes.shape[0] else 0
     of_M, of_g, rows = size, size + count * count, size + count * count + count
     shapes = np.empty((3, count), kind), np.empty((3, count), kind)
     work = shapes, np.empty((4, 6 * count), kind), np.empty((rows, 4), kind)
-    y, ends = np.empty((most, 6 * count), kind), np.empty((most, 2), kind)
-    dends, by_y = np.empty((most, 2, 6 * count), kind), np.empty((rows, 6 * count), kind)
-    G, T_M, T_g = np.empty(size, kind), np.empty((most, count, count), kind), np.empty(count, kind)
+    y, ends = np.empty((max_segments, 6 * count), kind), np.empty((max_segments, 2), kind)
+    dends, by_y = np.empty((max_segments, 2, 6 * count), kind), np.empty((rows, 6 * count), kind)
+    T_M = np.empty((max_segments, count, count), kind)
+    G, T_g = np.empty(size, kind), np.empty(count, kind)
     C, C_g, C_g_dp = square(count, kind), square(count, kind), square(count, kind)
     inverse, scratch = square(count, kind), square(count, kind)
     C_dG, C_g_dG = np.empty((count, count, size), kind), np.empty((count, count, size), kind)
-    M_dG, D_dG = np.empty((most, count**2, size), kind), np.empty((count**2, size), kind)
+    M_dG, D_dG = np.empty((max_segments, count**2, size), kind), np.empty((count**2, size), kind)
     g_dG = np.empty((count, size), kind)
     B, d, g_dp = np.zeros((count, size)), np.empty(count, kind), np.empty(count, kind)
-    dG, row = np.empty((most, size, columns), kind), np.empty(columns, kind)
+    dG, row = np.empty((max_segments, size, columns), kind), np.empty(columns, kind)
+    if thickness is None:
+        theta, by_x = None, 0.0
+    else:
+        theta, by_x = np.empty(count, kind), thickness[1]
     for e in range(nodes.shape[0]):
         start, number = offsets[e], offsets[e + 1] - offsets[e]
         if number == 0:
@@ -141,6 +168,8 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
             segment_ends(
                 y[i], end_is_fixed[start + i], found[start + i], shapes[0], ends[i], dends[i]
             )
+        if thickness is not None:
+            thickness_of(x, nodes[e], thickness, theta)
         first, last = outermost(ends[:number])
         place = ends[first, 0].real, ends[last, 1].real
         G[:] = 0.0
@@ -148,7 +177,7 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
         for i in range(number):
             span = slice(spans[start + i, 0], spans[start + i, 1])
             own_rule = points[span], point_weights[span]
-            integrate_moments(y[i], ends[i], place, own_rule, shapes, G, T_M[i], T_g)
+            integrate_moments(y[i], ends[i], place, own_rule, shapes, G, T_M[i], T_g, theta)
         shape_coefficients(place, G, B, d)
         if basis == DUAL:
             invert_mass(G, scratch, inverse)
@@ -171,7 +200,7 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
             span = slice(spans[own, 0], spans[own, 1])
             integrate_derivatives(
                 y[i], ends[i], dends[i], place, (points[span], point_weights[span]), (C, C_g), work,
-                by_y,
+                by_y, theta, by_x,
             )  # fmt: skip
             for r in range(rows):
                 if r < of_M:
@@ -192,3 +221,20 @@ def tabulate_facets(geometry, facets, segments, offsets, pair_offsets, rule, opt
             if g_dp[j] != 0.0:
                 edge, end = (first, 0) if j == 0 else (last, 1)
                 add_edge(g_dp[j], dends[edge, end], dn_dx, nodes[e], row, dg[start + edge, j])
+
+
+@kernel
+def integrate_facets(
+    geometry, facets, segments, offsets, pair_offsets, rule, options, values, derivatives, thickness
+):
+    """As ``tabulate_facets``, with ``values`` (D, M, g, cover) and ``derivatives`` (dD, dM, dg).
+
+    To be called from Python: numba finds out the types of tuples of more than four arrays anew in
+    each call, which takes 0.1 ms.
+    """
+    D, M, g, cover = values
+    dD, dM, dg = derivatives
+    tabulate_facets(
+        geometry, facets, segments, offsets, pair_offsets, rule, options,
+        (D, dD, M, dM, g, dg, cover), thickness,
+    )  # fmt: skip

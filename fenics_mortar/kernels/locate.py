@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Where points are in a triangulation, by walking through it."""
+"""Location of points in a triangulation, by walking through it."""
 
 from fenics_mortar.kernels import kernel
-
-# Tolerance of twice the area beside a point over the square of a triangle's longest side [1].
-ROUNDING = 1e-10
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
@@ -15,19 +13,20 @@ def _double_area(a, b, c):
 
 @kernel
 def locate(points, x, triangles, neighbours, found, weights):
-    """Find the triangle of each point, and what its nodes weigh there.
+    """Find the triangle of each point and the barycentric coordinates there.
 
-    A walk begins where the one before has ended, and goes across the side that the point is
-    farthest beyond: in a triangulation of Delaunay's it never comes back (Devillers, Pion and
-    Teillaud 2002). Points that follow each other should be near each other.
+    A walk begins where the previous one ended, and crosses the side that the point is farthest
+    beyond: in a Delaunay triangulation it has no cycles (Devillers, Pion and Teillaud 2002).
+    Consecutive points should be near each other. Twice an area is rounding below ``ROUNDING`` times
+    the square of the longest side.
 
     Args:
         points: Shape (n, 2) [length].
         x: Positions of the nodes, shape (nodes, 2) [length].
         triangles: Nodes of each, shape (t, 3).
-        neighbours: Triangle across from each node, -1 at the edge, shape (t, 3).
+        neighbours: Triangle opposite to each node, -1 at the boundary, shape (t, 3).
         found: Number of the triangle, -1 outside, shape (n,); filled.
-        weights: What each of its three nodes counts at the point, shape (n, 3); filled.
+        weights: Barycentric coordinates of the point, shape (n, 3) [1]; filled.
     """
     begin = 0
     for p in range(len(points)):
@@ -36,15 +35,15 @@ def locate(points, x, triangles, neighbours, found, weights):
             begin, nodes = here, triangles[here]
             whole = _double_area(x[nodes[0]], x[nodes[1]], x[nodes[2]])
             sign = 1.0 if whole >= 0.0 else -1.0
-            size, least, across = 0.0, 0.0, 0
+            size, lowest, across = 0.0, 0.0, 0
             for k in range(3):
                 a, b = x[nodes[(k + 1) % 3]], x[nodes[(k + 2) % 3]]
                 weights[p, k] = sign * _double_area(points[p], a, b)
                 size = max(size, (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
-                if weights[p, k] < least:
-                    least, across = weights[p, k], k
-            if least >= -ROUNDING * size:
-                if sign * whole > ROUNDING * size:  # else it is a sliver at the edge
+                if weights[p, k] < lowest:
+                    lowest, across = weights[p, k], k
+            if lowest >= -ROUNDING * size:
+                if sign * whole > ROUNDING * size:  # else a sliver at the boundary
                     found[p] = here
                     weights[p] /= sign * whole
                 break

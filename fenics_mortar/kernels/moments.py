@@ -1,27 +1,30 @@
 # SPDX-License-Identifier: MIT
 """Integrals over one segment, and their derivatives.
 
-A segment is the part of a slave facet that meets one master facet, and a list of points
-xi = c + h s, -1 <= s <= 1, with weights whose sum is 2: a Gauss rule, if its ends are where the
-facets meet. Or its ends are fixed places on the slave facet, and its points are those of a rule for
-the whole facet that lie between them: then nothing moves but the partners of the points.
+A segment is a part of a slave facet with partners on one master facet, and a list of points
+xi = c + h s, -1 <= s <= 1, with weights whose sum is 2. Either its ends are those of the
+intersection of the two facets, and the points are a Gauss rule; or its ends are fixed on the slave
+facet, and the points are those of a rule for the whole facet that lie between them. In the latter
+case only the partners of the points move.
 
 =========  =========================================================================  ===========
 symbol     meaning                                                                    shape
 =========  =========================================================================  ===========
 c, h       centre and half length of the segment                                      ()
-J          |dx/dxi|, so dgamma = J h ds; W = w J h is the weight of a point           ()
+J          |dx/dxi|, dgamma = J h ds; W = w J h is the weight of a point              ()
+theta      out-of-plane thickness at the nodes of the facet; with it dgamma is an     (K,)
+           area, dgamma = (N theta) J h ds, and W = w J h (N theta)
 g          gap n^ . (x^ - x) = alpha |n|, n^ = n / |n|                                ()
 T          powers of t on the covered part of the facet, see ``basis``                (K,)
 G          moments int t^p dgamma, p = 0 ... 2 K - 2                                  (2 K - 1,)
 T_M, T_g   moments int T_p L_l dgamma, int T_p g dgamma                               (K, K), (K,)
-Phi, Psi   multiplier functions C T, functions C_g T that weigh the gap               (K,)
+Phi, Psi   multiplier functions C T, functions C_g T that weight the gap              (K,)
 rows       derivatives of xi, W, eta and g of a point by y                            (4, 6 K)
-columns    derivatives end up by the positions of the slave nodes of the facet        (8 K - 4,)
-           before, the own and the facet after, and of the master nodes
+columns    positions that final derivatives refer to: slave nodes of the facet        (8 K - 4,)
+           before, of this one and of the one after, then master nodes
 =========  =========================================================================  ===========
 
-With r = x^ - x = alpha n, tau = (-n_y, n_x), a = dm/deta and its perpendicular b:
+With the partner x^ = x + alpha n, tau = (-n_y, n_x), a = dm/deta and b = (a_y, -a_x):
 
     d eta   = p . (L dm - N dx - alpha N dn),   p = -tau / (tau . a)
     d alpha = q . (L dm - N dx - alpha N dn),   q = b / (b . n)
@@ -34,10 +37,21 @@ from fenics_mortar.kernels.projection import combine, slave_to_master
 
 
 @kernel
-def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g):
-    """Fill the moments T_M of a segment, add its share to ``G`` and ``T_g``.
+def thickness_at(theta, N, derivative):
+    """Thickness at a point with the shape functions ``N`` (3, K), or its derivative by xi."""
+    value = 0.0 * theta[0]
+    for i in range(theta.size):
+        value += N[derivative, i] * theta[i]
+    return value
 
-    ``shapes`` = (N, L), ``place``: lower and upper end of the covered part of the facet, numbers.
+
+@kernel
+def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g, theta=None):
+    """Fill the moments ``T_M`` of a segment; add its contribution to ``G`` and ``T_g``.
+
+    ``ends`` (2,); ``place`` = (lower end, upper end) of the covered part, without derivatives;
+    ``rule`` = (points, weights); ``shapes`` = (N, L), overwritten; the thickness is one without
+    ``theta``.
     """
     points, weights = rule
     N, L = shapes
@@ -52,6 +66,8 @@ def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g):
         tx, ty = combine(y, 0, N, 1)
         gap = alpha * np.sqrt(nx * nx + ny * ny)
         t, T = (xi - middle) / half, weights[i] * h * np.sqrt(tx * tx + ty * ty)
+        if theta is not None:
+            T = T * thickness_at(theta, N, 0)
         for p in range(2 * count - 1):
             G[p] += T
             if p < count:
@@ -63,9 +79,10 @@ def integrate_moments(y, ends, place, rule, shapes, G, T_M, T_g):
 
 @kernel
 def differentiate_point(y, s, w, ends, dends, shapes, rows):
-    """Fill ``rows``, the derivatives of xi, W, eta and g of a point; return (xi, W, g).
+    """Fill ``rows`` (4, 6 K), the derivatives of xi, W, eta and g of a point; return (xi, W, g).
 
-    ``dends`` (2, 6 K): derivatives of the ends; fills the ``shapes`` N and L.
+    ``s`` and ``w`` are its place and weight, ``dends`` (2, 6 K) the derivatives of the ``ends``;
+    fills also the ``shapes`` (N, L).
     """
     N, L = shapes
     count = N.shape[1]
@@ -113,8 +130,22 @@ def differentiate_point(y, s, w, ends, dends, shapes, rows):
 
 
 @kernel
+def differentiate_thickness(theta, by_x, W, N, rows):
+    """Multiply W and its derivative, in ``rows``, by the thickness of a point; return W.
+
+    ``by_x``: derivative of ``theta`` by the first coordinate of its node.
+    """
+    value, slope = thickness_at(theta, N, 0), thickness_at(theta, N, 1)
+    for k in range(rows.shape[1]):
+        rows[1, k] = rows[1, k] * value + W * slope * rows[0, k]
+    for i in range(theta.size):
+        rows[1, 2 * i] += W * by_x * N[0, i]
+    return W * value
+
+
+@kernel
 def add_product(A, B, out):
-    """Add A B to ``out``."""
+    """Add the matrix product A (r, c) B (c, k) to ``out`` (r, k)."""
     for r in range(A.shape[0]):
         for c in range(A.shape[1]):
             factor = A[r, c]
@@ -123,11 +154,12 @@ def add_product(A, B, out):
 
 
 @kernel
-def integrate_derivatives(y, ends, dends, place, rule, functions, work, out):
-    """Fill the derivatives by ``y`` of G, M and g with fixed ``functions`` (C, C_g).
+def integrate_derivatives(y, ends, dends, place, rule, functions, work, out, theta=None, by_x=0.0):
+    """Fill ``out`` with derivatives by ``y`` of G, M and g; the ``functions`` (C, C_g) are fixed.
 
-    ``out`` (r, 6 K) has 2 K - 1 rows for G, K K for M and K for g; ``work`` = (shapes, rows,
-    weights (r, 4) of the rows).
+    ``out`` (r, 6 K) has 2 K - 1 rows for G, K K for M and K for g. ``work`` = (shapes, rows,
+    weights (r, 4) of these rows) is overwritten. ``theta``, ``by_x``: see
+    ``differentiate_thickness``.
     """
     points, point_weights = rule
     C, C_g = functions
@@ -138,6 +170,8 @@ def integrate_derivatives(y, ends, dends, place, rule, functions, work, out):
     weights[:] = 0.0
     for i in range(points.size):
         xi, W, gap = differentiate_point(y, points[i], point_weights[i], ends, dends, shapes, rows)
+        if theta is not None:
+            W = differentiate_thickness(theta, by_x, W, shapes[0], rows)
         t = (xi - middle) / half
         T, T_xi = 1.0 + 0.0 * t, 0.0 * t
         for p in range(2 * count - 1):
@@ -164,7 +198,7 @@ def integrate_derivatives(y, ends, dends, place, rule, functions, work, out):
 
 @kernel
 def value_and_slope(C, j, t, half):
-    """Function ``j`` with the coefficients ``C`` at t, and its derivative by xi: Horner."""
+    """Value at t of function ``j`` with coefficients ``C``, and its derivative by xi (Horner)."""
     count = C.shape[1]
     value, slope = C[j, count - 1], 0.0 * C[j, 0]
     for p in range(count - 2, -1, -1):
@@ -175,7 +209,11 @@ def value_and_slope(C, j, t, half):
 
 @kernel
 def chain_normals(row, dn_dx, nodes, out):
-    """Turn a derivative by ``y`` (6 K,) into one by nodal positions (8 K - 4,)."""
+    """Fill ``out`` (8 K - 4,), derivatives by nodal positions, from those by ``y``, (6 K,).
+
+    The normals in ``y`` depend on the positions of nodes by ``dn_dx``; ``nodes`` (K,) are those of
+    the slave facet.
+    """
     count = nodes.size
     out[:] = 0.0
     for i in range(count):

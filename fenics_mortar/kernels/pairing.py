@@ -1,31 +1,30 @@
 # SPDX-License-Identifier: MIT
-"""Segments and partners of one slave facet among the master facets that are near it.
+"""Segments and partners of one slave facet among nearby master facets.
 
-Whether a master node lies ahead of the ray of a slave node is one expression,
-tau . (x_m - x_s), evaluated the same way for all facets that share the two nodes: neighbours
-never disagree about it, so no part of a facet is lost or counted twice, also where nodes meet
-exactly. A segment end is a slave node if its ray hits the master facet, else the partner of a
-master node, which then lies strictly between the two rays: q changes its sign once and has just one
-root there (see ``projection``).
+A master node lies ahead of or behind the ray of a slave node by the sign of tau . (x_m - x_s). This
+is evaluated identically for all facets that share the two nodes, so neighbouring facets agree: no
+part of a facet is lost or counted twice, even if nodes coincide. A segment end is a slave node if
+the ray of the node hits the master facet, else the partner of a master node. That master node lies
+strictly between the two rays, where q changes sign once and has one root (see ``projection``).
 
-Slivers stay, down to length zero: where a master node is about to pass a slave node, their value
-is nothing, but the motion of their ends is part of the derivative. Only a facet that is covered
-by next to nothing in all is left out, and one of which next to nothing is missing at an end counts
-as covered up to its node: both are rounding where two bodies end at one place.
+Segments of any length are kept, including zero: when a master node passes a slave node, the sliver
+contributes nothing to the integrals, but the motion of its ends contributes to the derivative. Two
+lengths are treated as rounding, as they occur where two bodies end at the same place: facets whose
+cover is negligible have no segments, and a negligible gap between cover and end node is closed.
 
-Points that are fixed on the slave facets have a ray each, tested against the two ends of each
-master facet. A ray through a master node, within rounding, has a partner by rule, so that aligned
-meshes do not leave it to chance.
+Quadrature points that are fixed on the slave facets have one ray each, which is tested against both
+ends of each master facet. A ray that passes through a master node, within rounding, is assigned to
+one of the two facets by a fixed rule, so that results on aligned meshes are reproducible.
 
-A slave facet at a corner may face two parts of a master, one far behind the other. Weighted
-together their gaps mean nothing: positive functions hold a node open that touches the nearer part,
-and functions that are negative somewhere, as the dual ones, make an overlap of such gaps, and press
-from a distance. So a part that is farther than the nearest one by half a facet does not count,
-where the nearest is in contact by two facets: beside a corner of the master both sides belong to
-the contact, and a part that comes and goes there costs iterations.
+A slave facet at a corner may face two branches of a master, one far behind the other. A weighted
+average of both gaps is meaningless: with positive functions, a node that touches the nearer branch
+is held open; dual functions, which are partly negative, produce an overlap and pressure at a
+distance. A branch is therefore ignored if it is farther away than the nearest one by half a facet,
+or by two facets if the nearest one is in contact: beside a corner of the master both branches
+belong to the contact zone, and one that appears and disappears there costs iterations.
 
-Of the facets behind a slave point only those count that are the nearer way out, see ``sight``. To
-a depth that is safe for each slave facet this is not tested.
+Of the master facets behind a slave point, only those count that are the nearer way out, see
+``sight``. The test is skipped up to a safe depth of each slave facet.
 """
 
 import numpy as np
@@ -39,17 +38,19 @@ from fenics_mortar.kernels.projection import (
     slave_to_master,
 )
 from fenics_mortar.kernels.shapes import tabulate_shapes
+from fenics_mortar.utils.rounding import HALF_FACET
 
-# Fraction of a slave facet: what is farther away than this cannot be in contact, as the certificate
-# sees it.
-APART = 0.5
-# Lengths of a slave facet by which a part lies behind one in contact, and does not belong to it.
+# Distance over the length of a facet [1] behind a contact above which a surface does not belong to
+# it: Newton iterates of a contact have smaller overlaps.
 BEHIND = 2.0
 
 
 @kernel
 def find_interval(y, N, is_node):
-    """Whether a slave facet meets a master facet, and on which (xi_a, xi_b); fills ``is_node``."""
+    """Interval of a slave facet that faces a master facet: (whether there is one, xi_a, xi_b).
+
+    ``is_node`` (2,) is filled with whether each end is a slave node.
+    """
     size = y.size // 3
     x, n, m = y[:size], y[size : 2 * size], y[2 * size :]
     first_1 = side_of_ray(x[:2], n[:2], m[:2])
@@ -68,7 +69,10 @@ def find_interval(y, N, is_node):
 
 @kernel
 def gap_if_facing(y, xi, shapes, min_cosine):
-    """Gap at ``xi``, or inf where the normals of slave and master are not opposed enough."""
+    """Gap at ``xi`` [length]; inf if the angle of slave normal and reversed master's is too large.
+
+    ``shapes`` = (N, L), overwritten; ``min_cosine``: smallest cosine of that angle [1].
+    """
     N, L = shapes
     _, alpha = slave_to_master(y, xi, N, L)
     nx, ny = combine(y, 1, N, 0)
@@ -81,21 +85,25 @@ def gap_if_facing(y, xi, shapes, min_cosine):
 
 @kernel
 def is_hidden(y, N, xi, depth, view, facets):
-    """Whether a facing partner at ``depth`` behind the slave surface is not the nearer way out.
+    """Whether a partner at ``depth`` behind the slave surface is not the nearer way out.
 
-    ``view`` = (safe depths and bodies of the slave facets, bodies of the master facets, outline,
-    part of a facet that is rounding), see ``sight``; ``facets`` = (slave facet, master facet).
+    ``view`` = (safe depths (f,) [length] and bodies (f,) of the slave facets, bodies of the master
+    facets, outline, fraction of a facet that is rounding [1]), see ``sight``; ``facets`` = (slave
+    facet, master facet).
     """
-    _, slave_bodies, master_bodies, outline, least = view
+    _, slave_bodies, master_bodies, outline, rounding = view
     last = 2 * N.shape[1] - 2
     length = np.sqrt((y[last] - y[0]) ** 2 + (y[last + 1] - y[1]) ** 2)
     bodies = slave_bodies[facets[0]], master_bodies[facets[1]]
-    return not sight.is_way_out(y, N, xi, depth, outline, bodies, least * length)
+    return not sight.is_way_out(y, N, xi, depth, outline, bodies, rounding * length)
 
 
 @kernel
 def sort_rows(rows, count, column):
-    """Sort the first ``count`` rows (a few) by one column; equal ones keep their order."""
+    """Sort the first ``count`` of rows (r, c) in place by one column.
+
+    Stable insertion sort, for few rows.
+    """
     for i in range(1, count):
         for j in range(i, 0, -1):
             if rows[j, column] >= rows[j - 1, column]:
@@ -106,10 +114,11 @@ def sort_rows(rows, count, column):
 
 @kernel
 def keep_nearest(found, count, tolerance):
-    """Of segments that lie over one another keep the nearest, and sort what stays by place.
+    """Keep the nearest of overlapping segments, sorted along the facet; return their number.
 
-    Rows of ``found``: (distance, xi_a, xi_b, master facet, lower is node, upper is node); the first
-    ``count`` are looked at. Returns how many stay.
+    Rows of ``found``: (distance [length], xi_a, xi_b, master facet, whether the lower and whether
+    the upper end is a slave node), of which the first ``count`` are used. ``tolerance``: overlap in
+    xi that is rounding [1].
     """
     sort_rows(found, count, 0)
     kept = 0
@@ -127,15 +136,15 @@ def keep_nearest(found, count, tolerance):
 
 @kernel
 def keep_near_parts(found, count, master_facets, length):
-    """Drop parts that are farther than the nearest one, see ``APART`` and ``BEHIND``.
+    """Drop branches too far behind the nearest one; return the number of rows kept.
 
-    Rows of ``found`` as ``keep_nearest`` leaves them; those of master facets that share a node are
-    of one part. Returns how many stay.
+    Limits: ``HALF_FACET`` or ``BEHIND`` times the ``length`` of the slave facet. Rows of ``found``
+    are those of ``keep_nearest``; consecutive master facets that share a node form one branch.
     """
     nearest = np.inf
     for i in range(count):
         nearest = min(nearest, found[i, 0])
-    apart = length * (APART if nearest > APART * length else BEHIND)
+    apart = length * (HALF_FACET if nearest > HALF_FACET * length else BEHIND)
     kept, start = 0, 0
     while start < count:
         stop, distance = start + 1, found[start, 0]
@@ -152,7 +161,7 @@ def keep_near_parts(found, count, master_facets, length):
 
 @kernel
 def is_next(master_facets, one, other):
-    """Whether the master facet ``other`` goes before ``one``, so comes next along the slave."""
+    """Whether master facet ``other`` ends where ``one`` begins; they are numbers of rows (f, K)."""
     return master_facets[int(one), 0] == master_facets[int(other), -1]
 
 
@@ -160,9 +169,18 @@ def is_next(master_facets, one, other):
 def facet_segments(
     geometry, slave, master_facets, hits, radius, limits, found, view=None, number=0
 ):
-    """Fill ``found`` (see ``keep_nearest``) for one slave facet; return the number of rows.
+    """Fill ``found`` with the segments of one slave facet; return their number.
 
-    ``view`` as in ``is_hidden``, in which the facet has this ``number``; without it all is seen.
+    Args:
+        geometry: (x (n, 2), n (n, 2), m (k, 2)): slave positions and normals, master positions.
+        slave: Nodes of the slave facet, shape (K,).
+        master_facets: Nodes of all master facets, shape (f, K).
+        hits: Candidate master facets, shape (h,).
+        radius: Largest distance along the normal [length].
+        limits: (smallest cosine [1], length in xi that is rounding [1]).
+        found: Rows as in ``keep_nearest``, shape (h, 6) or longer; filled.
+        view: As in ``is_hidden``; None skips the test.
+        number: Number of the slave facet in ``view``.
     """
     x, n, m = geometry
     min_cosine, min_cover = limits
@@ -206,7 +224,7 @@ def facet_segments(
 
 @kernel
 def curve_starts(facets, num_nodes):
-    """Whether no facet ends at a node, (num_nodes,)."""
+    """Whether a node is not the last one of any facet, shape (num_nodes,)."""
     starts = np.ones(num_nodes, np.bool_)
     for f in range(facets.shape[0]):
         starts[facets[f, -1]] = False
@@ -215,10 +233,10 @@ def curve_starts(facets, num_nodes):
 
 @kernel
 def ray_hits(y, N, is_start, tolerance):
-    """Whether the ray of the slave point with shapes ``N`` goes through a master facet.
+    """Whether the ray of the slave point with shape functions ``N`` hits a master facet.
 
-    One upon a master node, within ``tolerance`` [length], goes through the facet that ends there,
-    at the start of a curve through the one that begins.
+    A ray within ``tolerance`` [length] of a master node hits the facet that ends at the node; at
+    the start of a curve, where ``is_start``, it hits the facet that begins there.
     """
     at = 4 * N.shape[1]
     x, n = np.empty(2), np.empty(2)
@@ -232,9 +250,12 @@ def ray_hits(y, N, is_start, tolerance):
 def point_partners(
     geometry, e, slave, master_facets, starts, hits, points, radius, view, limits, partners
 ):
-    """Fill ``partners`` (p,): the nearest master facet of each point, -1 for none; how many have.
+    """Fill ``partners`` (p,) with the nearest master facet of each point, -1 for none; count them.
 
-    At equal distance it is the facet of the lower number.
+    Ties go to the facet with the lower number. ``points`` (p,) are places on the slave facet ``e``
+    with the nodes ``slave`` (K,), ``starts`` is that of ``curve_starts``, ``limits`` = (smallest
+    cosine [1], fraction of the slave facet within which a ray hits a master node [1]); others as in
+    ``facet_segments``.
     """
     x, n, m = geometry
     min_cosine, tie = limits

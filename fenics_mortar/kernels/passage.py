@@ -5,7 +5,8 @@ With nodes on straight lines, a point p is on the line of a segment a b at the r
 
     c(t) = (b - a) x (p - a) = c0 + c1 t + c2 t^2,
 
-and on the segment if its coordinate s is in [0, 1]. The body is on the side c > 0: p enters where c
+and on the segment if its coordinate s is in [0, 1] up to rounding, so that neighbouring segments
+leave no hole. The body is on the side c > 0: p enters where c
 increases, and leaves where it decreases.
 """
 
@@ -14,12 +15,11 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.plane import cross, grown, nearest_on_piece
 from fenics_mortar.kernels.tree import build_tree, query_tree
+from fenics_mortar.utils.rounding import ROUNDING
 
-# Tolerance of s in [0, 1] for rounding: no hole between neighbouring segments.
-BEYOND = 1e-12
 # Cosine between outward normals at entry and exit [1] below which a path passes through a body: 100
 # degrees, so that a path round the corner of a block does not.
-OPPOSITE = -0.17
+OPPOSED = -0.17
 # Segments to check for a node: of other bodies, of its own, of all
 OTHERS, OWN, ALL = 0, 1, 2
 
@@ -71,7 +71,7 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
                 tx, ty = ex + t * gx, ey + t * gy
                 square, slope = tx * tx + ty * ty, c1 + 2.0 * c2 * t
                 s = ((qx + t * rx) * tx + (qy + t * ry) * ty) / square
-                if not (-BEYOND <= s <= 1.0 + BEYOND) or slope == 0.0:
+                if not (-ROUNDING <= s <= 1.0 + ROUNDING) or slope == 0.0:
                     continue
                 rows = grown(rows, count)
                 length = np.sqrt(square)
@@ -82,7 +82,10 @@ def find_events(x0, x1, segments, bodies, node_bodies, which):
 
 @kernel
 def nearest_segment(x, segments, bodies, body, p, node):
-    """Squared distance and nearest segment of a body to p, without those at ``node``."""
+    """Segment of ``body`` nearest to p (2,), without those that end at ``node``.
+
+    Returns (squared distance, segment); (inf, -1) if there is none.
+    """
     best, nearest = np.inf, -1
     for e in range(segments.shape[0]):
         if bodies[e] != body or segments[e, 0] == node or segments[e, 1] == node:
@@ -105,8 +108,9 @@ def normal_of(x, segment):
 def is_beside(x, segments, links, places, max_distance):
     """Whether the outline between two points, in either direction, is close to their chord.
 
-    ``places``: two segments and coordinates on them, 0 to 1. All nodes in between must be within
-    ``max_distance`` of the chord: a path along it slid along the surface, or round a tip.
+    All nodes in between have to be within ``max_distance`` [length] of the chord: a path along the
+    chord then slides along the surface, or round a tip. ``places`` = (segment, segment, coordinate
+    on the first, on the second, 0 to 1); ``links`` = (after (m,), before (m,)).
     """
     e, f, s_e, s_f = places
     if e == f:
@@ -129,7 +133,7 @@ def is_beside(x, segments, links, places, max_distance):
 
 @kernel
 def place_on(x, segment, p):
-    """Coordinate of the projection of p on a segment, 0 to 1."""
+    """Coordinate of the point of a segment (2,) that is nearest to p (2,), 0 to 1."""
     ax, ay = x[segment[0]]
     dx, dy = x[segment[1], 0] - ax, x[segment[1], 1] - ay
     s = ((p[0] - ax) * dx + (p[1] - ay) * dy) / (dx * dx + dy * dy)
@@ -164,8 +168,8 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                 if entry >= 0:
                     mx, my = normal_of(x1, segments[entry])
                     kx, ky = normal_of(x1, segments[e])
-                    opposed = nx * events[i, 4] + ny * events[i, 5] < OPPOSITE
-                    opposed = opposed and mx * kx + my * ky < OPPOSITE
+                    opposed = nx * events[i, 4] + ny * events[i, 5] < OPPOSED
+                    opposed = opposed and mx * kx + my * ky < OPPOSED
                     facet = max(lengths[entry], lengths[e])
                     places = (entry, e, s, events[i, 6])
                     if opposed and not is_beside(x1, segments, (after, before), places, facet):

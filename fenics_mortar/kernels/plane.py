@@ -4,38 +4,39 @@
 import numpy as np
 
 from fenics_mortar.kernels import kernel
-
-# Distance [facets] up to which two outlines meet, or segments are collinear: rounding.
-MET = 1e-9
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
 def cross(ax, ay, bx, by):
-    """The z component of the product of two plane vectors."""
+    """Component z of the cross product of the vectors (ax, ay) and (bx, by)."""
     return ax * by - ay * bx
 
 
 @kernel
 def side(a, b, p):
-    """Twice the area of the triangle a, b, p: positive if p is on the left of a b."""
+    """Twice the area of the triangle of points a, b, p (2,): positive if p is left of a b."""
     return cross(b[0] - a[0], b[1] - a[1], p[0] - a[0], p[1] - a[1])
 
 
 @kernel
 def distance_of(a, b):
-    """Distance of two points."""
+    """Distance of two points (2,)."""
     return np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2)
 
 
 @kernel
 def share_node(e, f):
-    """Whether two segments share a node."""
+    """Whether two segments, pairs of nodes (2,), share a node."""
     return e[0] == f[0] or e[0] == f[1] or e[1] == f[0] or e[1] == f[1]
 
 
 @kernel
 def cross_properly(x, e, f):
-    """Whether two segments cross at inner points of both and are not collinear."""
+    """Whether two segments, pairs of nodes (2,), cross inside both and are not collinear.
+
+    ``x`` (n, 2): positions of the nodes.
+    """
     a, b, c, d = x[e[0]], x[e[1]], x[f[0]], x[f[1]]
     of_c, of_d = side(a, b, c), side(a, b, d)
     if not of_c * of_d < 0.0:
@@ -44,7 +45,7 @@ def cross_properly(x, e, f):
     if not of_a * of_b < 0.0:
         return False
     one, two = distance_of(a, b), distance_of(c, d)
-    rounding = MET * max(one, two)
+    rounding = ROUNDING * max(one, two)
     return max(abs(of_c), abs(of_d)) > rounding * one and max(abs(of_a), abs(of_b)) > rounding * two
 
 
@@ -58,13 +59,13 @@ def crossing_point(x, e, f):
 
 @kernel
 def is_at_end(x, e, P, rounding):
-    """Whether P is an end of a segment up to the length ``rounding``."""
+    """Whether P (2,) is an end of segment e (2,) up to ``rounding`` [length]."""
     return min(distance_of(x[e[0]], P), distance_of(x[e[1]], P)) <= rounding
 
 
 @kernel
 def grown(rows, count):
-    """``rows`` with room for row ``count``."""
+    """``rows`` (r, c), or a copy twice as long if row ``count`` does not fit."""
     if count < rows.shape[0]:
         return rows
     longer = np.empty((2 * count, rows.shape[1]))
@@ -74,7 +75,7 @@ def grown(rows, count):
 
 @kernel
 def nearest_on_piece(p, a, b):
-    """Squared distance of p from the segment from a to b, and the nearest coordinate, 0 to 1."""
+    """Squared distance of p (2,) from the line a (2,) to b (2,), and nearest coordinate, 0 to 1."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     square = dx * dx + dy * dy
     px, py = p[0] - a[0], p[1] - a[1]

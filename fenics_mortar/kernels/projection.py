@@ -7,30 +7,30 @@ symbol       meaning                                                            
 y            one slave and one master facet: slave nodes, their normals, master    (6 K,)
              nodes, each in order along its curve
 xi, eta      coordinate on the slave / master facet, -1 ... 1                      ()
-N, L         shape functions of the slave / master facet at xi / eta, and their    (3, K)
-             first and second derivatives
-x(xi), n(xi) N x and N n, the latter not normalised; tau(xi) = (-n_y, n_x)         (2,)
+N, L         shape functions of the slave / master facet at xi / eta, with first   (3, K)
+             and second derivatives
+x(xi), n(xi) N x and N n, the latter not normalized; tau(xi) = (-n_y, n_x)         (2,)
 ===========  ====================================================================  =========
 
-Both directions use the slave's normals, so they are inverse to each other: a master point x_m and
-a slave point x(xi) are partners where q(xi) = tau(xi) . (x_m - x(xi)) = 0 (Popp, Gee & Wall 2009,
-section 4).
+Both directions use the normals of the slave, so each is the inverse of the other: a master point
+x_m and a slave point x(xi) are partners if q(xi) = tau(xi) . (x_m - x(xi)) = 0 (Popp, Gee & Wall
+2009, section 4).
 """
 
 import numpy as np
 
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.shapes import tabulate_shapes
-
-# Newton's method for the partner of a master node starts with about three digits and doubles them:
-# 5 steps suffice. Its bracket halves at worst, so that this many reach rounding from an interval of
-# length 2.
-MAX_STEPS = 60
+from fenics_mortar.utils.rounding import MAX_STEPS
 
 
 @kernel
 def gather(x, n, m, slave, master, y):
-    """Gather ``y`` (6 K,) of one slave facet and one master facet (K node numbers each)."""
+    """Fill ``y`` (6 K,) for one slave facet and one master facet.
+
+    ``x`` and ``n`` (n, 2) are slave positions and normals, ``m`` (k, 2) master positions; ``slave``
+    and ``master`` (K,) are the nodes of the facets.
+    """
     count = slave.size
     for i in range(count):
         for d in range(2):
@@ -41,7 +41,7 @@ def gather(x, n, m, slave, master, y):
 
 @kernel
 def combine(y, which, N, order):
-    """Nodes (0), normals (1) or master nodes (2) in ``y`` combined by ``N[order]``: (x, y)."""
+    """Interpolate in ``y`` by ``N[order]``: (x, y) of positions (0), normals (1), master (2)."""
     start = 2 * which * N.shape[1]
     vx, vy = 0.0 * y[0], 0.0 * y[0]
     for i in range(N.shape[1]):
@@ -52,13 +52,13 @@ def combine(y, which, N, order):
 
 @kernel
 def side_of_ray(x, n, point):
-    """Tau . (point - x): positive where ``point`` lies ahead of the ray from ``x`` along ``n``."""
+    """Return tau . (point - x) [length]: positive if ``point`` lies ahead of the ray along n."""
     return n[0] * (point[1] - x[1]) - n[1] * (point[0] - x[0])
 
 
 @kernel
 def side_of_normal(y, k, xi, N):
-    """Q = tau . (x_m - x) of master node ``k`` and the slave point ``xi``, and dq/dxi."""
+    """Return q = tau . (x_m - x) of master node ``k`` and slave point ``xi``, and dq/dxi."""
     tabulate_shapes(xi, N)
     x, y_ = combine(y, 0, N, 0)
     tx, ty = combine(y, 0, N, 1)
@@ -71,17 +71,19 @@ def side_of_normal(y, k, xi, N):
 
 @kernel
 def small_root(A, B, C):
-    """Root of smaller size of A t^2 + B t + C, in the form without cancellation."""
+    """Root of A t^2 + B t + C with the smaller modulus, in the form without cancellation."""
     root = np.sqrt(B * B - 4.0 * A * C)
     return -2.0 * C / (B + (root if B.real >= 0.0 else -root))
 
 
 @kernel
 def master_to_slave(y, k, N):
-    """``xi`` of the partner of master node ``k`` on the slave facet; real numbers only.
+    """Coordinate ``xi`` of the partner of master node ``k`` on the slave facet; real numbers only.
 
-    Newton from the root of the parabola through q at -1, 0 and 1, which is q itself for two nodes,
-    kept between ends of different sign. The caller has tested that there are.
+    Newton's method, safeguarded by bisection: q must have different signs at -1 and 1, which is not
+    checked here. It starts from the root of the parabola through q at -1, 0 and 1, which is exact
+    for two-node facets and has about three digits for others. ``y`` (6 K,); ``N`` (3, K) is
+    overwritten.
     """
     low, high = -1.0, 1.0
     first = side_of_normal(y, k, low, N)[0]
@@ -108,9 +110,10 @@ def master_to_slave(y, k, N):
 
 @kernel
 def move_end(y, k, found, N, dxi_dy):
-    """``xi`` of the partner of master node ``k``, ``found`` but for rounding; fill dxi/dy (6 K,).
+    """Coordinate ``xi`` of the partner of master node ``k``; fill ``dxi_dy`` (6 K,).
 
-    One step of Newton's method in the numbers of ``y``; dq = 0 along the root.
+    ``found`` is the root up to rounding. One step of Newton's method from there gives xi its
+    derivative where ``y`` is complex; dxi/dy follows from dq = 0.
     """
     q, slope = side_of_normal(y, k, found, N)
     xi = found - q / slope
@@ -132,10 +135,10 @@ def move_end(y, k, found, N, dxi_dy):
 
 @kernel
 def slave_to_master(y, xi, N, L):
-    """``eta`` and ``alpha`` of the partner x + alpha n of the slave point ``xi``; fill N and L.
+    """Return (eta, alpha) of the partner x + alpha n of slave point ``xi``; fill N and L (3, K).
 
-    tau . (m(eta) - x) is linear or quadratic in eta. The root of smaller size is the one in
-    [-1, 1], if there is only one there.
+    tau . (m(eta) - x) is linear or quadratic in eta. If [-1, 1] contains exactly one root, it is
+    the one with the smaller modulus.
     """
     count = N.shape[1]
     tabulate_shapes(xi, N)
@@ -158,10 +161,11 @@ def slave_to_master(y, xi, N, L):
 
 @kernel
 def segment_ends(y, is_fixed, found, N, ends, dends_dy):
-    """Fill the ends (2,) of a segment near those ``found``, and their derivative (2, 6 K).
+    """Fill the ``ends`` (2,) of a segment and ``dends_dy`` (2, 6 K).
 
-    The master facet runs against the slave facet: the lower end is a fixed place on the slave facet
-    or the partner of the last master node, the upper end is fixed or that of the first.
+    Each end is fixed on the slave facet, ``is_fixed`` (2,), or the partner of a master node: of the
+    last one at the lower end and of the first one at the upper end, as the facets run in opposite
+    directions. ``found`` (2,) are the ends up to rounding.
     """
     for end in range(2):
         if is_fixed[end]:
@@ -173,10 +177,14 @@ def segment_ends(y, is_fixed, found, N, ends, dends_dy):
 
 @kernel
 def sample_gaps(geometry, connectivity, places, points, gaps):
-    """Fill ``gaps`` (n, p) at the places s = ``points`` (p,) of n segments.
+    """Evaluate the gap at points of segments.
 
-    ``geometry`` = (x, n, m); ``connectivity`` = (slave nodes (n, K), master nodes (n, K));
-    ``places``: their ends (n, 2).
+    Args:
+        geometry: (x (k, 2), n (k, 2), m (l, 2)): slave positions and normals, master positions.
+        connectivity: (slave nodes (n, K), master nodes (n, K)) of the segments.
+        places: Ends of the segments on the slave facets, shape (n, 2).
+        points: Places in the segments, -1 ... 1, shape (p,).
+        gaps: Gaps along the unit normal, shape (n, p) [length]; filled.
     """
     x, n, m = geometry
     slave, master = connectivity

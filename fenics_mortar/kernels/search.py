@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Which slave facet meets which master facet: a tree of boxes, and the facets that it finds.
+"""Search for the master facets that each slave facet faces, by a tree of boxes.
 
-The boxes of the master facets, in the order of the curve, are the leaves of a ``tree``. The
-candidates of a slave facet are the boxes that its strip meets, the quadrilateral x_k -+ radius n_k.
-So the search costs O(log N + hits) per facet, whatever the radius and the direction of the
-interface.
+The boxes of the master facets, in the order of the curve, are the leaves of a ``tree``. Candidates
+of a slave facet are the boxes that intersect its strip, the quadrilateral x_k -+ radius n_k. The
+search costs O(log N + hits) per facet, for any radius and orientation of the interface.
 
-Segments and partners among the master facets that are found: see ``pairing``.
+For segments and partners on the candidates see ``pairing``.
 """
 
 import numpy as np
@@ -14,13 +13,14 @@ import numpy as np
 from fenics_mortar.kernels import kernel
 from fenics_mortar.kernels.pairing import curve_starts, facet_segments, point_partners
 from fenics_mortar.kernels.tree import build_tree, query_tree
+from fenics_mortar.utils.rounding import ROUNDING
 
 
 @kernel
 def control_points(values, facets):
-    """Nodal ``values`` (n, 2) with those of inner nodes replaced: their hull holds the facets.
+    """Bezier control points of facets (f, K) with nodal ``values`` (n, 2), shape (n, 2).
 
-    The control points of a quadratic curve in Bezier's form; nodes of straight facets are theirs.
+    Their convex hull contains the facet. Those of straight facets are the nodes.
     """
     controls = values.copy()
     if facets.shape[1] == 3:
@@ -33,9 +33,10 @@ def control_points(values, facets):
 
 @kernel
 def query_strip(boxes, controls, nodes, radius, stack, hits):
-    """The master facets whose boxes meet the strip of one slave facet, see ``tree``.
+    """Master facets whose boxes intersect the strip of one slave facet, shape (h,).
 
-    ``controls`` = control points of the slave's positions and normals.
+    ``boxes``, ``stack`` and ``hits`` as in ``tree``; ``controls`` = control points of the slave's
+    positions and normals, each (n, 2); ``nodes`` (K,) are those of the facet.
     """
     x, n = controls
     a, b = x[nodes[0]], x[nodes[-1]]
@@ -50,20 +51,30 @@ def query_strip(boxes, controls, nodes, radius, stack, hits):
         strip[2], strip[3] = max(strip[2], px), max(strip[3], py)
         low, high = min(low, px * tx + py * ty), max(high, px * tx + py * ty)
     length = abs(tx) + abs(ty)
-    strip[:2] -= 1e-9 * length
-    strip[2:] += 1e-9 * length
-    along = tx, ty, low - 1e-9 * length * length, high + 1e-9 * length * length
+    strip[:2] -= ROUNDING * length
+    strip[2:] += ROUNDING * length
+    along = tx, ty, low - ROUNDING * length * length, high + ROUNDING * length * length
     return hits[: query_tree(boxes, strip, along, stack, hits)]
 
 
 @kernel
 def find_points(geometry, slave_facets, master_facets, radius, view, limits, points, min_points):
-    """Find the partners of the same ``points`` (p,), in order, on each of ``slave_facets`` (f, K).
+    """Find partners of points on slave facets, as runs of points with the same master facet.
 
-    As ``find_segments``; here ``limits`` = (smallest cosine, fraction of a slave facet within which
-    a ray goes through a master node). Returns offsets (f + 1,), master facets (n,) and points
-    (n, 2), first and one after the last, of the runs of points with the same partner; no run for
-    facets on which fewer than ``min_points`` points have one.
+    Args:
+        geometry: As in ``find_segments``.
+        slave_facets: Nodes of the slave facets, shape (f, K).
+        master_facets: Nodes of the master facets, shape (g, K).
+        radius: Largest distance along the normal [length].
+        view: As in ``pairing.is_hidden``.
+        limits: (smallest cosine [1], fraction of a slave facet within which a ray hits a master
+            node [1]).
+        points: Places on each facet, -1 ... 1, increasing, shape (p,).
+        min_points: Facets on which fewer points have a partner have no runs.
+
+    Returns:
+        Offsets (f + 1,): runs of facet e are offsets[e]:offsets[e + 1]; master facets (n,); points
+        of each run, first and one after the last, (n, 2).
     """
     x, n, m = geometry
     boxes = build_tree(control_points(m, master_facets), master_facets)
@@ -94,11 +105,20 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
 
 @kernel
 def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
-    """Find the segments of ``slave_facets`` (f, K).
+    """Find the segments of slave facets.
 
-    ``geometry`` = (slave positions, slave normals, master positions), ``view`` as in ``is_hidden``;
-    ``limits`` = (least cosine between slave normal and reversed master normal, least length in xi).
-    Returns offsets (f + 1,), master facet (n,), end_is_node (n, 2), ends (n, 2).
+    Args:
+        geometry: (x (n, 2), n (n, 2), m (k, 2)): slave positions, slave normals, master positions.
+        slave_facets: Nodes of the slave facets, shape (f, K).
+        master_facets: Nodes of the master facets, shape (g, K).
+        radius: Largest distance along the normal [length].
+        view: As in ``pairing.is_hidden``.
+        limits: (smallest cosine of slave normal and reversed master normal [1], length in xi that
+            is rounding [1]).
+
+    Returns:
+        Offsets (f + 1,): segments of facet e are offsets[e]:offsets[e + 1]; master facets (s,);
+        whether each end is a slave node (s, 2); ends in xi (s, 2).
     """
     x, n, m = geometry
     boxes = build_tree(control_points(m, master_facets), master_facets)
@@ -123,3 +143,17 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
     rows = rows[: offsets[-1]]
     end_is_node = rows[:, 4:6] != 0.0
     return offsets, rows[:, 3].astype(np.int64), end_is_node, rows[:, 1:3].copy()
+
+
+@kernel
+def find_segments_within(
+    geometry, slave_facets, master_facets, radius, bodies, outline, least, limits
+):
+    """As ``find_segments``, with the ``view`` (*bodies, outline, least).
+
+    To be called from Python: numba finds out the types of tuples of more than four arrays anew in
+    each call, which takes 0.2 ms.
+    """
+    safe, slave_bodies, master_bodies = bodies
+    view = (safe, slave_bodies, master_bodies, outline, least)
+    return find_segments(geometry, slave_facets, master_facets, radius, view, limits)

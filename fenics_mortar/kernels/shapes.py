@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Lagrange shape functions of facets with two or three equidistant nodes on -1 ... 1."""
+"""Lagrange shape functions of facets with two or three equidistant nodes on [-1, 1]."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from fenics_mortar.kernels import kernel
 
 @kernel
 def tabulate_shapes(xi, N):
-    """Fill the shape functions N[0], their first and second derivatives N[1], N[2] at ``xi``."""
+    """Fill ``N`` (3, K): shape functions at ``xi``, then their first and second derivatives."""
     if N.shape[1] == 2:
         N[0, 0], N[0, 1] = 0.5 * (1.0 - xi), 0.5 * (1.0 + xi)
         N[1, 0], N[1, 1] = -0.5, 0.5
@@ -21,13 +21,13 @@ def tabulate_shapes(xi, N):
 
 @kernel
 def tabulate_points(points, table):
-    """Fill ``table`` (p, 3, K) with the shape functions and derivatives at ``points`` (p,)."""
+    """Fill ``table`` (p, 3, K) with shape functions and derivatives at ``points`` (p,)."""
     for p in range(points.size):
         tabulate_shapes(points[p], table[p])
 
 
 def lagrange(s, degree):
-    """Shape functions at the places ``s`` (...) and their slopes, both (..., degree + 1)."""
+    """Shape functions at the places ``s`` (...) and first derivatives, both (..., degree + 1)."""
     table = np.empty((s.size, 3, degree + 1))
     tabulate_points(np.ravel(s), table)
     shapes = table.reshape(*s.shape, 3, degree + 1)

@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: MIT
-"""Whether a partner behind a slave point is the nearer way out, or is seen through the bodies.
+"""Which of the partners behind a slave point resolve the overlap by the nearer way out.
 
-A line through a slave point x against its normal n, r counted from x along -n, crosses the outline
-of a body at places that are exits or entries. The level, exits less entries beyond r, tells how
-many times the body covers the place r: it is one inside, more where the body overlaps itself.
+A line from a slave point x along -n, with the coordinate r >= 0, crosses the outline of a body at
+exits and entries. The level at r is the number of exits less that of entries beyond r. It is the
+number of times that the body covers the point: one inside, more where the body overlaps itself.
 
-A master facet that faces the slave at the depth d > 0 lies behind the slave surface. Two ways
-separate the bodies along the line: this facet goes back by d, or the slave's other side leaves the
-master's other side, by t_s + t_m - d. Here t_s is the length of the slave's body from x on, and t_m
-that of the master's body from the partner back. The nearer way is the first one where
+A master facet that faces the slave at a depth d > 0 lies behind the slave surface. The bodies can
+be separated along the line in two ways: the master moves back by d, or it moves on by t_s + t_m - d
+and leaves on the other side of the slave. Here t_s is the length of the slave's body from x on, and
+t_m that of the master's body from the partner back. The first way is the shorter one if
 
     d < (t_s + t_m) / 2.
 
-Bodies that do not overlap have d >= t_s + t_m, so that such a partner is never taken. Both lengths
-count: with t_s alone a thin slave would lose a thick master that it enters by more than its own
-thickness, and with t_m alone, or the lesser of both, a thin master would be lost in a thick slave.
+Bodies that do not overlap have d >= t_s + t_m, so such a partner is always rejected. If both
+surfaces are on one part of a body, as on a strip that is wound up, then t_s = t_m = d up to
+rounding: the partner is the back of the strip, and is rejected as well. Both lengths are needed:
+with t_s alone, a thin slave would miss a thick master once the overlap exceeds its own thickness;
+with t_m alone, or the smaller of both, a thick slave would miss a thin master.
 """
 
 import numpy as np
@@ -25,11 +27,12 @@ from fenics_mortar.kernels.shapes import tabulate_shapes
 
 
 @kernel
-def find_crossings(origin, direction, outline, own, least, found):
-    """Fill ``found`` (2, c) with places beyond ``least`` and signs (exit 1, entry -1); how many.
+def find_crossings(origin, direction, outline, own, min_distance, found):
+    """Fill ``found`` (2, c) with the crossings of a line and the outline of body ``own``.
 
-    ``outline`` = (nodes (b, 2), pieces (p, 2) with the body on their left, bodies of these (p,));
-    pieces of the body ``own`` count. The number may exceed the size of ``found``.
+    Row 0 holds distances above ``min_distance`` [length], row 1 the signs: 1 exit, -1 entry.
+    ``outline`` = (positions of nodes (b, 2), segments (p, 2) with the body on their left, their
+    bodies (p,)). Returns the number of crossings, which may exceed c: only the first c are stored.
     """
     x, branches, body = outline
     ux, uy = direction[0], direction[1]
@@ -43,9 +46,9 @@ def find_crossings(origin, direction, outline, own, least, found):
         side_a, side_b = ux * ay - uy * ax, ux * by - uy * bx
         if (side_a > 0.0) == (side_b > 0.0):
             continue
-        part = side_a / (side_a - side_b)
-        r = ux * (ax + part * (bx - ax)) + uy * (ay + part * (by - ay))
-        if r > least:
+        fraction = side_a / (side_a - side_b)
+        r = ux * (ax + fraction * (bx - ax)) + uy * (ay + fraction * (by - ay))
+        if r > min_distance:
             if count < found.shape[1]:
                 found[0, count] = r
                 found[1, count] = 1.0 if side_b > side_a else -1.0
@@ -54,16 +57,17 @@ def find_crossings(origin, direction, outline, own, least, found):
 
 
 @kernel
-def length_inside(origin, direction, outline, own, least):
-    """Distance from ``origin`` along ``direction`` to where the body ``own`` ends; inf if nowhere.
+def length_inside(origin, direction, outline, own, min_distance):
+    """Distance from ``origin`` (2,) along the unit vector ``direction`` (2,) to the body's end.
 
-    Ends nearer than ``least`` [length] do not count: those of the facet that the line begins on.
+    Crossings nearer than ``min_distance`` [length] are ignored: these belong to the facet on which
+    the line begins. Without an end the distance is inf.
     """
     found = np.empty((2, 32))
-    count = find_crossings(origin, direction, outline, own, least, found)
+    count = find_crossings(origin, direction, outline, own, min_distance, found)
     if count > found.shape[1]:
         found = np.empty((2, count))
-        find_crossings(origin, direction, outline, own, least, found)
+        find_crossings(origin, direction, outline, own, min_distance, found)
     nearest = np.inf
     for i in range(count):
         if found[1, i] < 0.0 or found[0, i] >= nearest:
@@ -78,10 +82,10 @@ def length_inside(origin, direction, outline, own, least):
 
 
 @kernel
-def is_way_out(y, N, xi, depth, outline, bodies, least):
-    """Whether a partner at ``depth`` behind the slave point ``xi`` is the nearer way out.
+def is_way_out(y, N, xi, depth, outline, bodies, min_distance):
+    """Whether moving the master back by ``depth`` [length] is the nearer way out at point ``xi``.
 
-    ``y`` as in ``projection``; ``bodies`` = (slave's, master's), ``least`` as above.
+    ``y`` as in ``projection``; ``bodies`` = (slave's, master's); others as in ``length_inside``.
     """
     tabulate_shapes(xi, N)
     start, back, partner = np.empty(2), np.empty(2), np.empty(2)
@@ -89,18 +93,26 @@ def is_way_out(y, N, xi, depth, outline, bodies, least):
     nx, ny = combine(y, 1, N, 0)
     size = np.sqrt(nx * nx + ny * ny)
     back[0], back[1] = -nx / size, -ny / size
-    own = length_inside(start, back, outline, bodies[0], least)
+    own = length_inside(start, back, outline, bodies[0], min_distance)
     if depth < 0.5 * own:
         return True
     partner[:] = start + depth * back
-    return depth < 0.5 * (own + length_inside(partner, -back, outline, bodies[1], least))
+    other = length_inside(partner, -back, outline, bodies[1], min_distance)
+    return depth < 0.5 * (own + other) - min_distance
 
 
 @kernel
-def tabulate_lengths(x, n, facets, bodies, outline, least, lengths):
-    """Fill the ``lengths`` (f,) of the bodies (f,) behind the middles of ``facets`` (f, K).
+def tabulate_lengths(x, n, facets, bodies, outline, min_fraction, lengths):
+    """Evaluate the lengths of bodies behind the middles of facets, along the reversed normals.
 
-    ``x`` and ``n`` are positions and normals of the nodes; ``least`` is a part of each facet.
+    Args:
+        x: Positions of the nodes, shape (n, 2) [length].
+        n: Their normals, shape (n, 2).
+        facets: Nodes of the facets, shape (f, K).
+        bodies: Bodies of the facets, shape (f,).
+        outline: As in ``find_crossings``.
+        min_fraction: Shortest length that counts, over the length of the facet [1].
+        lengths: Shape (f,) [length]; filled.
     """
     N = np.empty((3, facets.shape[1]))
     tabulate_shapes(0.0, N)
@@ -112,5 +124,5 @@ def tabulate_lengths(x, n, facets, bodies, outline, least, lengths):
             back -= N[0, k] * n[facets[f, k]]
         back /= np.sqrt(back[0] ** 2 + back[1] ** 2)
         edge = x[facets[f, -1]] - x[facets[f, 0]]
-        shortest = least * np.sqrt(edge[0] ** 2 + edge[1] ** 2)
+        shortest = min_fraction * np.sqrt(edge[0] ** 2 + edge[1] ** 2)
         lengths[f] = length_inside(start, back, outline, bodies[f], shortest)

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""A tree of boxes over facets: which of them may meet a box, or a strip along a direction.
+"""A tree of boxes over facets, to find those that may intersect a box or a strip.
 
-The boxes of the facets, in the order given, are the leaves of a complete binary tree in heap layout
-(children of node i: 2i and 2i + 1, root 1), so that a query costs O(log N + hits) where neighbours
-in the order are neighbours in space.
+The boxes of the facets, in the given order, are the leaves of a complete binary tree in heap layout
+(children of node i: 2i and 2i + 1, root 1). A query costs O(log N + hits) if neighbours in the
+order are neighbours in space.
 
-A query is a box (xmin, ymin, xmax, ymax), and of a strip also where it is ``along`` a direction:
-(tx, ty, low, high) are the places whose product with (tx, ty) is between low and high. ``hits``
-has room for all leaves.
+A query consists of a box (xmin, ymin, xmax, ymax) and, for a strip, of the range ``along`` its
+direction: (tx, ty, low, high) contains the points x with low <= x . (tx, ty) <= high.
 """
 
 import numpy as np
@@ -17,7 +16,10 @@ from fenics_mortar.kernels import kernel
 
 @kernel
 def build_tree(x, facets):
-    """Boxes (2P, 4) = (xmin, ymin, xmax, ymax) over ``facets`` (m, K) of control points ``x``."""
+    """Boxes (2 P, 4) over ``facets`` (m, K) with control points ``x`` (n, 2); P >= m leaves.
+
+    Each row is (xmin, ymin, xmax, ymax); row 0 is unused, leaf f is row P + f.
+    """
     leaves = 1
     while leaves < facets.shape[0]:
         leaves *= 2
@@ -38,14 +40,14 @@ def build_tree(x, facets):
 
 @kernel
 def misses(one, other):
-    """Whether two boxes are apart, or hold nan."""
+    """Whether two boxes (4,) are disjoint, or contain nan."""
     x = one[0] <= other[2] and one[2] >= other[0]
     return not (x and one[1] <= other[3] and one[3] >= other[1])
 
 
 @kernel
 def misses_along(box, along):
-    """Whether ``box`` and a strip are apart along the direction of the strip."""
+    """Whether ``box`` (4,) lies outside of the range ``along`` = (tx, ty, low, high)."""
     tx, ty, low, high = along
     middle = 0.5 * ((box[0] + box[2]) * tx + (box[1] + box[3]) * ty)
     half = 0.5 * ((box[2] - box[0]) * abs(tx) + (box[3] - box[1]) * abs(ty))
@@ -54,7 +56,15 @@ def misses_along(box, along):
 
 @kernel
 def query_tree(boxes, box, along, stack, hits):
-    """Fill ``hits`` with the facets whose boxes meet a query; return their number."""
+    """Fill ``hits`` with the facets whose boxes intersect a query; return their number.
+
+    Args:
+        boxes: The tree, shape (2 P, 4).
+        box: Box of the query, shape (4,).
+        along: Range (tx, ty, low, high) of a strip, or None.
+        stack: Nodes to be visited, longer than twice the depth of the tree; overwritten.
+        hits: Facets, shape (P,); filled.
+    """
     leaves = boxes.shape[0] // 2
     count, top = 0, 1
     stack[0] = 1

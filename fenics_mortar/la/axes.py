@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Axes that turn from node to node: in contact with its tangents, smoothly in between."""
+"""Nodal axes for multigrid: aligned with contact tangents, interpolated smoothly in between."""
 
 from __future__ import annotations
 
@@ -11,19 +11,18 @@ import numpy.typing as npt
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.rounding import SMALL_ANGLE
 
 ComplexArray = npt.NDArray[np.complex128]
 
-# Axes are not turned if all are within this of those of the mesh [radian]: nothing would be gained.
-STRAIGHT = 0.02
-# Tangents of a contact that axes are made of, at the most: they change little from one to the next.
+# Maximum number of tangents of a contact that define axes: neighbouring tangents differ little.
 TANGENTS = 32
 
 
 def turned_axes(bulk: Bulk, contacts: Sequence[Interface]) -> Array:
-    """Axes of the owned nodes in rows of their first dofs, shape (num_owned, 2, 2) (local).
+    """Axes of the owned nodes, in rows of their first dofs, shape (num_owned, 2, 2) [1] (local).
 
-    Columns are the axes; nodes held in one component keep those of the mesh.
+    Columns are the axes. Nodes with one prescribed component keep the axes of the mesh.
     """
     dofs = bulk.space.owned_dofs
     t = _tangents(contacts, bulk.positions()[: len(dofs)])
@@ -34,16 +33,16 @@ def turned_axes(bulk: Bulk, contacts: Sequence[Interface]) -> Array:
 
 
 def _tangents(contacts: Sequence[Interface], x: Array) -> ComplexArray:
-    """First axes (n,) at the places x (n, 2), as complex numbers.
+    """First axes (n,) at the positions x (n, 2), as complex numbers.
 
-    They are means of the tangents in contact, by one over the fourth power of the distance. Quarter
-    turns change nothing but the names of the axes; so of each contact the tangents are turned by as
-    many as bring them nearest to the axes of the mesh.
+    Means of the contact tangents, weighted by the inverse fourth power of the distance. A quarter
+    turn only renames axes; the tangents of each contact are turned by the number of quarter turns
+    that brings them closest to the axes of the mesh.
     """
     z, mean = x @ [1.0, 1.0j], np.full(len(x), 1e-300 + 0.0j)
     for places, tangents in map(sliding_nodes, contacts):
         tangents = tangents * (-1.0j) ** quarter_turns(tangents)
-        if np.abs(np.angle(tangents)).max(initial=0.0) < STRAIGHT:
+        if np.abs(np.angle(tangents)).max(initial=0.0) < SMALL_ANGLE:
             tangents = np.ones_like(tangents)
         for place, tangent in zip(places, tangents, strict=True):
             away = z - place
@@ -52,12 +51,12 @@ def _tangents(contacts: Sequence[Interface], x: Array) -> ComplexArray:
 
 
 def quarter_turns(tangents: ComplexArray) -> int:
-    """How many bring the tangents of a contact nearest to the first axis of the mesh."""
+    """Number of quarter turns from the first axis of the mesh to the mean tangent of a contact."""
     return round(np.angle(tangents.sum()) / (np.pi / 2.0))
 
 
 def sliding_nodes(contact: Interface) -> tuple[ComplexArray, ComplexArray]:
-    """Places and tangents of ``TANGENTS`` active nodes at the most, not of tied ones: complex."""
+    """Positions and tangents of at most ``TANGENTS`` active, untied nodes, complex, (n,) each."""
     F, o = contact.followed(), contact.operators
     j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
     j = j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]

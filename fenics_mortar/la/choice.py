@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
-from fenics_mortar.la.options import DIRECT, ITERATIVE, MANY, Solver
+from fenics_mortar.la.options import DIRECT, FEW, ITERATIVE, MANY, SMALL, Solver
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.la.system import LinearSystem
 
@@ -45,15 +45,26 @@ def system_of(
     automatic = solver == "auto"
     if automatic and not _is_for_multigrid(bulk, prefix, options, linear_bulk):
         solver = "direct"
-    defaults: dict[str, Any] = DIRECT if solver == "direct" else ITERATIVE
+    small = solver == "direct" and form is CondensedSystem and _is_small(bulk, prefix, options)
+    defaults: dict[str, Any] = (SMALL if small else DIRECT) if solver == "direct" else ITERATIVE
 
     def create() -> LinearSystem:
         system = form(bulk, contacts, prefix, defaults | (options or {}))
         system.solver.given = set(options or {})
-        system.solver.may_factor = automatic and solver == "auto"
+        system.solver.may_factor = small or solver == "auto"
         return system
 
     return create
+
+
+def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
+    """Whether factors without pivoting are tried first: few unknowns on one rank (collective).
+
+    Their elimination order is of SuiteSparse.
+    """
+    given = PETSc.Options(prefix).getAll() or options
+    few = bulk.comm.size == 1 and bulk.r.getSize() <= FEW
+    return few and not given and PETSc.Sys.hasExternalPackage("suitesparse")
 
 
 def _is_for_multigrid(

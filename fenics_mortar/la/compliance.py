@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The compliance of the contact dofs: displacements by forces on them and by prescribed values."""
+"""Compliance of the contact dofs: displacements due to contact forces and prescribed values."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from fenics_mortar.utils.errors import MortarError, raise_together
 
 
 class FactoredBulk:
-    """K, factored with the prescribed dofs held (collective).
+    """Factors of K with the prescribed dofs fixed (collective).
 
     Args:
-        bulk: The bodies; their tangent is constant, and assembled.
+        bulk: The bodies; their tangent is constant and assembled.
         dofs: The contact dofs.
         prefix: Prefix of PETSc's options.
-        single: Whether loads come one by one, to ``solve`` alone.
+        single: Whether only ``solve`` is called, with one right-hand side at a time.
     """
 
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str, *, single: bool = False) -> None:
@@ -34,9 +34,14 @@ class FactoredBulk:
         self._numbers, self._local = dofs.numbers[free], dofs.local[free]
 
     def answers(self, loads: PETSc.Mat) -> PETSc.Mat:
-        """Displacements (dofs, k) by forces on free dofs, the rows of ``loads`` (k, dofs).
+        """Solve for k right-hand sides at once (collective).
 
-        The rows are all on rank 0, as MUMPS wants them.
+        Args:
+            loads: Forces on free dofs, sparse, one load a row, shape (k, dofs) [stress length]; all
+                rows on rank 0, as MUMPS requires.
+
+        Returns:
+            Displacements, dense, shape (dofs, k) [length].
         """
         count = loads.getSize()[0]
         answers = PETSc.Mat().createDense(
@@ -48,9 +53,11 @@ class FactoredBulk:
         return answers
 
     def loads(self, forces: csr_array) -> PETSc.Mat:
-        """Forces on the contact dofs, one load a row, (k, size), as rows for ``answers``.
+        """The argument of ``answers`` for forces on the contact dofs (collective).
 
-        Those of rank 0 count. Held dofs take none.
+        Args:
+            forces: One load a row, shape (k, size) [stress length], used on rank 0 only. Forces on
+                prescribed dofs are dropped.
         """
         here = self._bulk.comm.rank == 0
         forces = forces[: forces.shape[0] if here else 0].tocoo()
@@ -63,50 +70,54 @@ class FactoredBulk:
         return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._bulk.comm)
 
     def at_contact(self, answers: PETSc.Mat) -> Array:
-        """Owned part of ``answers`` at the contact dofs, shape (size, k); the rest is zero."""
+        """Owned rows of ``answers`` at contact dofs, zero elsewhere, shape (size, k) (local)."""
         values = np.zeros((self._dofs.size, answers.getSize()[1]))
         values[self._numbers] = answers.getDenseArray()[self._local]
         return values
 
     def solve(self, force: PETSc.Vec) -> PETSc.Vec:
-        """The displacement by forces on the free dofs; prescribed ones stay."""
-        force.array[self._bulk.held] = 0.0
+        """Displacement due to forces on the free dofs; changes ``force`` (collective)."""
+        force.array[self._bulk.prescribed_dofs] = 0.0
         answer = force.duplicate()
         self._pc.apply(force, answer)
         return answer
 
 
 class Compliance(FactoredBulk):
-    """The answers of the contact dofs to forces on them, and to prescribed values (collective).
+    """Response of the contact dofs to forces on them and to prescribed values (collective).
 
     Args:
-        bulk: The bodies; their tangent is constant, and assembled.
+        bulk: The bodies; their tangent is constant and assembled.
         dofs: The contact dofs.
         prefix: Prefix of PETSc's options.
 
     Attributes:
-        A: Displacement of the contact dofs by unit forces on them, zero for prescribed ones, shape
-            (size, size) on rank 0, (0, 0) on the others [1 / stress].
+        A: Displacements of the contact dofs due to unit forces on them, zero for prescribed dofs,
+            shape (size, size) on rank 0, (0, 0) on other ranks [1 / stress].
     """
 
     def __init__(self, bulk: Bulk, dofs: ContactDofs, prefix: str) -> None:
         self.A = _compliance(bulk, dofs, prefix)
-        super().__init__(bulk, dofs, prefix, single=True)  # the other factors are gone
-        self._changes = np.empty((0, bulk.held.size))
+        super().__init__(bulk, dofs, prefix, single=True)  # other factors are freed
+        self._changes = np.empty((0, bulk.prescribed_dofs.size))
         self._answers = np.empty((0, dofs.size))
 
     def by_forces(self, forces: Array) -> Array:
-        """Displacement of the contact dofs, zero on other ranks than 0 (local)."""
+        """Displacements of the contact dofs, (size,) [length], zero on ranks > 0 (local)."""
         return self.A @ forces if self._bulk.comm.rank == 0 else np.zeros_like(forces)
 
     def by_prescribed(self, change: Array, rounding: float) -> Array:
-        """Change of the contact dofs that are free, by that of the held ones (local part).
+        """Change of the free contact dofs due to a change of prescribed values (collective).
 
-        The changes so far have an orthonormal basis; only what is new in this one is solved for.
+        Responses to an orthonormal basis of all earlier changes are stored, so that only the new
+        direction of this one needs a solve.
 
         Args:
-            change: That of the held dofs.
-            rounding: Size of a change that is rounding [length].
+            change: Change of the owned prescribed dofs, shape (prescribed dofs,) [length].
+            rounding: Norm of a change below which it is roundoff [length].
+
+        Returns:
+            Contribution of this rank, shape (size,) [length].
         """
         parts = np.zeros(len(self._changes))
         for _ in range(2):  # a second pass removes the rounding of the first
@@ -119,10 +130,10 @@ class Compliance(FactoredBulk):
         return parts @ self._answers
 
     def _learn(self, change: Array) -> None:
-        """Add a change to the basis, and the answer to it."""
-        self._bulk.assemble_tangent()  # which a step on all dofs may have added to
+        """Add a unit change to the basis, with its response (collective)."""
+        self._bulk.assemble_tangent()  # a step on all dofs may have added to it
         moved, force = self._bulk.K.createVecs()
-        moved.array[self._bulk.held] = -change
+        moved.array[self._bulk.prescribed_dofs] = -change
         self._bulk.K.mult(moved, force)
         answer = self._dofs.gather(self.solve(force).array_r)
         self._changes = np.vstack([self._changes, change])
@@ -130,7 +141,7 @@ class Compliance(FactoredBulk):
 
 
 def _compliance(bulk: Bulk, dofs: ContactDofs, prefix: str) -> Array:
-    """See ``Compliance``: the inverse of K with all but the free contact dofs eliminated.
+    """See ``Compliance.A``: inverse of the Schur complement of K on the free contact dofs.
 
     Raises:
         MortarError: On all ranks, if K is singular.

@@ -1,30 +1,30 @@
 # SPDX-License-Identifier: MIT
 """The condensed system (Alg. 2): multipliers eliminated node by node, displacements only.
 
-With a diagonal D the slave rows S of a multiplier that acts give z_j = Z_j (f - K~ dd)_j,
-Z_j = P_j / D_jj, where P_j leaves out prescribed components (eq. 14). Put in, the system of
-``system`` with right-hand sides f of the bodies and h of the laws is
+If D is diagonal, the slave rows S of an acting multiplier give z_j = Z_j (f - K~ dd)_j with
+Z_j = P_j / D_jj, where P_j removes prescribed components (eq. 14). Inserted into the system of
+``system``, with right-hand sides f of the bodies and h of the laws, this yields
 
     (Q K~ + C) dd = Q f + h,       Q = 1 - B^T Z - A_z Z,
 
-whose slave rows then hold the contact law. Only rows of contact nodes differ from those of K~: with
-its slave rows K_S and Q = 1 + R,
+whose slave rows then contain the contact law. Only rows of contact nodes differ from those of K~:
+with its slave rows K_S and Q = 1 + R,
 
     Q K~ + C = K~ + R K_S + C,
 
-and all of it is added to K in place, as work for these rows only.
+which is added to K in place, at a cost proportional to these rows.
 
-Components of multipliers that Z leaves out (nodes that do not act, prescribed components on
-symmetry planes) have rows A_z z = h without displacements and with a diagonal A_z: they are solved
-first, and their forces B^T z taken from f.
+Components of multipliers with Z = 0 (nodes that do not act, prescribed components on symmetry
+planes) have rows A_z z = h without displacements and with a diagonal A_z. They are solved first,
+and their forces B^T z are subtracted from f.
 
-Transposed, for right-hand sides a of the displacements and b of the multipliers, the steps are
-taken backwards: with t = Z^T b,
+The transposed system, with right-hand sides a of the displacements and b of the multipliers, takes
+the steps in reverse order: with t = Z^T b,
 
     (Q K~ + C)^T w = a - K_S^T t,    y = t + Q^T w,    multipliers of the laws: w in the slave rows,
 
-and those that Z leaves out from A_z^T w = b - B y. Rows of prescribed dofs are the identity's: they
-hand w to y, and have no part in Q^T w.
+and components with Z = 0 from A_z^T w = b - B y. Rows of prescribed dofs are those of the identity:
+y = w there, and they do not contribute to Q^T w.
 """
 
 from __future__ import annotations
@@ -44,15 +44,16 @@ from fenics_mortar.la.sparse import BlockMatrix, SomeRows, add_blocks
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
 
 
 class CondensedSystem(LinearSystem):
     """Displacements only; needs a D that can be inverted node by node.
 
-    Assembling adds to the bulk's ``K``, which has to be assembled anew before the next time.
+    Assembly adds to the bulk's ``K``, which has to be assembled again before the next one.
 
     Raises:
-        ValueError: If D cannot be inverted so, see ``obstacle_to_condensation``.
+        ValueError: On all ranks, if D is not diagonal; see ``obstacle_to_condensation``.
     """
 
     has_multipliers = False
@@ -70,35 +71,44 @@ class CondensedSystem(LinearSystem):
         self._R = BlockMatrix(self.comm, self._rows.local.size, mine)
         self._slave_K: Any = None
         dofs = np.empty((self.num_multipliers, 2), np.int64)
-        for contact, place in self.numbered():
-            dofs[self.local(contact, place)] = contact.slave.dofs[contact.slave.owned]
+        for contact, _, owned, local in self._numbered:
+            dofs[local] = contact.slave.dofs[owned]
         self._slave_rows = PETSc.IS().createGeneral(dofs.ravel().astype(PETSc.IntType), self.comm)
         self._slave_dofs = dofs.ravel() - bulk.first
-        self._partly_held = any((c.free[c.multiplier_nodes] == 0.0).any() for c in contacts)
+        self._partly_prescribed = any((c.free[c.multiplier_nodes] == 0.0).any() for c in contacts)
 
     # Assembly
 
+    @clock("assembly")
     def assemble(self) -> None:
         """Add K_c + R K_S + C to K (collective)."""
         laws = [contact.rows() for contact in self.contacts]
+        inverses = [self._inverse(contact) for contact in self.contacts]
+        R_blocks = self._R_blocks(laws, inverses)
         if self._update_pattern():
-            self._make_room(laws)
+            self._make_room(R_blocks)
         K = self.bulk.take_tangent()
         add_blocks(K, self.force_derivative())
-        R = self._R.assemble(self._rows.renumbered(self._R_blocks(laws)))
+        R = self._R.assemble(R_blocks)
         self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)
         product = R.matMult(self._slave_K)
         self._rows.add(product, K)
         product.destroy()
         add_blocks(K, self._C_blocks(laws))
         self.matrix = K
-        self._Z = self.collect(self._inverse(c) for c in self.contacts).ravel()
-        self._A_z = self.collect(law.A_z.diagonal(axis1=1, axis2=2) for law in laws).ravel()
-        self._law_rhs = self.collect(law.rhs for law in laws).ravel()
-        self._hold(self.matrix, self.bulk.first)
+        self._collect_rows(laws, inverses)
+        self._prescribe_rows(self.matrix, self.bulk.first)
 
-    def _make_room(self, laws: Sequence[Rows]) -> None:
-        """Put zeros into K wherever contact may add within its reach."""
+    def _collect_rows(self, laws: Sequence[Rows], inverses: Sequence[Array]) -> None:
+        """Diagonals of Z and A_z and right-hand sides of the multipliers owned here (local)."""
+        Z, A_z, rhs = np.zeros((3, self.num_multipliers, 2))
+        for (_, _, owned, local), law, inverse in zip(self._numbered, laws, inverses, strict=True):
+            Z[local], rhs[local] = inverse[owned], law.rhs[owned]
+            A_z[local] = law.A_z.diagonal(axis1=1, axis2=2)[owned]
+        self._Z, self._A_z, self._law_rhs = Z.ravel(), A_z.ravel(), rhs.ravel()
+
+    def _make_room(self, R_blocks: Sequence[Block]) -> None:
+        """Extend the pattern of K by zeros within the reach of contact (collective)."""
         different = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         rows, size = self._rows, self.bulk.num_owned
         of_slave = rows.number(self._slave_rows.indices).astype(PETSc.IntType)
@@ -108,7 +118,7 @@ class CondensedSystem(LinearSystem):
         slave_K = self.bulk.K.createSubMatrix(self._slave_rows)
         of_small = small.createSubMatrix(PETSc.IS().createGeneral(of_slave, self.comm))
         slave_K.axpy(1.0, of_small, different)
-        R = self._R.assemble(rows.renumbered(chain(self._R_blocks(laws), self._R_room())))
+        R = self._R.assemble([*R_blocks, *rows.renumbered(self._R_room())])
         product = R.matMult(slave_K)
         small.axpy(1.0, product, different)
         room = rows.room(small, size)
@@ -119,48 +129,50 @@ class CondensedSystem(LinearSystem):
         self._slave_K = None
         self.solver.forget_pattern()
 
-    def _C_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
+    def _C_blocks(self, laws: Sequence[Rows]) -> list[Block]:
         """C in the rows of the slave's displacement."""
+        blocks = []
         for contact, law in zip(self.contacts, laws, strict=True):
-            for block in law.blocks:
-                rows = contact.slave.dofs.ravel()[block.rows]
-                yield Block(rows, block.columns, block.values)
+            dofs = contact.slave.dofs.ravel()
+            blocks += [Block(dofs[rows], columns, values) for rows, columns, values in law.blocks]
+        return blocks
 
-    def _R_blocks(self, laws: Sequence[Rows]) -> Iterable[Block]:
-        """R = -B^T Z - A_z Z; columns are numbers of multipliers."""
-        for (contact, place), law in zip(self.numbered(), laws, strict=True):
-            Z = self._inverse(contact)
-            yield from self._weighted_forces(contact, place, -Z)
-            mine = contact.slave.owned[contact.acts[contact.slave.owned]]
+    def _R_blocks(self, laws: Sequence[Rows], inverses: Sequence[Array]) -> list[Block]:
+        """R = -B^T Z - A_z Z in rows of contact nodes; columns are numbers of multipliers."""
+        blocks = []
+        for (contact, place, owned, _), law, Z in zip(self._numbered, laws, inverses, strict=True):
+            blocks += self._weighted_forces(contact, place, -Z)
+            mine = owned[contact.acts[owned]]
             values = -law.A_z[mine] * Z[mine][:, None, :]
-            yield Block(contact.slave.dofs[mine], components(place[mine, None]), values)
+            blocks.append(Block(contact.slave.dofs[mine], components(place[mine, None]), values))
+        return list(self._rows.renumbered(blocks))
 
-    def _weighted_forces(
-        self, contact: Interface, place: Indices, weight: Array
-    ) -> Iterable[Block]:
-        """B^T with columns times ``weight`` (slave nodes, 2); their numbers are ``place``."""
-        for block in contact.force_blocks():
-            j, component = block.columns // 2, block.columns % 2
-            values = block.values * weight[j, component][:, None, :]
-            yield Block(block.rows, 2 * place[j] + component, values)
+    def _weighted_forces(self, contact: Interface, place: Indices, weight: Array) -> list[Block]:
+        """B^T with columns scaled by ``weight`` (slave nodes, 2) and numbered by ``place``."""
+        blocks = []
+        for rows, columns, values in contact.force_blocks():
+            j, component = columns // 2, columns % 2
+            weighted = values * weight[j, component][:, None, :]
+            blocks.append(Block(rows, 2 * place[j] + component, weighted))
+        return blocks
 
     def _R_room(self) -> Iterable[Block]:
         """Zeros for the reach of R."""
         for place, reach in zip(self.places, self._reaches, strict=True):
-            rows, multipliers = reach.force_pattern(~reach.idle)
+            rows, multipliers = reach.force_pattern()
             columns = components(place[multipliers, None])
             yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 
     def _inverse(self, contact: Interface) -> Array:
-        """Diagonal of Z_j, zero where none acts, shape (slave nodes, 2) [1 / length]."""
+        """Diagonal of Z_j, zero where no multiplier acts, shape (slave nodes, 2) [1 / length]."""
         diagonal = np.where(contact.acts, contact.operators.diagonal, np.inf)
         return contact.free / diagonal[:, None]
 
     # Solution
 
-    def step(self) -> Array:
-        """See ``LinearSystem``; rows that Z leaves out have no right-hand side in it."""
-        return self._eliminate(self._newton_force(), self._law_rhs)
+    def step(self, distance: Array) -> Array:
+        """See ``LinearSystem``; rows with Z = 0 have a zero right-hand side in a Newton step."""
+        return self._eliminate(self._newton_force(distance), self._law_rhs)
 
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
         """See ``LinearSystem``."""
@@ -168,59 +180,59 @@ class CondensedSystem(LinearSystem):
         return self._solve_transposed(f, h) if transpose else self._solve_whole(f, h)
 
     def _solve_whole(self, f: Array, h: Array) -> Array:
-        """A x = [f, h], with the multipliers that Z leaves out."""
+        """Solve A x = [f, h], components with Z = 0 included (collective)."""
         left_out = self._solve_left_out(h)
-        if self._partly_held:
-            f = f - self._held_forces(left_out)
+        if self._partly_prescribed:
+            f = f - self._prescribed_forces(left_out)
         x = self._eliminate(f, np.where(self._Z == 0.0, 0.0, h))
         x[self.bulk.num_owned :] += left_out
         return x
 
     def _eliminate(self, f: Array, h: Array) -> Array:
-        """A x = [f, h], where h is zero in the rows that Z leaves out."""
-        held, slave = self.bulk.held, self._slave_dofs
+        """Solve A x = [f, h], where h is zero in rows with Z = 0 (collective)."""
+        prescribed, slave = self.bulk.prescribed_dofs, self._slave_dofs
         rhs = f.copy()
         rhs[self._rows.local] += _times(self._R.mat, f[slave])
         np.add.at(rhs, slave, h)  # a node may be a slave of several pairs
-        rhs[held] = self._held_scale * f[held]
+        rhs[prescribed] = self._prescribed_scale * f[prescribed]
         dd = self._solve(rhs)
         return np.concatenate([dd, self._Z * (f[slave] - _times(self._slave_K, dd))])
 
     def _solve_transposed(self, a: Array, b: Array) -> Array:
-        """A^T x = [a, b]."""
-        held, slave = self.bulk.held, self._slave_dofs
+        """Solve A^T x = [a, b] (collective)."""
+        prescribed, slave = self.bulk.prescribed_dofs, self._slave_dofs
         t = self._Z * b
         w = self._solve(a - _times(self._slave_K, t, transpose=True), transpose=True)
-        at_held, w[held] = self._held_scale * w[held], 0.0
+        at_prescribed, w[prescribed] = self._prescribed_scale * w[prescribed], 0.0
         y = w.copy()
         gathered = t + _times(self._R.mat, w[self._rows.local], transpose=True)
         np.add.at(y, slave, gathered)
-        forces = self._at_held(y) if self._partly_held else np.zeros_like(b)
+        forces = self._at_prescribed(y) if self._partly_prescribed else np.zeros_like(b)
         laws = np.where(self._Z == 0.0, self._solve_left_out(b - forces), w[slave])
-        y[held] = at_held
+        y[prescribed] = at_prescribed
         return np.concatenate([y, laws])
 
     def _solve_left_out(self, h: Array) -> Array:
-        """The multipliers that Z leaves out by their rows, zero for the others (local)."""
+        """Solve the rows A_z z = h of components with Z = 0; zero for others (local)."""
         return np.divide(h, self._A_z, out=np.zeros_like(h), where=self._Z == 0.0)
 
-    def _held_forces(self, z: Array) -> Array:
+    def _prescribed_forces(self, z: Array) -> Array:
         """B^T z on the free owned dofs, for prescribed components of multipliers (collective)."""
-        forces, B_T = np.zeros(self.bulk.num_owned), self._held_columns()
+        forces, B_T = np.zeros(self.bulk.num_owned), self._prescribed_columns()
         forces[self._rows.local] = _times(B_T, z)
-        forces[self.bulk.held] = 0.0
+        forces[self.bulk.prescribed_dofs] = 0.0
         B_T.destroy()
         return forces
 
-    def _at_held(self, y: Array) -> Array:
+    def _at_prescribed(self, y: Array) -> Array:
         """B y, for prescribed components of multipliers (collective)."""
-        B_T = self._held_columns()
+        B_T = self._prescribed_columns()
         products = _times(B_T, y[self._rows.local], transpose=True)
         B_T.destroy()
         return products
 
-    def _held_columns(self) -> PETSc.Mat:
-        """B^T for prescribed components of multipliers that act, in rows of contact nodes."""
+    def _prescribed_columns(self) -> PETSc.Mat:
+        """B^T for prescribed components of acting multipliers, in rows of contact nodes."""
         blocks = chain.from_iterable(
             self._weighted_forces(contact, place, 1.0 - contact.free)
             for contact, place in self.numbered()
@@ -230,7 +242,7 @@ class CondensedSystem(LinearSystem):
 
 
 def _times(matrix: PETSc.Mat, values: Array, *, transpose: bool = False) -> Array:
-    """Product of a matrix, or its transpose, with an array of this rank's part (collective)."""
+    """Product of a matrix, or its transpose, with the local part of a vector (collective)."""
     right, left = matrix.createVecs()
     source, target = (left, right) if transpose else (right, left)
     source.array[:] = values
@@ -242,7 +254,7 @@ def _times(matrix: PETSc.Mat, values: Array, *, transpose: bool = False) -> Arra
 
 
 def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
-    """Why D cannot be inverted node by node, or ``None`` if it can (local)."""
+    """Reason why D is not diagonal, or ``None`` if it is (local)."""
     for contact in contacts:
         names = f"the pair '{contact.slave.name}' - '{contact.master.name}'"
         basis = contact.pair.discretization.basis
@@ -251,7 +263,8 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
         if contact.oblique.any():
             where = errors.place(contact.slave.X[contact.oblique][0])
             return (
-                f"a slave node of {names} at {where} is held in one component oblique to its normal"
+                f"a slave node of {names} at {where} is prescribed in one component "
+                "oblique to its normal"
             )
         for other in contacts:
             if np.intersect1d(contact.candidate_nodes, other.master.nodes).size:

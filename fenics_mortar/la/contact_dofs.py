@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The dofs of all contact surfaces, numbered through."""
+"""Dofs of all contact surfaces with consecutive numbers."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 
 class ContactDofs(SomeRows):
-    """The dofs of all contact surfaces, numbered through; equal on all ranks.
+    """Dofs of all contact surfaces with consecutive numbers, replicated.
 
     Attributes:
-        size: Their number.
-        free: Whether they are not prescribed, shape (size,), bool.
-        free_globals: Their global numbers, -1 for prescribed ones, shape (size,).
+        size: Number of contact dofs.
+        free: Whether a dof is not prescribed, shape (size,), bool.
+        free_globals: Global numbers of the dofs, -1 for prescribed ones, shape (size,).
     """
 
     def __init__(self, contacts: Sequence[Interface], bulk: Bulk) -> None:
@@ -31,7 +31,7 @@ class ContactDofs(SomeRows):
         self.free_globals: Indices = np.where(self.free, self._rows, -1)
 
     def gather(self, values: Array) -> Array:
-        """Values at these dofs of a local array of all dofs, shape (size,) (collective)."""
+        """Values of a local array of all dofs at the contact dofs, shape (size,) (collective)."""
         result = np.zeros(self.size)
         for surface in self._surfaces:
             result[self.number(surface.dofs)] = surface.gather(values)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Factors of the bulk tangent with prescribed dofs held, for many right-hand sides."""
+"""Factorization of the bulk tangent with prescribed dofs fixed, for many right-hand sides."""
 
 from __future__ import annotations
 
@@ -13,33 +13,36 @@ from fenics_mortar.la.sparse import leave
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
 
-# Kinds of factors, tried in this order, and the memory beyond the estimate of MUMPS [%]: on several
-# ranks it may need far more than it estimates.
+# Factorizations in the order of trial, and memory in excess of the estimate of MUMPS [%], which may
+# be far too low on several ranks.
 FACTORS = (("cholesky", 50), ("cholesky", 300), ("lu", 300))
 # Elimination order of MUMPS (ICNTL 7): approximate minimum fill. Its own choice takes longer than
 # the factorization, which is done once.
 ORDERING = 0
 
-# Columns of answers solved for at a time: more need more memory, and gain little.
+# Right-hand sides per solve: more need more memory and gain little.
 COLUMNS = 32
 
 
 def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC:
-    """A symmetric matrix, factored by MUMPS, all of it or all but a ``rest`` (collective).
+    """Factor a symmetric matrix by MUMPS, wholly or up to a Schur complement (collective).
 
     Args:
         K: The matrix.
         prefix: Prefix of PETSc's options.
-        rest: Rows and columns to leave, equal on all ranks: see ``sparse.schur_complement``.
+        rest: Rows and columns of the Schur complement, equal on all ranks; see
+            ``sparse.schur_complement``.
 
     Raises:
-        MortarError: On all ranks, if it cannot be.
+        MortarError: On all ranks, if MUMPS fails.
     """
     for kind, room in FACTORS:
         pc = PETSc.PC().create(K.comm)
         pc.setOptionsPrefix(prefix)
         pc.setFromOptions()
-        pc.setType(kind)  # whatever solves the whole system: many right-hand sides need factors
+        pc.setType(
+            kind
+        )  # whatever the options of the whole system: many right-hand sides need factors
         pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
         pc.setOperators(K)
         with options_added(prefix, {"mat_mumps_icntl_7": ORDERING, "mat_mumps_icntl_14": room}):
@@ -51,14 +54,14 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
         if outcome >= 0:
             return pc
         pc.destroy()
-    raise MortarError(f"the stiffness of the bodies was not factored: MUMPS says {outcome}")
+    raise MortarError(f"factorization of the stiffness of the bodies failed: MUMPS error {outcome}")
 
 
 def factored_by_cholmod(K: PETSc.Mat, prefix: str) -> PETSc.PC | None:
-    """Factors by CHOLMOD on one rank, ``None`` if K is not positive definite.
+    """Factor by CHOLMOD on one rank; ``None`` if K is not positive definite (local).
 
-    A single load takes CHOLMOD a third of the time that it takes MUMPS, which is faster by far for
-    many at once: 0.04 and 0.12 s, and 0.01 s for each of 32, at 169,000 unknowns.
+    For a single right-hand side CHOLMOD takes a third of the time of MUMPS (0.04 and 0.12 s at
+    169,000 unknowns); MUMPS is faster for many at once (0.01 s for each of 32).
     """
     pc = PETSc.PC().create(K.comm)
     pc.setOptionsPrefix(f"{prefix}single_")
@@ -76,22 +79,24 @@ def factored_by_cholmod(K: PETSc.Mat, prefix: str) -> PETSc.PC | None:
 def factored_bulk(
     bulk: Bulk, prefix: str, rest: Indices | None = None, *, single: bool = False
 ) -> PETSc.PC:
-    """The tangent of bodies, factored with the prescribed dofs held (collective).
+    """Factor the bulk tangent with the prescribed dofs fixed (collective).
 
     Args:
-        bulk: The bodies; their tangent is assembled.
+        bulk: The bodies; their tangent is assembled and not changed.
         prefix: Prefix of PETSc's options.
         rest: See ``factored``.
-        single: Whether loads come one by one.
+        single: Whether right-hand sides come one at a time.
     """
-    held = PETSc.IS().createGeneral((bulk.held + bulk.first).astype(PETSc.IntType), bulk.comm)
+    prescribed = PETSc.IS().createGeneral(
+        (bulk.prescribed_dofs + bulk.first).astype(PETSc.IntType), bulk.comm
+    )
     K = bulk.K.copy()
-    K.zeroRowsColumns(held, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
+    K.zeroRowsColumns(prescribed, diag=float(np.abs(K.getDiagonal().array_r).max(initial=1.0)))
     K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     pc = factored_by_cholmod(K, prefix) if single and K.comm.size == 1 else None
     return pc or factored(K, prefix, rest)
 
 
 def portions(count: int) -> list[Indices]:
-    """The numbers below ``count``, in parts that are solved for at a time."""
+    """The numbers below ``count`` in groups of at most ``COLUMNS``."""
     return [np.arange(i, min(i + COLUMNS, count)) for i in range(0, count, COLUMNS)]

@@ -90,7 +90,7 @@ COST = 5
 # Stiffness of motions outside the range of T over that of the node [1]: affects the coarse grids of
 # the cycle only, which would be stiff if it were large.
 IDLE = 1e-2
-# Integral of a multiplier function over nodal length [1] below which a node is left to the strip:
+# Integral of a multiplier function over nodal area [1] below which a node is left to the strip:
 # for quadratic standard functions on partly covered facets it may be zero or negative.
 LIGHT = 1e-2
 
@@ -109,7 +109,7 @@ class TouchingBodies:
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, multipliers: int | None
     ) -> None:
-        self._bulk, self._contacts, self._held = bulk, contacts, bulk.held
+        self._bulk, self._contacts, self._prescribed = bulk, contacts, bulk.prescribed_dofs
         self._condensed = multipliers is None
         size, block_size = bulk.num_owned, bulk.space.block_size
         self._motion, self._equations, self._idle, self._R = (
@@ -161,8 +161,8 @@ class TouchingBodies:
         idle = self._idle.assemble(self._idle_blocks(nodes))
         B.axpy(1.0, idle, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         self._part_sliding_bodies(B)
-        held = (self._held + first).astype(PETSc.IntType)
-        B.zeroRowsColumns(held, diag=1.0)
+        prescribed = (self._prescribed + first).astype(PETSc.IntType)
+        B.zeroRowsColumns(prescribed, diag=1.0)
         if self._cycle is not None:
             self._cycle.destroy()
         self._cycle = PETSc.KSP().create(self._bulk.comm)
@@ -215,7 +215,7 @@ class TouchingBodies:
         rest.array[:] = whole.array_r[: self._bulk.num_owned]
         self._equations.mat.multTransposeAdd(rest, rest, gathered)
         R.multTranspose(gathered, rest)
-        rest.array[self._held] = 0.0
+        rest.array[self._prescribed] = 0.0
         self._cycle.solve(rest, y)
         R.mult(y, rest)
         self._motion.mat.multAdd(rest, rest, y)
@@ -234,7 +234,7 @@ class TouchingBodies:
         self._motion.mat.multTransposeAdd(rest, rest, gathered)
         R.multTranspose(gathered, rest)
         self._cycle.solve(rest, y)
-        y.array[self._held] = 0.0
+        y.array[self._prescribed] = 0.0
         R.mult(y, rest)
         self._equations.mat.multAdd(rest, rest, y)
         x.set(0.0)
@@ -295,7 +295,7 @@ class TouchingBodies:
             weight = np.zeros(slave.num_nodes)
             np.add.at(weight, j[own], values[own])
             slave.comm.Allreduce(MPI.IN_PLACE, weight)
-            weight[weight < LIGHT * contact.nodal_lengths] = np.inf
+            weight[weight < LIGHT * contact.nodal_areas] = np.inf
             dofs, j, part = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, part[:, None, None], followed[j]
 

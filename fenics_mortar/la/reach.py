@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Couplings by contact that slides over a few facets: room in the pattern of a matrix.
+"""Sparsity pattern of contact terms with a margin for sliding over a few facets.
 
 A pattern that held the present segments only would change whenever one appears, and with it the
-symbolic factorization. Zeros for the master facets next to those that a slave facet meets cost
-little, since contact is small beside the bulk. Open facets have room as well, so that contact may
-grow; but only those with a multiplier that acts add to the matrix, and only they have to stay
-within it. Others may be far apart, where surfaces that turn a little soon meet something else.
+symbolic factorization. Zeros for the master facets next to those that a slave facet meets, and for
+slave facets that contact may come to next, cost little, since contact is small beside the bulk.
+Every slave node has room for a multiplier and for the forces of its neighbours': which nodes carry
+one may change. Open facets have room as well, so that contact may grow; but only those with a
+multiplier that acts add to the matrix, and only they have to stay within it. Others may be far
+apart, where surfaces that turn a little soon meet something else.
 """
 
 from __future__ import annotations
@@ -16,67 +18,57 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.utils.arrays import Indices
 
-# Master facets with room on either side of those that a slave facet meets [facets]: a Newton
-# iteration rarely slides further.
+# Master facets with room on either side of those that a slave facet meets, and slave facets with
+# room on either side of contact [facets]: a Newton iteration rarely slides further.
 MARGIN = 4
 
 
 class Reach:
-    """Master nodes that each slave facet of this rank's share may meet (all methods are local).
+    """Master nodes that the slave facets of this rank may couple to; all methods are local.
 
     Args:
         o: Operators at the present state.
-        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
         faced: Slave nodes, and master nodes that slip couples them to.
-
-    Attributes:
-        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        idle: Whether it does not, or multipliers of others act on it as well.
     """
 
-    def __init__(
-        self,
-        o: MortarOperators,
-        multiplier_nodes: npt.NDArray[np.bool_],
-        faced: tuple[Indices, Indices],
-    ) -> None:
+    def __init__(self, o: MortarOperators, faced: tuple[Indices, Indices]) -> None:
         self._slave, self._master = o.slave, o.master
-        self.multiplier_nodes, self.idle = multiplier_nodes.copy(), _idle(o, multiplier_nodes)
         everywhere = np.ones(o.slave.num_nodes, bool)
         self._met = np.union1d(_met(o, MARGIN, everywhere), _faced(o, *faced))
         facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]
 
-    def holds(
+    def contains(
         self,
         o: MortarOperators,
-        multiplier_nodes: npt.NDArray[np.bool_],
         faced: tuple[Indices, Indices],
         acting: npt.NDArray[np.bool_],
     ) -> bool:
-        """Whether a state couples nothing else; only ``acting`` slave nodes (slave nodes,) do."""
+        """Whether the pattern contains all couplings of a state.
+
+        Args:
+            o: Operators of the state.
+            faced: Of the state, see the class.
+            acting: Slave nodes whose multipliers act; others add nothing, (slave nodes,), bool.
+        """
         slips = acting[faced[0]]
         pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
         inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
-        near = o.facet_nodes[acting[o.facet_nodes].any(axis=1)]
-        same = (self.multiplier_nodes == multiplier_nodes) & (
-            self.idle == _idle(o, multiplier_nodes)
-        )
-        return bool(inside.all() and same[near].all())
+        return bool(inside.all())
 
     def derivative_pattern(self) -> Block:
-        """Zeros wherever derivatives of contact forces and gaps may be, in displacement dofs."""
+        """Zeros at all possible derivatives of contact forces and gaps, in displacement dofs."""
         _, rows, columns = self._coupled()
         return zeros(rows, columns)
 
     def law_pattern(self) -> tuple[Indices, Indices]:
-        """Slave nodes (p,), and dofs (p, 2) of nodes that their laws may couple them to."""
+        """Slave nodes (p,), and dofs (p, 2) of the nodes that their rows of the law may contain."""
         slave, _, columns = self._coupled()
         return slave[slave >= 0], columns[slave >= 0]
 
     def _coupled(self) -> tuple[Indices, Indices, Indices]:
-        """Pairs of nodes that a facet couples: slave node (-1: of the master) and dofs, dofs."""
+        """Pairs of nodes coupled by a facet: slave node (-1 for a master node) and dofs of both."""
         degree = self._slave.degree
         near = self._slave.along(self._own, range(-degree, 2 * degree + 1))
         place, which = np.nonzero(near >= 0)
@@ -89,55 +81,53 @@ class Reach:
         i, k = (order[places] for places in _pairs_within(facet[order]))
         return slave[i], dofs[i], dofs[k]
 
-    def force_pattern(self, acting: npt.NDArray[np.bool_]) -> tuple[Indices, Indices]:
-        """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act, but for their own.
-
-        These are of master nodes, and of slave nodes that are ``idle``.
-
-        Args:
-            acting: Slave nodes whose multipliers count, shape (slave nodes,).
-        """
+    def force_pattern(self) -> tuple[Indices, Indices]:
+        """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act."""
         degree = self._slave.degree
         carriers = self._slave.along(self._facet, range(degree + 1))
         on_master = np.repeat(self._master.dofs[self._partner], degree + 1, axis=0)
         own = self._slave.along(self._own, range(degree + 1))
-        idle, sharer = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
-        dofs = np.concatenate([on_master, self._slave.dofs[idle]])
-        multiplier = np.concatenate([carriers.ravel(), sharer])
-        acts = acting[multiplier]
-        acts[len(on_master) :] &= self.idle[idle]
-        return dofs[acts], multiplier[acts]
-
-
-def _idle(o: MortarOperators, multiplier_nodes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Slave nodes that carry no multiplier, or whose force those of others bear, (slave nodes,).
-
-    The second are nodes of curved facets just beyond the edge of the master, see ``mortar``.
-    """
-    facet, _, k = np.nonzero(o.D * (1.0 - np.eye(o.D.shape[1])))
-    idle = ~multiplier_nodes
-    idle[o.facet_nodes[facet, k]] = True
-    return idle
+        borne, carrier = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
+        dofs = np.concatenate([on_master, self._slave.dofs[borne]])
+        return dofs, np.concatenate([carriers.ravel(), carrier])
 
 
 def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
-    """Pairs of a facet with any of the ``slaves``, by its first node, and a master node: numbers.
+    """Numbers of pairs of a slave facet with any of ``slaves`` and a master node it meets.
 
-    Each facet has a pair with no node too, the number after the last: an obstacle has none.
+    A pair (first node i of the facet, master node k) has the number i (master nodes + 1) + k. Each
+    facet also has a pair with k = master nodes, since a rigid obstacle has no nodes.
     """
     s, degree, none = o.segments, o.master.degree, o.master.num_nodes
     counts = slaves[s.slave].any(axis=1)
-    slave, master = s.slave[counts, 0], s.master[counts]
+    slave, master = _with_next_facets(o, margin, s.slave[counts, 0], s.master[counts])
     masters = np.full((len(slave), 1), none)
-    if none:
+    if none and not margin:
+        masters = np.hstack([masters, master])
+    elif none:
         near = o.master.along(master[:, 0], range(-margin * degree, (margin + 1) * degree + 1))
         masters = np.hstack([masters, near])
     pairs = slave[:, None] * (none + 1) + masters
     return pairs[masters >= 0]
 
 
+def _with_next_facets(
+    o: MortarOperators, margin: int, slave: Indices, master: Indices
+) -> tuple[Indices, Indices]:
+    """Pairs of facets, by the slave's first nodes; with those of slave facets that are next to meet.
+
+    Slave facets without a partner get those of facets up to ``margin`` away.
+    """
+    degree = o.slave.degree
+    near = o.slave.along(slave, range(-margin * degree, margin * degree + 1, degree))
+    ends = o.slave.along(near.ravel(), range(degree, degree + 1)).reshape(near.shape)
+    place, which = np.nonzero((near >= 0) & (ends >= 0) & ~np.isin(near, slave))
+    next_ = near[place, which]
+    return np.concatenate([slave, next_]), np.concatenate([master, master[place]])
+
+
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
-    """Pairs as of ``_met`` of given slave and master nodes, one facet of this share a node."""
+    """Numbers as of ``_met`` of pairs of slave and master nodes, one facet per slave node."""
     facets = o.facet_nodes
     first = np.full(o.slave.num_nodes, -1)
     first[facets] = facets[:, :1]
@@ -146,7 +136,7 @@ def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:
 
 
 def _pairs_within(group: Indices) -> tuple[Indices, Indices]:
-    """All pairs (i, k) of places in one group; ``group`` (n,) is sorted."""
+    """All pairs of positions (i, k) within the same group; ``group`` (n,) is sorted."""
     _, start, group_of, counts = np.unique(
         group, return_index=True, return_inverse=True, return_counts=True
     )

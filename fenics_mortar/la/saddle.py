@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""The saddle-point system (Alg. 1): rows [dd, zeta] on each rank, with the matrix S_r A S_c.
+"""The saddle-point system (Alg. 1): unknowns [dd, zeta] on each rank, matrix S_r A S_c.
 
-S_c scales multipliers to forces, S_r the rows of prescribed dofs; see ``system``. With their
-transposes in the other order the transposed system is solved by the same factors.
+S_c scales multipliers to forces, S_r scales the rows of prescribed dofs; see ``system``. The
+transposed system S_c A^T S_r uses the same factors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from enum import IntEnum
 from itertools import chain
 from typing import Any
 
@@ -22,11 +23,18 @@ from fenics_mortar.la.reach import zeros
 from fenics_mortar.la.sparse import BlockMatrix, add_blocks
 from fenics_mortar.la.system import LinearSystem, components
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.clock import clock
 
-# Kinds of rows and columns of the matrix: dofs of the bodies, components of multipliers.
-DOF, MULTIPLIER = 0, 1
-# Kind of rows, kind of columns and blocks in which each kind is numbered by itself.
-Part = tuple[int, int, Iterable[Block]]
+
+class Kind(IntEnum):
+    """Kinds of rows and columns: dofs of the bodies, components of multipliers."""
+
+    DOF, MULTIPLIER = range(2)
+
+
+DOF, MULTIPLIER = Kind
+# Kind of rows, kind of columns, and blocks with separate numbers for each kind.
+Part = tuple[Kind, Kind, Iterable[Block]]
 
 
 class SaddleSystem(LinearSystem):
@@ -45,8 +53,8 @@ class SaddleSystem(LinearSystem):
         self._no_K = BlockMatrix(self.comm, *[self._sizes[MULTIPLIER]] * 2).assemble([])
         self._assembled: Any = None
 
-    def _number(self, kind: int, numbers: Indices) -> Indices:
-        """Numbers in the whole matrix of dofs or of components of multipliers; -1 stays -1."""
+    def _number(self, kind: Kind, numbers: Indices) -> Indices:
+        """Numbers of dofs or components of multipliers in the whole matrix; -1 stays -1."""
         rank = np.searchsorted(self._ends[:, kind], numbers, side="right")
         return np.where(numbers >= 0, numbers + self._shifts[rank, kind], -1)
 
@@ -68,10 +76,10 @@ class SaddleSystem(LinearSystem):
         yield MULTIPLIER, MULTIPLIER, self.multiplier_blocks(laws)
 
     def _room(self) -> Iterator[Part]:
-        """Zeros for the reach of K_c, B^T and C; those of A_z are always there."""
+        """Zeros for the reach of K_c, B^T and C; A_z has a fixed pattern."""
         for (contact, place), reach in zip(self.numbered(), self._reaches, strict=True):
             own = contact.slave.owned
-            dofs, multipliers = reach.force_pattern(reach.multiplier_nodes)
+            dofs, multipliers = reach.force_pattern()
             dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
             numbers = components(place[np.append(multipliers, own), None]).reshape(-1, 1)
             nodes, coupled = reach.law_pattern()
@@ -89,8 +97,9 @@ class SaddleSystem(LinearSystem):
         K.axpy(1.0, K_c, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         return K, B_T, C, A_z
 
+    @clock("assembly")
     def assemble(self) -> None:
-        """Fill the matrix, made anew where contact goes beyond its room (collective)."""
+        """Fill the matrix; create it again if contact leaves its pattern (collective)."""
         nest = PETSc.Mat().createNest([[self.bulk.K, None], [None, self._no_K]], comm=self.comm)
         K = PETSc.Mat()
         nest.convert("aij", out=K)
@@ -102,10 +111,10 @@ class SaddleSystem(LinearSystem):
         K.destroy()
         add_blocks(self.matrix, self._numbered_blocks(self._parts()))
         self._scales = np.repeat(self.collect(self.scale(c)[:, None] for c in self.contacts), 2)
-        self._hold(self.matrix, self.matrix.getOwnershipRange()[0])
+        self._prescribe_rows(self.matrix, self.matrix.getOwnershipRange()[0])
 
     def _make_room(self, K: PETSc.Mat) -> None:
-        """Make the matrix anew, with the entries of K and all that contact may reach."""
+        """Create the matrix with the pattern of K and of the reach of contact (collective)."""
         if self._assembled is not None:
             self._assembled.destroy()
         parts = chain(self._parts(), self._room())
@@ -115,13 +124,13 @@ class SaddleSystem(LinearSystem):
         self.matrix.axpy(1.0, K, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         self.solver.forget_pattern()
 
-    def step(self) -> Array:
-        """See ``LinearSystem``; solves for the change of zeta, which vanishes as Newton converges.
+    def step(self, distance: Array) -> Array:
+        """See ``LinearSystem``; solves for the increment of zeta, which vanishes at convergence.
 
-        So the accuracy of an iterative solver refers to the residual.
+        The tolerance of an iterative solver is thus relative to the residual.
         """
         size = self.bulk.num_owned
-        rhs = self._scale_rows(self.join(self._newton_force(), self._law_rhs))
+        rhs = self._scale_rows(self.join(self._newton_force(distance), self._law_rhs))
         present, product = self.matrix.createVecs()
         present.array[size:] = self.collect(c.z for c in self.contacts).ravel() / self._scales
         self.matrix.mult(present, product)
@@ -139,7 +148,7 @@ class SaddleSystem(LinearSystem):
     def _scale_rows(self, b: Array) -> Array:
         """S_r b."""
         scaled = b.copy()
-        scaled[self.bulk.held] *= self._held_scale
+        scaled[self.bulk.prescribed_dofs] *= self._prescribed_scale
         return scaled
 
     def _scale_multipliers(self, x: Array) -> Array:

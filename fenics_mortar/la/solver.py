@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 from mpi4py import MPI
@@ -12,15 +13,18 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.la.multigrid import TouchingBodies
-from fenics_mortar.la.options import COMPLIANCE, DIRECT, options_added
+from fenics_mortar.la.options import COMPLIANCE, DIRECT, SMALL, options_added
 from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
+from fenics_mortar.utils.rounding import LAST_DIGITS
 
 # Largest relative residual of an accepted solution [1]: above it a direct solver has met a singular
 # matrix.
 LINEAR_TOLERANCE = 1e-5
-# Relative residual of a direct solution above which it is refined once: a few units of rounding.
-REFINED = 1e-14
+# Largest relative residual of factors without pivoting, once refined [1]: above it, growing pivots
+# have cost half of the digits.
+WITHOUT_PIVOTING = 1e-10
 # PETSc's reasons for the end of a linear solve by number, and those of a zero or nan pivot.
 REASONS = {
     number: name
@@ -42,7 +46,8 @@ class LinearSolver:
     Attributes:
         ksp: PETSc's solver.
         forcing: Relative residual that the next solve may leave if it is iterative [1].
-        may_factor: Whether a direct solver takes over for good if an iterative one fails.
+        may_factor: Whether MUMPS takes over for good if an iterative solver, or one without
+            pivoting, fails.
         remark: Message on such a change of the solver or on unused options; else "".
         given: Names of the options of PETSc that the user gave, without the prefix.
 
@@ -66,6 +71,10 @@ class LinearSolver:
 
     def _create(self, options: dict[str, Any]) -> None:
         self._options = options
+        self._pivots = (
+            options.get("pc_factor_mat_solver_type") != SMALL["pc_factor_mat_solver_type"]
+        )
+        self._begin_anew()
         self.ksp = PETSc.KSP().create(self._comm)
         self.ksp.setOptionsPrefix(self._prefix)
         error = None
@@ -81,13 +90,31 @@ class LinearSolver:
             self.multigrid = self._make_preconditioner()
             self.ksp.getPC().setPythonContext(self.multigrid)
         self._finest, *_ = self.ksp.getTolerances()
+        self._is_direct = self.ksp.getType() == "preonly"
+
+    def _begin_anew(self) -> None:
+        """Read PETSc's options and make vectors at the next solve (local)."""
+        self._reads_options = True
+        self._vectors: list[PETSc.Vec] = []
+
+    def _reset(self) -> None:
+        self.ksp.reset()
+        self._begin_anew()
+
+    def describe(self) -> str:
+        """The solver in words (local)."""
+        kind, pc = self.ksp.getType(), self.ksp.getPC()
+        if self.multigrid is not None:
+            return f"{kind} with multigrid"
+        factors = "factors by " + str(pc.getFactorSolverType()) if kind == "preonly" else ""
+        return factors or f"{kind} with {pc.getType()}"
 
     def forget_pattern(self) -> None:
         """Drop the factors after a change of the sparsity pattern; multigrid detects it itself."""
         if self.multigrid is None:
-            self.ksp.reset()
+            self._reset()
 
-    def solve(self, matrix: PETSc.Mat, rhs: PETSc.Vec, *, transpose: bool = False) -> PETSc.Vec:
+    def solve(self, matrix: PETSc.Mat, rhs: Array, *, transpose: bool = False) -> Array:
         """Solve and check the solution.
 
         A direct solution whose residual is above rounding is refined once: pivots of a saddle point
@@ -95,55 +122,64 @@ class LinearSolver:
 
         Args:
             matrix: A.
-            rhs: The right-hand side, of this layout in either case.
+            rhs: The right-hand side, the part of this rank's rows in either case.
             transpose: Whether to solve with A^T.
+
+        Returns:
+            The part of the solution of this rank's rows.
 
         Raises:
             MortarError: On all ranks, if no solution was found.
         """
-        self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
+        if not self._is_direct:
+            self.ksp.setTolerances(rtol=max(self.forcing, self._finest))
         self.forcing = 0.0
         solution, failure = self._attempt(matrix, rhs, transpose)
-        if failure:  # the elimination order may be unsuitable for the new values
-            self.ksp.reset()
+        if failure and self._pivots:  # the elimination order may be unsuitable for the new values
+            self._reset()
             solution, failure = self._attempt(matrix, rhs, transpose)
         if not failure:
-            return solution
-        self.ksp.reset()  # MUMPS does not factor again after it has failed
+            return np.array(solution.array_r)
+        self._reset()  # MUMPS does not factor again after it has failed
         if not self.may_factor:
             raise MortarError(f"the linear system was not solved{failure}")
         self.may_factor = False
-        self.remark = (
-            f"the iterative solver failed{failure}; from now on the linear systems are solved "
-            "directly"
+        failed, then = (
+            ("the iterative solver", "directly")
+            if self._pivots
+            else ("elimination without pivoting", "by MUMPS")
         )
+        self.remark = f"{failed} failed{failure}; from now on the linear systems are solved {then}"
         self.ksp.destroy()
         self._create(DIRECT)
         return self.solve(matrix, rhs, transpose=transpose)
 
-    def _attempt(self, matrix: PETSc.Mat, rhs: PETSc.Vec, transpose: bool) -> tuple[PETSc.Vec, str]:
+    def _attempt(self, matrix: PETSc.Mat, values: Array, transpose: bool) -> tuple[PETSc.Vec, str]:
         """A solution and the failure as the end of a sentence; "" if it is accepted."""
-        solution = rhs.duplicate()
+        if not self._vectors:
+            self._vectors = [matrix.createVecLeft() for _ in range(4)]
+        rhs, solution, defect, correction = self._vectors
+        rhs.array[:] = values
+        solution.set(0.0)
         self.ksp.setOperators(matrix)
         try:
             self._run(rhs, solution, transpose)
         except MortarError as error:
+            self._vectors = []  # an error leaves the right-hand side locked
             return solution, f": {error}"
-        defect = rhs.duplicate()
-        relative = _defect(matrix, rhs, solution, defect, transpose)
-        if self.ksp.getType() == "preonly" and REFINED < relative <= LINEAR_TOLERANCE:
-            correction = rhs.duplicate()
+        multiply = matrix.multTranspose if transpose else matrix.mult
+        size = max(rhs.norm(), np.finfo(float).tiny)
+        relative = _defect(multiply, rhs, solution, defect) / size
+        if self._is_direct and LAST_DIGITS < relative <= LINEAR_TOLERANCE:
             self._call(defect, correction, transpose)
             solution.axpy(1.0, correction)
-            correction.destroy()
-            relative = _defect(matrix, rhs, solution, defect, transpose)
-        defect.destroy()
+            relative = _defect(multiply, rhs, solution, defect) / size
         reason = self.ksp.getConvergedReason()
-        if reason >= 0 and relative <= LINEAR_TOLERANCE:
+        allowed = LINEAR_TOLERANCE if self._pivots else WITHOUT_PIVOTING
+        if reason >= 0 and relative <= allowed:
             return solution, ""
         return solution, (
-            f", {self._describe(reason)}, relative residual {relative:.1e} "
-            f"(allowed {LINEAR_TOLERANCE:g})"
+            f", {self._describe(reason)}, relative residual {relative:.1e} (allowed {allowed:g})"
         )
 
     def _call(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:
@@ -151,18 +187,26 @@ class LinearSolver:
         (self.ksp.solveTranspose if transpose else self.ksp.solve)(rhs, solution)
 
     def _run(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:
-        """Call PETSc's solver; an error on any rank is raised on all as a ``MortarError``."""
-        error, copy = None, rhs.copy()  # an error leaves the right-hand side locked
+        """Call PETSc's solver; an error on any rank is raised on all as a ``MortarError``.
+
+        Direct solvers read options when factors of a new pattern are made.
+        """
+        error = None
+        context = (
+            options_added(self._prefix, self._options, self._used if self._first else None)
+            if self._reads_options or not self._is_direct
+            else nullcontext()
+        )
         try:
-            with options_added(self._prefix, self._options, self._used if self._first else None):
-                self._call(copy, solution, transpose)
-            copy.destroy()
+            with context:
+                self._call(rhs, solution, transpose)
         except MortarError as ours:
             error = ours
         except PETSc.Error as of_petsc:
             what = str(of_petsc).splitlines()[-1]
             error = MortarError(f"PETSc's error {of_petsc.ierr}, {what}")
         raise_together(self._comm, error)
+        self._reads_options = False
         if self._first:
             self._first = False
             self.remark = "; ".join(filter(None, (self.remark, self.describe_unused())))
@@ -203,9 +247,12 @@ class LinearSolver:
 
 
 def _defect(
-    matrix: PETSc.Mat, rhs: PETSc.Vec, solution: PETSc.Vec, defect: PETSc.Vec, transpose: bool
+    multiply: Callable[[PETSc.Vec, PETSc.Vec], None],
+    rhs: PETSc.Vec,
+    solution: PETSc.Vec,
+    defect: PETSc.Vec,
 ) -> float:
-    """Set ``defect`` to the residual; return its norm over that of the right-hand side."""
-    (matrix.multTranspose if transpose else matrix.mult)(solution, defect)
+    """Set ``defect`` to the residual; return its norm."""
+    multiply(solution, defect)
     defect.aypx(-1.0, rhs)
-    return float(defect.norm() / max(rhs.norm(), np.finfo(float).tiny))
+    return float(defect.norm())

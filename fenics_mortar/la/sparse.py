@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: MIT
 """PETSc matrices from dense blocks, in coordinate form.
 
-Any rank may add to any row; duplicates are summed and negative indices left out. Nothing has to be
-preallocated by hand, which on PETSc 3.18 is the difference between milliseconds and minutes.
-petsc4py wraps these functions only in its newest releases, and Schur complements of factors not at
-all, so they are called through ctypes, from the very library that petsc4py has loaded.
+Any rank may add to any row; duplicates are summed and negative indices are dropped. PETSc
+preallocates by itself; without preallocation PETSc 3.18 takes minutes instead of milliseconds.
+petsc4py wraps these functions only in its newest versions, and Schur complements of factors not at
+all, so they are called through ctypes from the library that petsc4py has loaded.
 """
 
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 from mpi4py import MPI
@@ -22,9 +22,7 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import MortarError
-
-# Largest asymmetry of a symmetric matrix over its size [1]: above the rounding of assembly.
-SYMMETRIC = 1e-12
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 _petsc = ctypes.CDLL(PETSc.__file__)
 _set_pattern = _petsc.MatSetPreallocationCOO
@@ -42,17 +40,17 @@ _destroy.argtypes = [ctypes.c_void_p]
 
 
 class BlockMatrix:
-    """A matrix filled from blocks again and again; the pattern is kept while it does not change.
+    """A matrix that is filled repeatedly from blocks; its pattern is reused while unchanged.
 
     Args:
         comm: Communicator (all methods are collective).
-        rows: Number of rows this rank owns.
-        columns: Number of columns this rank owns.
+        rows: Number of rows owned by this rank.
+        columns: Number of columns owned by this rank.
         block_size: Block size of PETSc's matrix.
 
     Attributes:
-        mat: The matrix, once assembled.
-        num_patterns: How many different patterns it has had so far.
+        mat: The matrix, after ``assemble``.
+        num_patterns: Number of patterns so far.
     """
 
     def __init__(self, comm: MPI.Comm, rows: int, columns: int, block_size: int = 1) -> None:
@@ -78,7 +76,7 @@ class BlockMatrix:
     def _new_pattern(self, i: npt.NDArray, j: npt.NDArray) -> None:
         if self.mat is not None:
             self.mat.destroy()
-        self._pattern = None  # until the matrix is there
+        self._pattern = None  # until the matrix exists
         self.mat = PETSc.Mat().create(self._comm)
         self.mat.setSizes(self._sizes)
         self.mat.setType(PETSc.Mat.Type.AIJ)
@@ -90,16 +88,16 @@ class BlockMatrix:
 
 
 class SomeRows:
-    """Some rows of a large matrix, numbered through as those of a small one.
+    """A subset of the rows of a large matrix as the rows of a small one; methods are local.
 
     Args:
-        rows: Their numbers, equal on all ranks; repeated ones count once.
-        first: First row of the large matrix that this rank owns.
-        num_owned: How many rows it owns.
+        rows: Numbers of the rows, replicated; duplicates are allowed.
+        first: First row of the large matrix owned by this rank.
+        num_owned: Number of rows of the large matrix owned by this rank.
 
     Attributes:
-        numbers: Numbers in the small matrix of those this rank owns.
-        local: Their local numbers in the large one, ascending.
+        numbers: Numbers in the small matrix of the rows owned by this rank.
+        local: Local numbers of these rows in the large matrix, ascending.
     """
 
     def __init__(self, rows: Indices, first: int, num_owned: int) -> None:
@@ -109,21 +107,29 @@ class SomeRows:
         self.local: Indices = self._rows[start:end] - first
 
     def number(self, rows: Indices) -> Indices:
-        """Numbers in the small matrix of rows of the large one, all of them here; -1 stays -1."""
+        """Numbers in the small matrix of ``rows`` of the subset; -1 stays -1."""
         return np.where(rows >= 0, np.searchsorted(self._rows, rows), -1)
 
-    def renumbered(self, blocks: Iterable[Block]) -> Iterator[Block]:
-        """Blocks for the small matrix of blocks for the large one."""
-        return (Block(self.number(rows), columns, values) for rows, columns, values in blocks)
+    def renumbered(self, blocks: Iterable[Block]) -> list[Block]:
+        """Blocks of the large matrix with the row numbers of the small one."""
+        return [Block(self.number(rows), columns, values) for rows, columns, values in blocks]
 
     def add(self, small: PETSc.Mat, large: PETSc.Mat) -> None:
-        """Add the small matrix to entries that the large one has, in place (collective)."""
+        """Add the small matrix to existing entries of the large one, in place (collective).
+
+        Zeros are left out: they need no entries.
+        """
         rows = (self.local + large.getOwnershipRange()[0]).astype(PETSc.IntType)
-        large.setValuesIJV(*small.getValuesCSR(), PETSc.InsertMode.ADD_VALUES, rows)
+        starts, columns, values = small.getValuesCSR()
+        used = values != 0.0
+        starts = np.append(0, np.cumsum(used))[starts].astype(PETSc.IntType)
+        large.setValuesIJV(
+            starts, columns[used], values[used], PETSc.InsertMode.ADD_VALUES, rows
+        )
         large.assemble()
 
     def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:
-        """Zeros where the small matrix has entries, in a large one with as many own rows."""
+        """Large matrix of ``num_owned`` rows with zeros at the entries of the small one."""
         starts, columns, values = small.getValuesCSR()
         sizes = np.zeros(num_owned + 1, PETSc.IntType)
         sizes[self.local + 1] = np.diff(starts)
@@ -132,10 +138,10 @@ class SomeRows:
 
 
 def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block]) -> None:
-    """Add blocks to entries that a matrix has, in place (collective).
+    """Add blocks to existing entries of a matrix, in place (collective).
 
-    Any rank may add to any row; negative indices are left out, and so are blocks of zeros: they
-    need no entries. However large the matrix is, this is work for the blocks only.
+    Any rank may add to any row; negative indices and blocks of zeros are dropped. The cost is
+    independent of the size of the matrix.
     """
     for block in blocks:
         used = block.values.any(axis=(1, 2))
@@ -150,7 +156,7 @@ def add_blocks(matrix: PETSc.Mat, blocks: Iterable[Block]) -> None:
 
 
 def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
-    """Row, column and value of every entry of the blocks."""
+    """Row, column and value of every entry of the blocks, (entries,) each."""
     i, j, v = [], [], []
     for rows, columns, values in blocks:
         i.append(np.broadcast_to(rows[:, :, None], values.shape).ravel())
@@ -166,9 +172,9 @@ def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDAr
 
 
 def leave(factor: PETSc.Mat, rows: Indices) -> None:
-    """Let factors by MUMPS, before they are made, leave some rows and columns (collective).
+    """Exclude rows and columns from a factorization by MUMPS before it is computed (collective).
 
-    The rows are equal on all ranks, their Schur complement is on rank 0: PETSc knows no other way.
+    The rows are replicated; PETSc returns their Schur complement on rank 0 only.
     """
     mine = rows if factor.comm.rank == 0 else rows[:0]
     places = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), factor.comm)
@@ -176,14 +182,14 @@ def leave(factor: PETSc.Mat, rows: Indices) -> None:
 
 
 def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64]:
-    """Schur complement of a symmetric matrix in the rows left, in their order (collective).
+    """Schur complement of a symmetric matrix on the excluded rows, in their order (collective).
 
     Args:
         factor: The factored matrix.
-        num_left: How many rows were left.
+        num_left: Number of excluded rows.
 
     Returns:
-        Shape (num_left, num_left) on rank 0, (0, 0) on the others.
+        Shape (num_left, num_left) on rank 0, (0, 0) on other ranks.
     """
     handle, status = ctypes.c_void_p(), ctypes.c_int()
     entries = ctypes.POINTER(ctypes.c_double)()
@@ -198,7 +204,7 @@ def schur_complement(factor: PETSc.Mat, num_left: int) -> npt.NDArray[np.float64
 
 
 def is_symmetric(K: PETSc.Mat) -> bool:
-    """Whether x . K y = y . K x for two vectors without structure (collective)."""
+    """Whether x . K y = y . K x for two irregular vectors (collective)."""
     x, y = K.createVecs()
     Kx, Ky = x.duplicate(), x.duplicate()
     start = K.getOwnershipRange()[0]
@@ -206,7 +212,7 @@ def is_symmetric(K: PETSc.Mat) -> bool:
     x.array[:], y.array[:] = np.sin(places**2), np.cos(1.0 + places**2)
     K.mult(x, Kx)
     K.mult(y, Ky)
-    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SYMMETRIC * x.norm() * Ky.norm())
+    return bool(abs(x.dot(Ky) - y.dot(Kx)) <= SUM_ROUNDING * x.norm() * Ky.norm())
 
 
 def _check(code: int) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The strip along the contact surfaces: its rows and columns of a matrix, factored."""
+"""Factorization of the rows and columns of a matrix in a strip along the contact surfaces."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Indices
 
-# Each rank factors all of the strip: that is little work, and its solves need one exchange only.
+# Each rank factors the whole strip: little work, and solves need one exchange only.
 STRIP = {
     "pc_type": "redundant",
     "redundant_pc_type": "lu",
     "redundant_pc_factor_mat_solver_type": "mumps",
 }
-# Layers of cells on either side of a contact surface that a strip has.
+# Layers of cells of the strip on either side of a contact surface.
 LAYERS = 2
 
 
 class Strip:
-    """The rows and columns of the dofs near contact surfaces, factored; methods are collective.
+    """Factored rows and columns of the dofs near contact surfaces; methods are collective.
 
     Args:
-        bulk: The bodies; K holds no contact yet.
+        bulk: The bodies; K without contact terms.
         contacts: The contacts.
-        prefix: Prefix of the options.
-        multipliers: Rows of multipliers after those of dofs; all of them are in the strip.
+        prefix: Prefix of PETSc's options.
+        multipliers: Number of rows of multipliers after those of dofs; all are in the strip.
 
     Attributes:
-        num_rows: Rows of the strip, on all ranks together.
+        num_rows: Rows of the strip, summed over all ranks.
     """
 
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, multipliers: int
     ) -> None:
-        self._prefix, self._held, self._comm = prefix, bulk.held, bulk.comm
+        self._prefix, self._prescribed, self._comm = prefix, bulk.prescribed_dofs, bulk.comm
         rows = np.arange(bulk.num_owned, bulk.num_owned + multipliers)
         surfaces = [surface for c in contacts for surface in (c.slave, c.master)]
         self._rows = np.append(near(bulk, surfaces, LAYERS), rows)
@@ -50,7 +50,7 @@ class Strip:
         self._factors: Any = None
 
     def factor(self, A: PETSc.Mat) -> None:
-        """Factor the part of ``A``; its pattern may have changed."""
+        """Factor the strip of ``A``, whose pattern may have changed."""
         if self._matrix is not None:
             self._factors.destroy()
             self._matrix.destroy()
@@ -63,18 +63,18 @@ class Strip:
         self._factors.setOperators(self._matrix)
         self._factors.setUp()
         self._b, self._x = self._matrix.createVecs()
-        self._diagonal = A.getDiagonal().array_r[self._held]
+        self._diagonal = A.getDiagonal().array_r[self._prescribed]
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec, *, transpose: bool = False) -> None:
-        """Solve for the dofs of the strip and those with prescribed values; others are zero.
+        """Solve for the rows of the strip and for prescribed dofs; other values are zero.
 
         Args:
             b: Right-hand side of the whole matrix.
-            x: The solution.
+            x: The solution; changed.
             transpose: Whether to solve with the transposed factors.
         """
         x.set(0.0)
-        x.array[self._held] = b.array_r[self._held] / self._diagonal
+        x.array[self._prescribed] = b.array_r[self._prescribed] / self._diagonal
         self._b.array[:] = b.array_r[self._rows]
         apply = self._factors.applyTranspose if transpose else self._factors.apply
         apply(self._b, self._x)

@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""The linear system of one Newton iteration, whether saddle point (Alg. 1) or condensed (Alg. 2).
+"""The linear system of a Newton iteration, as saddle point (Alg. 1) or condensed (Alg. 2).
 
-Unknown are the increment dd and the *new* multiplier z (Foltyn & Vlach 2016, eq. 12), so the
-right-hand side holds r = f_int - f_ext without the contact force:
+The unknowns are the increment dd and the *new* multiplier z (Foltyn & Vlach 2016, eq. 12), so the
+right-hand side contains r = f_int - f_ext without the contact force:
 
     (K + K_c) dd + B^T z = -r         B^T z: +D^T z on slave, -M^T z on master rows
           C dd + A_z z   = rhs        rows of the contact law, see ``interface.Rows``
 
 with K_c = d(B^T z^k)/dd. The row of a prescribed dof is that of the identity: dd = prescribed -
-present. So the operator, called A below, is the derivative of these residuals; ``assemble``
-linearizes, ``solve`` solves with A or A^T, ``step`` solves with the right-hand side above.
+present. The operator A below is the derivative of these residuals: ``assemble`` linearizes,
+``solve`` solves with A or A^T, and ``step`` solves with the right-hand side above.
 
-The multipliers are scaled to forces, z_j = k_j zeta_j / D_jj: this keeps the system well
-conditioned where a node is only partly covered (nodal scaling, Popp, Seitz, Gee & Wall 2013) and
-does not change the iterates. Rows of prescribed dofs are scaled by the largest k_j. Neither scale
-is seen from outside: ``solve`` takes and returns unscaled vectors.
+The multipliers are scaled to forces, z_j = k_j zeta_j / D_jj. Nodal scaling (Popp, Seitz, Gee &
+Wall 2013) keeps the system well conditioned if a node is only partly covered and does not change
+the iterates. Rows of prescribed dofs are scaled by the largest k_j. Both scales are internal:
+``solve`` takes and returns unscaled vectors.
 
-Vectors of both equations are arrays of this rank: values of the owned dofs, then both components of
-each multiplier owned here, in the order of ``places``.
+Vectors are local arrays: values of the owned dofs, then both components of each multiplier owned by
+this rank, in the order of ``places``.
 """
 
 from __future__ import annotations
@@ -42,17 +42,17 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 
 class LinearSystem(ABC):
-    """The part that both forms share: numbering and scales of multipliers, blocks, the solver.
+    """Common base of both forms: numbering and scaling of multipliers, blocks, the solver.
 
     Attributes:
-        places: Global number of the multiplier of each slave node, per contact: in the order of
-            their owners, so that a rank owns a contiguous range.
-        num_multipliers: Multipliers this rank owns.
+        places: Global number of the multiplier of each slave node, (slave nodes,) per contact,
+            ordered by owner, so that a rank owns a contiguous range.
+        num_multipliers: Number of multipliers owned by this rank.
         solver: Solves with ``matrix``.
-        matrix: The matrix last assembled, scaled and with the rows of prescribed dofs.
+        matrix: The last assembled matrix, scaled, with the rows of prescribed dofs.
     """
 
-    has_multipliers: bool  # whether the matrix has rows of theirs
+    has_multipliers: bool  # whether the matrix has rows of multipliers
 
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Interface], prefix: str, options: dict[str, Any]
@@ -63,7 +63,7 @@ class LinearSystem(ABC):
             bulk: The bodies.
             contacts: The contacts.
             prefix: Prefix of PETSc's options.
-            options: These options without the prefix.
+            options: Options of PETSc without the prefix.
         """
         self.bulk, self.contacts, self.comm = bulk, contacts, bulk.comm
         owners = np.concatenate([np.empty(0, np.int64), *(c.slave.owners for c in contacts)])
@@ -73,6 +73,10 @@ class LinearSystem(ABC):
         self.places: list[Indices] = np.split(place, ends)[:-1]
         self.num_multipliers = int((owners == self.comm.rank).sum())
         self._first_multiplier = int((owners < self.comm.rank).sum())
+        self._numbered = [
+            (contact, place, contact.slave.owned, self.local(contact, place))
+            for contact, place in zip(contacts, self.places, strict=True)
+        ]
         rows = 2 * self.num_multipliers if self.has_multipliers else None
         self.solver = LinearSolver(
             self.comm, prefix, options, lambda: TouchingBodies(bulk, contacts, prefix, rows)
@@ -80,22 +84,27 @@ class LinearSystem(ABC):
         self._reaches: list[Reach] = []
         self._pattern = 0
         self.matrix: PETSc.Mat
-        self._held_scale = 1.0
+        self._prescribed_scale = 1.0
 
     @abstractmethod
     def assemble(self) -> None:
         """Linearize: build ``matrix`` from the last evaluated state (collective)."""
 
     @abstractmethod
-    def step(self) -> Array:
-        """Increment dd and new multipliers of a Newton iteration, as one vector (collective)."""
+    def step(self, distance: Array) -> Array:
+        """Increment dd and new multipliers of a Newton iteration, as one vector (collective).
+
+        Args:
+            distance: Prescribed values minus the present ones, at the prescribed dofs [length].
+        """
 
     @abstractmethod
     def solve(self, b: Array, *, transpose: bool = False) -> Array:
         """Solve A x = b, or A^T x = b, with A as last assembled (collective).
 
         Args:
-            b: Right-hand side, shape (owned dofs + 2 owned multipliers,).
+            b: Right-hand side, shape (owned dofs + 2 owned multipliers,); [stress length] in the
+                rows of free dofs.
             transpose: Whether to solve with A^T.
 
         Raises:
@@ -107,54 +116,62 @@ class LinearSystem(ABC):
         """PETSc's solver."""
         return self.solver.ksp
 
+    def describe_solver(self) -> str:
+        """Form of the system, its solver and size, in words (local)."""
+        form = "saddle-point" if self.has_multipliers else "condensed"
+        unknowns = self.bulk.r.getSize()
+        return f"{form} system, {unknowns} unknowns of the bulk, {self.solver.describe()}"
+
     # Vectors
 
     def local(self, contact: Interface, place: Indices) -> Indices:
-        """Local positions of the multipliers owned here."""
+        """Local numbers of the owned multipliers of a contact with the numbers ``place``."""
         return place[contact.slave.owned] - self._first_multiplier
 
     def numbered(self) -> Iterator[tuple[Interface, Indices]]:
-        """Contacts with the numbers of their multipliers."""
+        """Each contact with the numbers of its multipliers, (slave nodes,)."""
         return zip(self.contacts, self.places, strict=True)
 
     def collect(self, nodal: Iterable[Array]) -> Array:
-        """Values at the multipliers owned here, shape (num_multipliers, ...) (local).
+        """Values of the owned multipliers, shape (num_multipliers, ...) (local).
 
         Args:
-            nodal: Of each contact, shape (slave nodes, ...), alike on all ranks.
+            nodal: Values of each contact, shape (slave nodes, ...), replicated.
         """
         parts = list(nodal)
         shape = parts[0].shape[1:] if parts else (2,)
         mine = np.zeros((self.num_multipliers, *shape))
-        for (contact, place), values in zip(self.numbered(), parts, strict=True):
-            mine[self.local(contact, place)] = values[contact.slave.owned]
+        for (_, _, owned, local), values in zip(self._numbered, parts, strict=True):
+            mine[local] = values[owned]
         return mine
 
     def join(self, u: Array, z: Iterable[Array]) -> Array:
-        """Vector of owned values ``u`` and of the (slave nodes, 2) of each contact (local)."""
+        """Vector of owned values of ``u`` and of ``z`` (slave nodes, 2) of each contact (local)."""
         return np.concatenate([u[: self.bulk.num_owned], self.collect(z).ravel()])
 
     def split(self, x: Array) -> tuple[Array, list[Array]]:
-        """The reverse of ``join``; values of multipliers are on all ranks then (collective)."""
+        """Inverse of ``join``; returns replicated values of multipliers (collective)."""
         mine, z = x[self.bulk.num_owned :].reshape(-1, 2), []
-        for contact, place in self.numbered():
+        for contact, _, owned, local in self._numbered:
             values = np.zeros((contact.slave.num_nodes, 2))
-            values[contact.slave.owned] = mine[self.local(contact, place)]
+            values[owned] = mine[local]
             self.comm.Allreduce(MPI.IN_PLACE, values)
             z.append(values)
         return x[: self.bulk.num_owned].copy(), z
 
     # Blocks
 
-    def force_derivative(self) -> Iterable[Block]:
+    def force_derivative(self) -> list[Block]:
         """Blocks of K_c = d(B^T z)/dd at fixed z."""
+        blocks: list[Block] = []
         for contact in self.contacts:
             if not contact.operators.linearization.frozen:
-                yield from contact.operators.force_derivative(contact.z)
+                blocks += contact.operators.force_derivative(contact.z)
+        return blocks
 
     def scale(self, contact: Interface) -> Array:
         """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
-        diagonal = np.where(contact.acts, contact.operators.diagonal, contact.nodal_lengths)
+        diagonal = np.where(contact.acts, contact.operators.diagonal, contact.nodal_areas)
         return contact.stiffness / diagonal
 
     def force_blocks(self) -> Iterable[Block]:
@@ -182,44 +199,38 @@ class LinearSystem(ABC):
     # Assembly
 
     def _update_pattern(self) -> bool:
-        """Whether contact goes beyond its reaches; make them anew then (collective)."""
-        now = [(c.operators, c.multiplier_nodes, c.faced()) for c in self.contacts]
-        acts = [c.acts | c.z.any(axis=1) for c in self.contacts]
-        holds = self._pattern == self.bulk.num_patterns and all(
-            reach.holds(*state, acting)
-            for reach, state, acting in zip(self._reaches, now, acts, strict=True)
-        )
-        if self.comm.allreduce(holds, MPI.LAND):
+        """Replace the reaches if contact leaves them; return whether it did (collective)."""
+        now = [(c.operators, c.faced()) for c in self.contacts]
+        fits = self._pattern == self.bulk.num_patterns
+        if fits:
+            for contact, reach, state in zip(self.contacts, self._reaches, now, strict=True):
+                acting = contact.acts | contact.z.any(axis=1)
+                fits = fits and reach.contains(*state, acting)
+        if self.comm.allreduce(fits, MPI.LAND):
             return False
         self._reaches = [Reach(*state) for state in now]
         self._pattern = self.bulk.num_patterns
         return True
 
-    def _hold(self, matrix: PETSc.Mat, first_row: int) -> None:
-        """Replace the rows of prescribed dofs by k times the identity's (collective)."""
-        self._held_scale = max((float(c.stiffness.max()) for c in self.contacts), default=1.0)
+    def _prescribe_rows(self, matrix: PETSc.Mat, first_row: int) -> None:
+        """Replace the rows of prescribed dofs by k times those of the identity (collective)."""
+        self._prescribed_scale = max([float(c.stiffness.max()) for c in self.contacts], default=1.0)
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        rows = (self.bulk.held + first_row).astype(PETSc.IntType)
-        matrix.zeroRows(rows, diag=self._held_scale)
+        rows = (self.bulk.prescribed_dofs + first_row).astype(PETSc.IntType)
+        matrix.zeroRows(rows, diag=self._prescribed_scale)
 
-    def _newton_force(self) -> Array:
-        """-r, and at prescribed dofs the distance to their values, (owned dofs,) (local)."""
+    def _newton_force(self, distance: Array) -> Array:
+        """-r, and at prescribed dofs the ``distance`` to their values, (owned dofs,) (local)."""
         f = -self.bulk.r.array_r[: self.bulk.num_owned]
-        f[self.bulk.held] = self.bulk.distance_to_prescribed()
+        f[self.bulk.prescribed_dofs] = distance
         return f
 
     def _solve(self, rhs: Array, *, transpose: bool = False) -> Array:
-        """Solve with ``matrix``, or its transpose; arrays of this rank's rows (collective)."""
-        vector = self.matrix.createVecLeft()
-        vector.array[:] = rhs
-        solution = self.solver.solve(self.matrix, vector, transpose=transpose)
-        values = solution.array_r.copy()
-        vector.destroy()
-        solution.destroy()
-        return values
+        """Solve with ``matrix``, or its transpose; local arrays (collective)."""
+        return self.solver.solve(self.matrix, rhs, transpose=transpose)
 
 
 def components(nodes: Indices) -> Indices:
-    """Numbers 2 k + component of the numbers ``nodes`` (..., k): shape (..., 2 k)."""
+    """Numbers 2 j + component of both components of ``nodes`` (..., k), shape (..., 2 k)."""
     numbers = 2 * nodes[..., None] + np.arange(2)
     return numbers.reshape(*nodes.shape[:-1], 2 * nodes.shape[-1])

@@ -22,9 +22,6 @@ from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.errors import MeshError, check_same_words, place, raise_together, together
 from fenics_mortar.utils.rounding import ROUNDING
 
-# Element types of gmsh that dolfinx reads: triangles and quadrilaterals of order 1, 2, 3.
-CELL_TYPES = (2, 3, 9, 10, 21, 36)
-
 
 def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> MeshData:
     """Read a plane mesh with names of bodies and boundaries from gmsh (collective).
@@ -146,7 +143,8 @@ def _check_cell_type(model: Any) -> None:
     names = sorted(model.mesh.getElementProperties(int(t))[0] for t in types)
     if len(types) > 1:
         raise MeshError(f"the mesh mixes {names}; expected one type, triangles or quadrilaterals")
-    if types[0] not in CELL_TYPES:
+    families, orders = ("Triangle", "Quadrangle"), (1, 2, 3)
+    if types[0] not in {model.mesh.getElementType(f, k) for f in families for k in orders}:
         raise MeshError(f"cells of type {names} are not supported; expected e.g. 'Triangle 6'")
 
 

@@ -33,7 +33,13 @@ def by_input_node(space: DisplacementSpace, u: Any) -> tuple[Indices, Array]:
 
 
 def set_by_input_node(space: DisplacementSpace, u: Any, nodes: Indices, values: Array) -> None:
-    """Set a function from the result of ``by_input_node``, also of other ranks (collective).
+    """Set a function from the result of ``by_input_node``, also on other ranks (collective).
+
+    Args:
+        space: The displacement's nodes and dofs.
+        u: The function.
+        nodes: Names of all nodes, shape (n, k).
+        values: Values there, shape (n, components of a node).
 
     Raises:
         MortarError: On all ranks, if the nodes are those of another mesh or degree.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.mesh.thickness import Thickness
 from fenics_mortar.utils import compat
 
 Array = npt.NDArray[np.float64]
@@ -22,9 +23,10 @@ class DisplacementSpace:
     Args:
         whole: Space of the unknowns: that of the displacement itself, or a mixed one.
         part: Number of the displacement's sub-space in a mixed space.
+        thickness: Out-of-plane thickness of the bodies; ``None`` if it is one.
 
     Attributes:
-        whole, part: The arguments.
+        whole, part, thickness: The arguments.
         V: The space of the displacement alone, which numbers the nodes.
         block_size: Dofs per node of ``whole``; 1 in a mixed space.
         dofs: Local dofs in ``whole`` of the local nodes, ghosts included, shape (n, 2).
@@ -36,8 +38,9 @@ class DisplacementSpace:
         ValueError: If the space has no such sub-space.
     """
 
-    def __init__(self, whole: Any, part: int = 0) -> None:
+    def __init__(self, whole: Any, part: int = 0, thickness: Thickness | None = None) -> None:
         self.whole, self.V, self.part = whole, whole, part
+        self.thickness = thickness
         self.block_size: int = whole.dofmap.index_map_bs
         if self.is_mixed:
             if part not in range(whole.num_sub_spaces):
@@ -62,12 +65,17 @@ class DisplacementSpace:
         return self.block_size == 1 and self.whole.num_sub_spaces > 0
 
     @property
+    def is_axisymmetric(self) -> bool:
+        """Whether the mesh is the meridian half plane of bodies of revolution (local)."""
+        return self.thickness is not None and self.thickness.by_x != 0.0
+
+    @property
     def owned_dofs(self) -> Indices:
         """Local dofs of the nodes owned by this rank, shape (``num_nodes``, 2) (local)."""
         return self.dofs[: self.num_nodes]
 
     def positions(self) -> Array:
-        """Positions of the nodes as an array of all local dofs; zero for other unknowns (local)."""
+        """Positions of the nodes, shape (local dofs,) [length]; zero for other unknowns (local)."""
         values = np.zeros(int(self.dofs.max(initial=-1)) + 1)
         values[self.dofs] = self.V.tabulate_dof_coordinates()[:, :2]
         return values

@@ -155,7 +155,11 @@ class AdequacyCheck:
         return restore
 
     def kept(self, problem: ContactProblem) -> dict[str, Array]:
-        """Data that later solves depend on, for a file: model and accumulated slip (local)."""
+        """Data of ``problem`` that later solves depend on, for a checkpoint (local).
+
+        Returns:
+            Accumulated slip of each pair, shape (slave nodes,) [length], and the model in use.
+        """
         none = np.empty(0)
         slips = [
             self._slips.get(c, none) for c in problem.equations.contacts if isinstance(c, Contact)
@@ -165,7 +169,7 @@ class AdequacyCheck:
         )
 
     def take(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
-        """Restore the result of ``kept``, as far as a file has it (collective)."""
+        """Restore ``data``, the result of ``kept``, as far as a file contains it (collective)."""
         contacts = [c for c in problem.equations.contacts if isinstance(c, Contact)]
         for i, contact in enumerate(contacts):
             if data.get(f"slips{i}", np.empty(0)).shape == (contact.slave.num_nodes,):

@@ -58,10 +58,10 @@ class ElasticObstacle:
         u: Displacement of the mesh.
         data: Mesh, tags and names, on the communicator of the problem.
         surface: Name or tag of the contact boundary.
-        bcs: Dirichlet conditions that hold the body; their values are not used.
+        bcs: Dirichlet conditions that fix the body; their values are not used.
 
     Raises:
-        ValueError: If the conditions do not hold the body, or an argument is of another type.
+        ValueError: If the conditions do not fix the body, or an argument is of another type.
         MeshError: If a name or tag is unknown or has no facets.
 
     Note:
@@ -102,7 +102,7 @@ class ElasticObstacle:
         )
         self._bulk.assemble_tangent()
         if find_floating_bodies(self._bulk, *label_bodies(self._bulk.V)):
-            raise ValueError(f"the elastic body of {obstacle} can move: bcs have to hold it")
+            raise ValueError(f"the elastic body of {obstacle} can move: bcs have to fix it")
         self._factors = factored_bulk(self._bulk, PREFIX)
 
     def displacements(self, contacts: Sequence[Contact]) -> list[Array]:
@@ -122,13 +122,17 @@ class ElasticObstacle:
         self._surface.comm.Allreduce(MPI.IN_PLACE, load)
         force, answer = self._bulk.K.createVecs()
         self._surface.scatter_add(load, force.array)
-        force.array[self._bulk.held] = 0.0
+        force.array[self._bulk.prescribed_dofs] = 0.0
         self._factors.apply(force, answer)
         moved = self._surface.gather(answer.array_r)
         return [points.means(points.along_normals(moved)) for points in touching]
 
     def flatness(self, contacts: Sequence[Contact]) -> list[Array]:
-        """Depth of the facets inside the obstacle, as for ``displacements`` (collective)."""
+        """Depth of the facets inside the obstacle for each of ``contacts`` (collective).
+
+        Returns:
+            Shape (slave nodes,) each [length], weighted as for ``displacements``.
+        """
         touching = [self._touching(contact) for contact in contacts]
         return [points.means(-points.distances(self._surface.X)) for points in touching]
 
@@ -149,6 +153,8 @@ class _Touching:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
         self._points = points_of(o.segments, gauss_rule(NUM_POINTS))
         self._measure = self._points.measure(o.x)
+        if contact.slave.thickness is not None:
+            self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))
         own = obstacle.to_own_frame(self._points.of(o.x).reshape(-1, 2))
         batches = np.array_split(own, len(own) // BATCH + 1)
         places = [nearest_facets(batch, surface.X, surface) for batch in batches]
@@ -176,9 +182,7 @@ class _Touching:
 
     def means(self, values: Array) -> Array:
         """Weighted means of values (points,) for each slave node, 0 without points (collective)."""
-        parts = self._points.dual_moments(
-            self._contact.operators.x, values.reshape(self._measure.shape)
-        )
+        parts = self._points.dual_moments(self._measure, values.reshape(self._measure.shape))
         sums = np.zeros((2, self._contact.slave.num_nodes))
         for target, part in zip(sums, parts, strict=True):
             np.add.at(target, self._points.slave, part)

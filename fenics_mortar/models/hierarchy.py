@@ -43,7 +43,7 @@ from fenics_mortar.utils.errors import going_on
 
 # Relative error above which the result of a model is not used as initial guess.
 MAX_ERROR = 0.5
-# Factor between deviations of a state and of the last checked state from which it is checked.
+# Growth of deviations or errors of a model since the last check from which they are checked again.
 CHECK_FACTOR = 2.0
 
 
@@ -226,7 +226,7 @@ class ModelHierarchy:
         where it decides, or where the error of the model has doubled, once per solve.
         """
         error, known = errors[self._quantity], self._discretisation is not None
-        decides = min(2.0 * self._mesh_error_at, self._mesh_error) < error < MAX_ERROR
+        decides = min(CHECK_FACTOR * self._mesh_error_at, self._mesh_error) < error < MAX_ERROR
         if decides and error > self._tolerance and self._quantity == ENERGY and not known:
             with going_on():
                 if not self._has_estimated:

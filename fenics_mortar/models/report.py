@@ -29,7 +29,7 @@ class Assumption:
 
 @dataclass(frozen=True)
 class AdequacyReport:
-    """Estimated errors of the assumptions of a solution; prints as a Markdown table.
+    """Estimated errors of the assumptions of a solution; prints as a Markdown table; local.
 
     Attributes:
         assumptions: Each assumption, and all together as the last where there are several.
@@ -45,7 +45,7 @@ class AdequacyReport:
 
     @property
     def error(self) -> float:
-        """Estimated relative error of the quantity due to all assumptions."""
+        """Estimated relative error of the quantity due to all assumptions [1]."""
         return max((a.errors[self.quantity] for a in self.assumptions), default=0.0)
 
     @property

@@ -36,7 +36,7 @@ class Status:
         gap: Largest mean gap of an active node over the node's length [1].
         num_active: Size of the active set.
         num_changed: Nodes that entered or left the active set or changed their branch.
-        noise: Rounding of the residual at this state [force].
+        roundoff: Rounding of the residual at this state [force].
         sets: Hash of the sets, to detect cycles.
         fraction: Fraction of the last step that was applied [1].
     """
@@ -46,7 +46,7 @@ class Status:
     gap: float
     num_active: int
     num_changed: int
-    noise: float
+    roundoff: float
     sets: bytes = b""
     fraction: float = 1.0
 
@@ -75,7 +75,7 @@ class Equations(Protocol):
         """Break a cycle of the sets for one iteration; return a note."""
 
     def seconds(self) -> dict[str, float]:
-        """Seconds since the last call, by phase."""
+        """Wall time since the last call, by phase [s]."""
 
     def diagnose(self) -> str:
         """Message on defects of the state; "" if none are found (collective)."""
@@ -98,6 +98,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
     """
     report = NewtonReport()
     step, sets, noted = Step(np.inf, 1.0), list[bytes](), set[str]()
+    residuals: list[float] = []
     for number in range(options.max_iterations + 1):
         if number:
             try:
@@ -115,7 +116,8 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
             if not number:  # the initial state is the user's
                 raise
             raise _failure(equations, report, f"iteration {number}: {error}") from error
-        step = step._replace(fraction=step.fraction * status.fraction)
+        if status.fraction < 1.0:
+            step = step._replace(fraction=step.fraction * status.fraction)
         report.force = max(report.force, status.force)
         report.iterations.append(
             Iteration(
@@ -130,18 +132,19 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         )
         if not np.isfinite([status.residual, status.force]).all():
             raise _failure(equations, report, f"iteration {number}: the residual is not finite")
-        if _is_solved(status, step, report.force, options):
+        if not any(_failed_tests(status, step, report.force, options)):
             report.converged = True
             report.reason = f"converged in {number} iterations"
             return report
-        if number == 1 and not _is_near(report.residuals, options.max_remaining):
+        residuals.append(status.residual)
+        if number == 1 and not _is_near(residuals, options.max_remaining):
             raise _failure(equations, report, "the first iteration hardly reduced the residual")
-        if number and not status.num_changed and _stagnates(report.residuals):
+        if number and not status.num_changed and _stagnates(residuals):
             drifting = equations.drifts()
             if drifting:
                 raise _failure(equations, report, drifting)
         sets = [*sets, status.sets] if status.num_changed else [status.sets]
-        period = UNSETTLED if _is_stuck(sets, report.residuals) else period_of(sets)
+        period = UNSETTLED if _is_stuck(sets, residuals) else period_of(sets)
         if period:
             note = f"iteration {number}: {equations.merge_sets(period)}"
             report.notes[:] = once([*report.notes, note])
@@ -196,15 +199,11 @@ def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConv
     return NotConvergedError(report.reason, report)
 
 
-def _is_solved(status: Status, step: Step, force: float, options: NewtonOptions) -> bool:
-    return not any(_failed_tests(status, step, force, options))
-
-
 def _failed_tests(
     status: Status, step: Step, force: float, options: NewtonOptions
 ) -> Iterator[str]:
     """Failed tests of convergence, in words."""
-    allowed = options.residual_tolerance * force + status.noise
+    allowed = options.residual_tolerance * force + status.roundoff
     if status.residual > allowed:
         yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"
     if step.increment > options.increment_tolerance:

@@ -12,7 +12,7 @@ from fenics_mortar.utils.arguments import check_flag, check_number
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """Tolerances and limits of Newton's method; all are relative and independent of units.
+    """Tolerances and limits of Newton's method, relative and independent of units; local.
 
     Attributes:
         max_iterations: Largest number of linear systems.

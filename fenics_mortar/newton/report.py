@@ -16,7 +16,17 @@ ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\
 
 @dataclass(frozen=True)
 class Iteration:
-    """Measures of one Newton iteration, equal on all ranks (seconds: those of the slowest)."""
+    """Measures of one Newton iteration, equal on all ranks.
+
+    Attributes:
+        residual: Norm of all equations [force].
+        gap: Largest mean gap of an active node over the node's length [1].
+        increment: Displacement increment over displacement, largest values [1].
+        fraction: Fraction of the increment that was applied [1].
+        num_active: Size of the active set.
+        num_changed: Nodes that entered or left the active set or changed their branch.
+        seconds: Wall time by phase, on the slowest rank [s].
+    """
 
     residual: float
     gap: float
@@ -31,6 +41,8 @@ class Iteration:
 class NewtonReport:
     """Record of one solve, complete on success and on failure; prints as a Markdown table.
 
+    All methods are local.
+
     Attributes:
         iterations: One row per iteration; row 0 is the state before the first linear system.
         notes: Messages on all deviations from plain Newton steps.
@@ -39,6 +51,7 @@ class NewtonReport:
         force: Reference force of the residuals [stress length].
         converged: Whether the solve converged.
         reason: Outcome in words.
+        solver: Which linear solver was used and why, in words.
     """
 
     iterations: list[Iteration] = field(default_factory=list)
@@ -48,6 +61,7 @@ class NewtonReport:
     force: float = 0.0
     converged: bool = False
     reason: str = "not started"
+    solver: str = ""
 
     @property
     def num_iterations(self) -> int:
@@ -60,7 +74,7 @@ class NewtonReport:
         return [iteration.residual for iteration in self.iterations]
 
     def followed_by(self, other: NewtonReport) -> NewtonReport:
-        """The record of two solves in a row, with the outcome of the second."""
+        """Record of this solve and the next one, ``other``, with the outcome of the latter."""
         return replace(
             other,
             iterations=self.iterations + other.iterations[1:],
@@ -68,7 +82,7 @@ class NewtonReport:
         )
 
     def total_seconds(self) -> dict[str, float]:
-        """Seconds of all iterations, by phase."""
+        """Wall time of all iterations, by phase [s]."""
         phases = {name: 0.0 for it in self.iterations for name in it.seconds}
         return {name: sum(it.seconds.get(name, 0.0) for it in self.iterations) for name in phases}
 
@@ -87,6 +101,7 @@ class NewtonReport:
         sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
         lines.append("| " + " | ".join(["sum", *[""] * (len(titles) - 1), *sums]) + " |")
         lines += ["", *self.notes] if self.notes else []
+        lines += [f"\nlinear solver: {self.solver}"] if self.solver else []
         lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
         return "\n".join(lines)
 

@@ -138,20 +138,20 @@ class Obstacle(ABC):
 
     @property
     def turn(self) -> Array:
-        """Present rotation, shape (2, 2)."""
+        """Present rotation matrix, shape (2, 2) [1]."""
         c, s = np.cos(self.place[2]), np.sin(self.place[2])
         return np.array([[c, -s], [s, c]])
 
     def to_own_frame(self, x: Array) -> Array:
-        """Points ``x`` (n, 2) in space, transformed to the obstacle's own frame."""
+        """Points ``x`` (n, 2) [length] in space, transformed to the obstacle's own frame."""
         return (x - self.pivot - self.place[:2]) @ self.turn + self.pivot
 
     def to_space(self, x: Array) -> Array:
-        """Points ``x`` (n, 2) of the obstacle's own frame, transformed to space."""
+        """Points ``x`` (n, 2) [length] of the obstacle's own frame, transformed to space."""
         return (x - self.pivot) @ self.turn.T + self.pivot + self.place[:2]
 
     def motions(self, x: Array, arm: float) -> Array:
-        """V at the points ``x`` (n, 2): shape (n, 3, 2)."""
+        """V at the points ``x`` (n, 2) [length] for a length ``arm``, shape (n, 3, 2) [1]."""
         r = (x - self.pivot - self.place[:2]) / arm
         one, zero = np.ones_like(r[:, 0]), np.zeros_like(r[:, 0])
         rows = ((one, zero), (zero, one), (-r[:, 1], r[:, 0]))
@@ -159,7 +159,14 @@ class Obstacle(ABC):
 
     @abstractmethod
     def local(self, x: Array) -> Fields:
-        """Phi (n,), gradient (n, 2) and Hessian (n, 2, 2) at points (n, 2) of the own frame."""
+        """Signed distance and derivatives at points of the own frame.
+
+        Args:
+            x: Points, shape (n, 2) [length].
+
+        Returns:
+            phi (n,) [length], gradient (n, 2) [1] and Hessian (n, 2, 2) [1 / length].
+        """
 
 
 class SignedDistance(Obstacle):
@@ -186,7 +193,7 @@ class SignedDistance(Obstacle):
         self._function = function
 
     def local(self, x: Array) -> Fields:
-        """Result of the user's function."""
+        """Result of the user's function: see ``Obstacle.local``."""
         if not len(x):
             return np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 2))
         return self._function(x)

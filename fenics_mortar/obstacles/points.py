@@ -15,12 +15,16 @@ from fenics_mortar.utils.lines import cross, near_pairs
 
 
 def edges_of(corners: Array) -> Array:
-    """Vectors from each corner of a polygon to the next."""
+    """Vectors from each corner of a polygon (k, 2) to the next one, shape (k, 2) (local)."""
     return np.roll(corners, -1, axis=0) - corners
 
 
 def check_chain(points: npt.ArrayLike) -> Array:
-    """Three or more points of the plane."""
+    """Copy of three or more points of the plane, shape (k, 2) (local).
+
+    Raises:
+        ValueError: For other values.
+    """
     chain = check_floats("points", points)
     if chain.ndim != 2 or chain.shape[1] != 2 or len(chain) < 3 or not np.isfinite(chain).all():
         raise ValueError(
@@ -49,7 +53,11 @@ def check_simple(what: str, chain: Array, *, closed: bool) -> None:
 
 
 def check_floats(name: str, values: Any) -> Array:
-    """Real numbers, as a copy."""
+    """Copy of an array of real numbers, of any shape (local).
+
+    Raises:
+        ValueError: If the values are not real numbers.
+    """
     array = np.asarray(values)
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{name}={values!r}: expected real numbers")
@@ -57,13 +65,21 @@ def check_floats(name: str, values: Any) -> Array:
 
 
 def check_finite(name: str, value: float) -> float:
-    """A finite number."""
+    """A finite number (local).
+
+    Raises:
+        ValueError: For other values.
+    """
     check_number(name, value, "a finite number", np.isfinite)
     return float(value)
 
 
 def check_vector(name: str, value: npt.ArrayLike) -> Array:
-    """A finite vector of the plane, as a copy."""
+    """Copy of a finite vector of the plane, shape (2,) (local).
+
+    Raises:
+        ValueError: For other values.
+    """
     vector = check_floats(name, value)
     if vector.shape != (2,) or not np.isfinite(vector).all():
         raise ValueError(f"{name}={value!r}: expected two finite numbers")

@@ -5,22 +5,16 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline
 
 from fenics_mortar.obstacles.obstacle import Fields, Obstacle
 from fenics_mortar.obstacles.points import check_chain, check_simple, check_vector, edges_of
 from fenics_mortar.utils.arguments import check_flag, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING
 
 # Samples of a spline per interval; Newton's method starts from the nearest one.
 SAMPLES = 16
-# Stride over these samples in the check for self-intersection.
-DRAWN = 4
-NEWTON_STEPS = 30
-# Last step over the length of the curve [1]: by quadratic convergence the error is rounding.
-LAST_STEP = 1e-9
-EPSILON = float(np.finfo(float).eps)
 
 
 class Plane(Obstacle):
@@ -44,7 +38,7 @@ class Plane(Obstacle):
         self._normal = normal / np.linalg.norm(normal)
 
     def local(self, x: Array) -> Fields:
-        """Distance to a straight line."""
+        """Distance to a straight line; see ``Obstacle.local``."""
         gradient = np.broadcast_to(self._normal, x.shape)
         return (x - self.pivot) @ self._normal, gradient, np.zeros((len(x), 2, 2))
 
@@ -77,7 +71,10 @@ class Circle(Obstacle):
         self._radius, self._sign = float(radius), -1.0 if inside else 1.0
 
     def local(self, x: Array) -> Fields:
-        """Distance to a circle; at its centre the gradient is set to the y direction."""
+        """Distance to a circle; see ``Obstacle.local``.
+
+        At the centre the gradient is set to the y direction.
+        """
         d = x - self.pivot
         d = np.where(np.abs(d).max(axis=1, keepdims=True) > 0.0, d, [0.0, EPSILON * self._radius])
         r = np.sqrt((d * d).sum(axis=1))
@@ -118,32 +115,36 @@ class Spline(Obstacle):
         if not chords.min() > 0.0:
             raise ValueError("two successive points of the spline coincide")
         knots = np.concatenate([[0.0], np.cumsum(chords)])
+        from scipy.interpolate import CubicSpline
+
         self._curve = CubicSpline(knots, chain, bc_type="periodic" if closed else "natural")
         self._closed, self._end = closed, float(knots[-1])
         fractions = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
         starts = (knots[:-1, None] + chords[:, None] * fractions).ravel()
         self._samples = np.append(starts, self._end)
         drawn = self._curve(self._samples)
-        some = drawn[::DRAWN]
-        check_simple("spline", some[:-1] if closed else some, closed=closed)
+        check_simple("spline", drawn[:-1] if closed else drawn, closed=closed)
         self._points = drawn - self.pivot
         self._squares = (self._points**2).sum(axis=1)
 
     def local(self, x: Array) -> Fields:
-        """Distance to the nearest point of the curve: Newton's method from the nearest sample."""
+        """Distance to the nearest point of the curve; see ``Obstacle.local``.
+
+        Newton's method from the nearest sample.
+        """
         t = self._samples[
             np.argmin(self._squares - 2.0 * (x - self.pivot) @ self._points.T, axis=1)
         ]
         longest = np.diff(self._samples).max()
-        for _ in range(NEWTON_STEPS):
+        for _ in range(MAX_STEPS):
             c, d, dd = self._jet(t)
             slope = np.einsum("ia,ia->i", c - x, d)
             square = np.einsum("ia,ia->i", d, d)
             bend = square + np.einsum("ia,ia->i", c - x, dd)
             step = np.clip(slope / np.where(bend > 0.0, bend, square), -longest, longest)
             t = t - step
-            if np.abs(step).max(initial=0.0) < LAST_STEP * self._end:
-                break
+            if np.abs(step).max(initial=0.0) < ROUNDING * self._end:
+                break  # the error of the last step is of second order
         c, d, dd = self._jet(t)
         speed = np.linalg.norm(d, axis=1)
         tangent = d / speed[:, None]
@@ -212,7 +213,7 @@ class Polygon(Obstacle):
         self._corners, self._normals, self._radius = inner, normals, float(rounding)
 
     def local(self, x: Array) -> Fields:
-        """Distance to the nearest edge of the inner polygon, or to its nearest corner."""
+        """Distance to the nearest edge or corner of the inner polygon; see ``Obstacle.local``."""
         edges = edges_of(self._corners)
         away = x[:, None] - self._corners
         along = np.clip((away * edges).sum(axis=2) / (edges**2).sum(axis=1), 0.0, 1.0)

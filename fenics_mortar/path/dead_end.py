@@ -21,12 +21,11 @@ from fenics_mortar.contact.laws import STICK
 from fenics_mortar.equations.state import State
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError, place
-from fenics_mortar.verify.limits import HALF_FACET
+from fenics_mortar.utils.rounding import HALF_FACET
 
-# Overlap below which surfaces slip off each other, over the shortest facet of both.
-SLIVER = 1e-3
 # Largest number n of sliding nodes whose 2^n combinations of stick and slip are all tried.
 MAX_SLIDING = 8
 
@@ -57,9 +56,9 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
         if not (isinstance(contact, Contact) and contact.active.any() and not contact.obstacle):
             continue
         o = contact.operators
-        overlap = float(o.cover.sum())
+        overlap = float((o.cover / contact.slave.mean_thickness).sum())
         shortest = min(_shortest(o.slave.facets, o.x), _shortest(o.master.facets, o.m))
-        if overlap < SLIVER * shortest:
+        if overlap < RIGID.sliver * shortest:
             j = int(np.argmax(np.where(contact.active, o.cover, -1.0)))
             force = float(np.hypot(*contact.total_force))
             yield (
@@ -70,14 +69,20 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
 
 
 def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
-    """Describe a jump of two bodies past each other since a state; "" if none (local).
-
-    Points that were in contact at the start of a step are behind each other, and nothing of the
-    contact is left: no path of equilibria leads there.
+    """Describe a jump since a state, to where no path of equilibria leads; "" if none (collective).
 
     Args:
         problem: The problem at the new state.
         before: The state at the start of the step.
+    """
+    return _past_each_other(problem, before) or _slid_away(problem, before)
+
+
+def _past_each_other(problem: ContactProblem, before: State) -> str:
+    """Describe a jump of two bodies past each other since a state; "" if none (local).
+
+    Points that were in contact at the start of a step are behind each other, and nothing of the
+    contact is left.
     """
     for contact, then in zip(problem.equations.contacts, before.interfaces, strict=True):
         active = then.active
@@ -90,6 +95,34 @@ def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
             return (
                 f"'{contact.slave.name}' and '{contact.master.name}' jumped past each other at "
                 f"{place(o.x[j])}, by {behind[j]:.1f} facets in one step"
+            )
+    return ""
+
+
+def _slid_away(problem: ContactProblem, before: State) -> str:
+    """Describe a body that slid out of an equilibrium since a state; "" if none (collective).
+
+    Friction supported it, but no contact forces balance its loads now, and so it was moved rigidly.
+    If another pair stops it, as a wall does, the new place is one of rest. If only other nodes of
+    the same pairs support it, it stopped where the nodes of the mesh happen to be.
+    """
+    equations = problem.equations
+    states = dict(zip(map(id, equations.contacts), before.interfaces, strict=True))
+    for body in equations.floating.moved:
+        pairs = equations.floating.contacts_of(body)
+        loaded = [c for c in pairs if c.pair.law.has_friction and states[id(c)].z.any()]
+        if not loaded or any(c.active.any() and not states[id(c)].z.any() for c in pairs):
+            continue
+        slips = [
+            np.abs(np.where(states[id(c)].active, c.slip, 0.0)) / c.nodal_lengths for c in loaded
+        ]
+        farthest = max(float(slip.max()) for slip in slips)
+        if farthest > RIGID.overlap:
+            return (
+                "no contact forces at the nodes balance the loads on "
+                f"{equations.floating.name_of(body.label)}, which was supported by friction: it "
+                f"slid by {farthest:.2f} facets in one step, where only inertia would stop it; "
+                "finer facets may support more"
             )
     return ""
 

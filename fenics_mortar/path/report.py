@@ -32,6 +32,8 @@ class PathStep:
 class PathReport:
     """Record of a path, complete on success and on failure; prints as a Markdown table.
 
+    All methods are local.
+
     Attributes:
         steps: The accepted steps.
         failures: Records of failed attempts at the step after the last accepted one.

@@ -77,15 +77,15 @@ def work_of(
         after: Forces at its end.
     """
     means = (0.5 * (a + b) for a, b in zip(before, after, strict=True))
-    r, contact, on_tools, shear, shear_on_tools = means
-    du, prescribed = (end.u - start.u)[: r.size], problem.equations.bulk.held
+    r, contact, on_obstacles, shear, shear_on_obstacles = means
+    du, prescribed = (end.u - start.u)[: r.size], problem.equations.bulk.prescribed_dofs
     supports = (r + contact)[prescribed] @ du[prescribed]
     work = problem.comm.allreduce(np.array([r @ du, supports, contact @ du, shear @ du]))
     moved = problem.equations.motions.motions_of(end.places - start.places)
-    work[1:3] += (on_tools * moved).sum()
-    work[3] += (shear_on_tools * moved).sum()
+    work[1:3] += (on_obstacles * moved).sum()
+    work[3] += (shear_on_obstacles * moved).sum()
     dofs = problem.equations.bulk.space.owned_dofs
     sizes = np.linalg.norm(contact[dofs], axis=1) @ np.linalg.norm(du[dofs], axis=1)
-    largest = problem.comm.allreduce(float(sizes)) + np.abs(on_tools * moved).sum()
+    largest = problem.comm.allreduce(float(sizes)) + np.abs(on_obstacles * moved).sum()
     of_bulk, of_supports, of_contact, of_friction = map(float, work)
     return Work(of_bulk, of_supports, of_contact, of_friction, float(largest))

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Balance of obstacles: its linearization, the border of the system of u and z.
+"""Linearized balance of driven obstacles, the border of the system of u and z.
 
-To the equations of displacement and multipliers, whatever their form, come the columns C_q of the
-contact law, and for each motion the row of its balance,
+The equations of displacement and multipliers, in either form, are extended by the columns C_q of
+the contact law and by a row of balance for each motion,
 
     E_d du + M_q z + E_q dq = push,    M_q z = f_q,
 
-with E the derivatives of f_q at fixed z. D does not depend on q, so the rows of the bodies have no
-columns.
+where E are the derivatives of f_q at fixed z. D does not depend on q, so the rows of the bodies
+have no entries in the new columns.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def linearize_balance(motions: ObstacleMotions, system: LinearSystem) -> Border:
 
     Args:
         motions: The obstacles.
-        system: System of displacement and multipliers, whose vectors the columns and rows are.
+        system: System of displacement and multipliers; columns and rows are its vectors.
     """
     count, size = motions.scales.size, system.bulk.num_owned
     columns = np.zeros((count, size + 2 * system.num_multipliers))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The floating bodies of a problem, their rigid motions, and the forces along these."""
+"""Floating bodies of a problem, their rigid motions and the forces along them."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
-from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 class BodyMotions:
-    """Bodies that Dirichlet conditions leave free, and where they are; all methods are collective.
+    """Bodies that Dirichlet conditions leave free, and their motions; all methods are collective.
 
     Args:
         bulk: The bodies.
@@ -36,9 +36,9 @@ class BodyMotions:
 
     Attributes:
         bulk: The bodies.
-        contacts: The contacts, ties left out.
-        labels: Body of each local node, ghosts included. Tied ones are one body.
-        bodies: The floating ones, once they have been looked for.
+        contacts: The contacts without ties.
+        labels: Body of each local node, including ghosts, (local nodes,); tied bodies are one.
+        bodies: The floating bodies, after ``find``.
     """
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
@@ -49,17 +49,17 @@ class BodyMotions:
         self.labels, count = label_bodies(bulk.V)
         links = [self._links(tie) for tie in contacts if isinstance(tie, Tie)]
         self.labels, self._num_bodies = join_bodies(self.labels, count, links)
-        self._surface_labels.clear()  # those of bodies before ties joined them
+        self._surface_labels.clear()  # labels from before ties joined bodies
         self.bodies: list[FloatingBody] = []
 
     def _links(self, tie: Tie) -> Indices:
-        """Pairs of bodies that a tie joins."""
+        """Pairs of bodies joined by a tie, shape (n, 2)."""
         slave, master = self.labels_of(tie.slave), self.labels_of(tie.master)
         nodes = tie.M.tocoo()
         return np.stack([slave[nodes.row], master[nodes.col]], axis=1).astype(np.int64)
 
     def find(self) -> None:
-        """Look for floating bodies, with ``K`` as assembled; inertia holds all of them."""
+        """Find floating bodies, by the assembled ``K``; none floats if it has inertia."""
         self.bodies = []
         if self.bulk.inertia is None:
             self.bodies = find_floating_bodies(self.bulk, self.labels, self._num_bodies)
@@ -83,12 +83,12 @@ class BodyMotions:
         return self.labels[: self.bulk.space.num_nodes] == body.label
 
     def motions(self, body: FloatingBody) -> tuple[Indices, Array]:
-        """Dofs (nodes, 2) of a body's owned nodes, and its motions there, (motions, 2 * nodes)."""
+        """Dofs of the owned nodes of a body (nodes, 2), its motions there (motions, 2 nodes)."""
         x = self.bulk.positions()[: self.bulk.space.num_nodes][self._nodes_of(body)]
         return self.dofs_of(body), body.displacement(x).reshape(len(body.motions), -1)
 
     def shortest_facet(self) -> float:
-        """Shortest slave facet of all contacts, or without any the smallest body [length]."""
+        """Shortest slave facet of all contacts; without contacts the smallest body [length]."""
         sizes = [float(contact.slave.lengths.min()) for contact in self.contacts]
         return min(sizes or [body.size for body in self.bodies])
 
@@ -102,7 +102,7 @@ class BodyMotions:
     # Motions
 
     def move(self, body: FloatingBody, coefficients: Array) -> None:
-        """Add a rigid motion; the rotation is finite, so it causes no strain.
+        """Add a rigid motion with a finite rotation, which causes no strain.
 
         Args:
             body: The body.
@@ -117,7 +117,7 @@ class BodyMotions:
         self.bulk.u.x.array[self.bulk.space.dofs[mine]] += arm @ turn.T + np.array([x, y])
 
     def rigid_fraction(self, body: FloatingBody, change: Array) -> Array:
-        """Coefficients of the body's motions in a displacement (owned part), shape (motions,)."""
+        """Rigid part of a displacement (owned dofs,) of a body, shape (motions,) [length]."""
         dofs, motions = self.motions(body)
         answer = motions @ change[dofs].ravel()
         products = self.bulk.comm.allreduce(np.column_stack([motions @ motions.T, answer]))
@@ -126,12 +126,12 @@ class BodyMotions:
     # Forces
 
     def resultant(self, body: FloatingBody, total: Array) -> Array:
-        """Resultant of the forces along the body's motions, shape (motions,) [stress length]."""
+        """Resultant of forces (owned dofs,) along a body's motions, (motions,) [stress length]."""
         dofs, motions = self.motions(body)
         return self.bulk.comm.allreduce(-motions @ total[dofs].ravel())
 
     def contacts_of(self, body: FloatingBody) -> list[Contact]:
-        """The pairs that a body takes part in."""
+        """Contacts of a body."""
         return [contact for contact in self.contacts if self.at_body(contact, body).any()]
 
     def at_body(self, contact: Contact, body: FloatingBody) -> Flags:
@@ -140,7 +140,7 @@ class BodyMotions:
         return on_slave | bool((self.labels_of(contact.master) == body.label).any())
 
     def contact_force(self, body: FloatingBody) -> float:
-        """Integral of the size of the pressure over all pairs of a body [stress length]."""
+        """Integral of |pressure| over all contacts of a body [stress length]."""
         return sum(
             float((c.operators.cover * np.abs(c.pressure))[self.at_body(c, body)].sum())
             for c in self.contacts
@@ -149,14 +149,14 @@ class BodyMotions:
     def is_loaded(self, body: FloatingBody) -> bool:
         """Whether any contact force acts on a body."""
         return any(
-            (np.abs(c.pressure) > RIGID.rounding * c.stiffness)[self.at_body(c, body)].any()
+            (np.abs(c.pressure) > SUM_ROUNDING * c.modulus)[self.at_body(c, body)].any()
             for c in self.contacts
         )
 
     # Words
 
     def name_of(self, label: int, labels: Indices | None = None) -> str:
-        """Name of a body from the cell tags, or its place; ``labels``: others than these."""
+        """Name of a body from the cell tags or its position; ``labels``: instead of its own."""
         bulk, labels = self.bulk, self.labels if labels is None else labels
         first = compat.dofmap(bulk.V)[:, 0]
         for data in self._data:
@@ -175,7 +175,7 @@ class BodyMotions:
         return " and ".join(sorted({self.name_of(body.label) for body in bodies}))
 
     def describe(self, loose: Sequence[FloatingBody]) -> str:
-        """The loose bodies and how they can move, in words."""
+        """Loose bodies and their motions, in words."""
         return ", ".join(
             f"{self.name_of(body.label)} can {body.describe(motion)}"
             for body in loose

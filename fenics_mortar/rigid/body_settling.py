@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Moves of floating bodies before a solve, and a check of them after it; all is collective.
+"""Rigid moves of floating bodies before a solve, and a check after it; all collective.
 
-A body that loads drive where active contact does not hold it is moved rigidly until contact stops
-it: each move is the one closest to the drive that opens no node more than a little beyond touching,
-a quadratic program in the few rigid motions. Limit analysis decides which bodies contact may hold;
-see ``holding``.
+A body that its loads drive and active contact does not support is moved rigidly until contact stops
+it. Each move is the one closest to the drive that lets no node overlap by more than
+``RIGID.overlap``, a quadratic program in the few rigid motions. Limit analysis decides which bodies
+contact may support; see ``limit_analysis``.
 """
 
 from __future__ import annotations
@@ -17,25 +17,27 @@ from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.rigid.body_motions import BodyMotions
-from fenics_mortar.rigid.holding import Touching, unresisted_motion
+from fenics_mortar.rigid.limit_analysis import Touching, unresisted_motion
 from fenics_mortar.rigid.moves import closest_move
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import closing, is_ahead, loose_bodies, opening, slipping
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, NotConvergedError
+from fenics_mortar.utils.rounding import SOLVED
 
-# Bodies that move, and the coefficients of their motions, shapes (motions,) [length].
+# Moving bodies with the coefficients of their motions, (motions,) each [length].
 Moves = list[tuple[FloatingBody, Array]]
 
 
 class BodySettling:
-    """Moves the floating bodies before a solve, and checks the state after it.
+    """Moves floating bodies before a solve, and checks the state after it.
 
     Args:
         bodies: The floating bodies.
 
     Attributes:
-        touched: The active sets of the contacts where ``settle`` began.
+        touched: Active sets of the contacts at the start of ``settle``.
+        moved: Bodies that the last ``settle`` moved.
     """
 
     def __init__(self, bodies: BodyMotions) -> None:
@@ -43,17 +45,18 @@ class BodySettling:
         self._unloaded: list[FloatingBody] = []
         self._start: Array = bodies.bulk.u.x.array
         self.touched: list[Flags] = []
+        self.moved: list[FloatingBody] = []
 
     def settle(self, evaluate: Callable[[], tuple[Array, Array]], min_drive: float) -> list[str]:
-        """Move the bodies that contact cannot hold rigidly, until it can.
+        """Move the bodies that contact cannot support rigidly until it can.
 
         Args:
             evaluate: Evaluates the contacts at the present state; returns the forces of the bulk
-                and those of contact (owned parts).
-            min_drive: Smallest resultant that drives a body, over the forces on it [1].
+                and of contact, shape (owned dofs,) each [stress length].
+            min_drive: Smallest resultant that moves a body, over the forces on it [1].
 
         Returns:
-            Sentences that name the bodies that were moved.
+            A sentence for each body that was moved.
 
         Raises:
             NotConvergedError: On all ranks, if nothing stops a body.
@@ -69,6 +72,7 @@ class BodySettling:
             creeping = creeping + 1 if self._creeps(moves) else 0
             if not moves or creeping > RIGID.max_creeping:
                 self._start = bodies.bulk.u.x.array.copy()
+                self.moved = [body for body in bodies.bodies if body.label in moved]
                 names = sorted(bodies.name_of(label) for label in sorted(moved))
                 return [f"{name} was moved rigidly until contact stopped it" for name in names]
             for body, move in moves:
@@ -86,32 +90,32 @@ class BodySettling:
         raise NotConvergedError(words, NewtonReport(reason=words))
 
     def check(self) -> list[str]:
-        """Check the bodies that had no contact force before the solve and have none now.
+        """Check bodies without contact force before and after the solve.
 
         Returns:
-            Sentences that name bodies that contact pushed towards something that may stop them.
+            A sentence for each body that was pushed towards a surface that may stop it.
 
         Raises:
-            MortarError: On all ranks, if nothing is there to stop a body that gave way.
+            MortarError: On all ranks, if a body was pushed and no surface is ahead of it.
         """
         bodies, notes = self._bodies, []
         for body in self._unloaded:
             change = (bodies.bulk.u.x.array - self._start)[: bodies.bulk.num_owned]
             motion = bodies.rigid_fraction(body, change)
-            is_at_rest = np.linalg.norm(motion) <= RIGID.motion_rounding * body.size
+            is_at_rest = np.linalg.norm(motion) <= SOLVED * body.size
             if is_at_rest or bodies.is_loaded(body):
                 continue
             name = bodies.name_of(body.label)
             if not any(is_ahead(bodies, contact, body, motion) for contact in bodies.contacts):
                 raise MortarError(
-                    f"{name} can {body.describe(motion)} freely: pushed "
-                    "by contact it gave way, since its Dirichlet conditions do not hold it"
+                    f"{name} can {body.describe(motion)} freely: contact "
+                    "pushed it away, since its Dirichlet conditions do not fix it"
                 )
             notes.append(f"{name} was pushed along by contact without a force")
         return notes
 
     def _next_moves(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
-        """The next move of each body that is driven and not held; none of negligible length."""
+        """The next move of each driven, unsupported body; none of negligible length."""
         driven = self._driven(bulk, contact, min_drive, begun=begun)
         if not driven:
             return []
@@ -130,11 +134,12 @@ class BodySettling:
         ]
 
     def _driven(self, bulk: Array, contact: Array, min_drive: float, *, begun: bool) -> Moves:
-        """The bodies that loads drive and contact does not hold, and directions of size one.
+        """Bodies that loads drive and contact does not support, with unit directions.
 
-        A body that carries contact force moves only as active contact lets it. Without friction and
-        adhesion a facet holds a body that stands for a round one, which would roll on: there limit
-        analysis decides only on bodies that touch before they have moved or carried any force.
+        A body with contact force moves only along directions that active contact admits. Without
+        friction and adhesion, the facets of a round body may support it although the smooth body
+        would roll on; limit analysis is then used only for bodies that touch before they have moved
+        or carried any force.
         """
         bodies = self._bodies
         total, sizes = bulk + contact, np.abs(bulk) + np.abs(contact)
@@ -151,28 +156,29 @@ class BodySettling:
         else:
             judged = set() if begun else labels
         if driven and judged:
-            gone = self._not_held(bulk) | {body.label for body in bodies.bodies} - judged
+            gone = self._unsupported(bulk) | {body.label for body in bodies.bodies} - judged
             driven = [(body, drive) for body, drive in driven if body.label in gone]
         return driven
 
     def _drive(self, body: FloatingBody, total: Array, sizes: Array, min_drive: float) -> Array:
-        """Direction in which the forces drive the body, of size one; zero if they do not."""
+        """Unit direction of the resultant on a body; zero if the resultant is negligible."""
         bodies = self._bodies
         drive = bodies.resultant(body, total)
         size = bodies.bulk.comm.allreduce(float(sizes[bodies.dofs_of(body)].sum()))
         norm = float(np.linalg.norm(drive))
         return drive / norm if norm > min_drive * size else np.zeros(len(drive))
 
-    def _not_held(self, bulk: Array) -> set[int]:
-        """Labels of the bodies that no contact force within the friction limits can hold.
+    def _unsupported(self, bulk: Array) -> set[int]:
+        """Labels of the bodies that no admissible contact forces can support.
 
         Args:
-            bulk: Forces of the bulk, minus the loads (owned part).
+            bulk: Forces of the bulk, the negative loads, shape (owned dofs,) [stress length].
         """
         bodies = self._bodies
         if not bodies.contacts:
             return {body.label for body in bodies.bodies}
-        loads = np.concatenate([bodies.resultant(body, bulk) for body in bodies.bodies])
+        forces = bulk + self._pull_of_open_nodes(bulk.size)
+        loads = np.concatenate([bodies.resultant(body, forces) for body in bodies.bodies])
         size = float(np.abs(loads).sum())
         weight = sum(float(c.operators.weight[c.active].sum()) for c in bodies.contacts)
         pressure = size / weight if weight > 0.0 else 0.0
@@ -182,8 +188,19 @@ class BodySettling:
         moves = zip(bodies.bodies, np.split(motion, ends), strict=True)
         return {body.label for body, move in moves if np.abs(move).max() > RIGID.resisted}
 
+    def _pull_of_open_nodes(self, size: int) -> Array:
+        """Contact forces of open nodes: adhesion across a gap is a load, shape (size,)."""
+        force = np.zeros(size)
+        for contact in self._bodies.contacts:
+            if contact.pair.law.has_adhesion:
+                pull = np.where(contact.active[:, None], 0.0, contact.z)
+                on_slave, on_master = contact.operators.force(pull)
+                contact.slave.scatter_add(on_slave, force)
+                contact.master.scatter_add(on_master, force)
+        return force
+
     def _touching(self, contact: Contact, pressure: float) -> Touching:
-        """The active nodes of a pair as the floating bodies meet there; a typical pressure."""
+        """Active nodes of a pair for limit analysis, with friction at a typical pressure."""
         bodies, on, weight = self._bodies, contact.active, contact.operators.weight
         opens, slips = (
             np.concatenate([rate(bodies, contact, body) for body in bodies.bodies]).T[on]
@@ -193,12 +210,12 @@ class BodySettling:
         return Touching(opens, slips, slope[on], (weight * shear)[on], (weight * adhesion)[on])
 
     def _is_gone(self, body: FloatingBody, move: Array) -> bool:
-        """Whether no pair of a body that has moved far is ahead of it."""
+        """Whether no surface of another body is ahead of a moving body."""
         bodies = self._bodies
         return not any(is_ahead(bodies, c, body, move) for c in bodies.contacts_of(body))
 
     def _creeps(self, moves: Moves) -> bool:
-        """Whether no body moves by more than it may overlap."""
+        """Whether all moves are shorter than the admitted overlap."""
         longest = max((_length(body, move) for body, move in moves), default=0.0)
         return longest <= RIGID.overlap * self._bodies.shortest_facet()
 

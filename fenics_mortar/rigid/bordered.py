@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Bordered systems: few unknowns q beside those of a large system A, which alone is factored.
+"""Bordered systems: a few unknowns q in addition to those of a large, factored system A.
 
     A x + C q = b
     G x + E q = c
 
-The few are eliminated, with the answers of A to the columns of C; what is left is a small dense
-system. The transposed system has the same form, with the rows of G for columns.
+Block elimination solves A for each column of C and leaves a small dense system for q. The
+transposed system has the same form, with the rows of G as columns.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fenics_mortar.utils.errors import MortarError, raise_together
 
 @dataclass(frozen=True)
 class Border:
-    """C, G and E of m unknowns beside n of this rank.
+    """C, G and E for m additional unknowns and n owned unknowns of A.
 
     Attributes:
         columns: C transposed, shape (m, n).
@@ -43,12 +43,12 @@ class Border:
         return type(self)(self.rows, self.columns, self.corner.T)
 
     def scaled(self, units: Array) -> Self:
-        """The border for unknowns q / ``units`` and equations times ``units``, shape (m,)."""
+        """The border for unknowns q / ``units`` and equations times ``units`` (m,)."""
         each = units[:, None]
         return type(self)(each * self.columns, each * self.rows, each * self.corner * units)
 
     def part(self, some: npt.NDArray[np.bool_]) -> Self:
-        """The border of some of the unknowns and their equations, (m,)."""
+        """The border of a subset of the unknowns and their equations; ``some``: (m,), bool."""
         return type(self)(self.columns[some], self.rows[some], self.corner[np.ix_(some, some)])
 
 
@@ -58,10 +58,10 @@ def solve_bordered(
     """Solve a bordered system (collective).
 
     Args:
-        solve: Solves A x = b for the part of this rank (collective).
+        solve: Solves A x = b; takes and returns owned values, shape (n,) (collective).
         border: C, G and E.
-        x: Solution of A x = b without the border, the part of this rank, shape (n,).
-        c: Right-hand side of the m further equations, shape (m,), equal on all ranks.
+        x: Solution of A x = b without the border, owned values, shape (n,).
+        c: Right-hand side of the m additional equations, shape (m,), replicated.
         comm: Communicator.
 
     Returns:

@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Contact with friction at small changes: a linear complementarity problem, by Lemke's method.
+"""Linearized contact with Coulomb friction as a linear complementarity problem; Lemke's method.
 
-With the gaps y = (g_n, u) of the nodes linear in their multipliers z = (z_n, z_tau), y = q + V z,
-the shear is the difference of two nonnegative numbers, z_tau = b+ - b-, and s the size of the slip:
+Gaps and slips y = (g_n, u) of the nodes are linear in the multipliers z = (z_n, z_tau),
+y = q + V z. With the shear split into nonnegative parts, z_tau = b+ - b-, and s = |u|:
 
     z_n >= 0,   g_n >= 0,                            z_n g_n = 0
     b+ >= 0,    s - u >= 0,                          b+ (s - u) = 0
     b- >= 0,    s + u >= 0,                          b- (s + u) = 0
     s >= 0,     mu z_n - b+ - b- >= 0,               s (mu z_n - b+ - b-) = 0
 
-(Stewart & Trinkle 1996). Its matrix is copositive where the compliance is positive definite, so
-that Lemke's method (Cottle, Pang & Stone 1992, ch. 4.4) ends in a solution, whatever mu is. It goes
-along the solutions of a problem that a number z_0 > 0 relaxes, from one piece to the next. It
-cannot go in circles, as nodes do that take, all at once, what the last state of the others asks of
-them.
+(Stewart & Trinkle 1996). The matrix is copositive if the compliance is positive definite; Lemke's
+method (Cottle, Pang & Stone 1992, ch. 4.4) then ends in a solution for any mu. It follows the
+piecewise linear path of solutions of a problem that is relaxed by a scalar z_0 > 0. It cannot
+cycle, unlike an active-set iteration that updates all nodes at once.
 """
 
 from __future__ import annotations
@@ -25,23 +24,21 @@ import numpy.typing as npt
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 
+from fenics_mortar.utils.rounding import EPSILON, SUM_ROUNDING
+
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-# Entries of a column below this part of its largest are rounding.
-ROUNDING = 1e-11
-# What relaxes the rows is gone below this part of where it began.
-NOTHING = 1e-14
-# Changes of the basis for each variable at the most; five problems looked at took less than one.
-MOST_CHANGES = 50
+# Maximum number of pivots per variable; five problems that were examined took less than one.
+MAX_PIVOTS = 50
 
 
 class FrictionProblem(NamedTuple):
-    """Gaps as linear functions of the multipliers, of n nodes; lengths throughout.
+    """Gaps and slips of n nodes as linear functions of scaled multipliers; all in units of length.
 
     Attributes:
-        V: Shape (2 n, 2 n), normal rows and columns first.
-        q: Shape (2 n,).
-        slope: mu, shape (n,).
+        V: Compliance, shape (2 n, 2 n), normal rows and columns first [1].
+        q: Gaps and slips without multipliers, shape (2 n,) [length].
+        slope: Coefficient of friction mu, shape (n,) [1].
     """
 
     V: Array
@@ -50,12 +47,13 @@ class FrictionProblem(NamedTuple):
 
 
 class Sets(NamedTuple):
-    """A solution, shape (n,) each.
+    """A solution for n nodes, arrays of shape (n,).
 
     Attributes:
-        active: Whether a node touches.
-        branch: Whether it sticks (0) or slides (+-1).
-        z_n, z_tau: Multipliers.
+        active: Whether a node is in contact.
+        branch: 0 for stick, +1 or -1 for slip.
+        z_n: Scaled normal multiplier [length].
+        z_tau: Scaled tangential multiplier [length].
     """
 
     active: npt.NDArray[np.bool_]
@@ -65,7 +63,7 @@ class Sets(NamedTuple):
 
 
 def solve_friction(problem: FrictionProblem) -> Sets | None:
-    """A solution of the linearized problem; ``None`` if there is none in sight."""
+    """Solve the linearized problem; ``None`` if Lemke's method finds no solution (local)."""
     n = problem.slope.size
     rough = np.flatnonzero(problem.slope > 0.0)
     m = rough.size
@@ -99,41 +97,45 @@ def solve_friction(problem: FrictionProblem) -> Sets | None:
 
 
 def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
-    """Which z_i are basic in a solution of w = q + M z >= 0, z >= 0, w . z = 0; ``None`` if none.
+    """Basic z_i of a solution of w = q + M z >= 0, z >= 0, w . z = 0 by Lemke's method (local).
 
     Args:
         M: Shape (n, n).
         q: Shape (n,).
+
+    Returns:
+        Shape (n,), bool; ``None`` if the path ends in a ray or after ``MAX_PIVOTS`` pivots per
+        variable.
     """
     n = q.size
     if not (q < 0.0).any():
         return np.zeros(n, bool)
-    # What relaxes the rows: in general position, so that no two of them become zero at once.
+    # Covering vector in general position, so that ties in the ratio test do not occur.
     relaxed = 1.0 + np.random.default_rng(0).uniform(0.0, 1.0, n)
     table = np.asfortranarray(np.column_stack([M, relaxed, q / np.abs(q).max()]))
-    # Of the table, basic = table @ (others, 1): w_i is number i, z_i is n + i, z_0 is 2 n.
+    # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, z_0 is 2 n.
     rows, columns, z_0 = np.arange(n), np.arange(n, 2 * n + 1), 2 * n
     row, column = int(np.argmin(q / relaxed)), n
-    for _ in range(MOST_CHANGES * n):
+    for _ in range(MAX_PIVOTS * n):
         table = _exchange(table, row, column)
         left, rows[row], columns[column] = rows[row], columns[column], rows[row]
         if left == z_0:
             return np.isin(np.arange(n, 2 * n), rows)
         column = int(np.flatnonzero(columns == (left + n) % z_0)[0])
         falls = table[:, column]
-        falling = np.flatnonzero(falls < -ROUNDING * np.abs(falls).max())
+        falling = np.flatnonzero(falls < -SUM_ROUNDING * np.abs(falls).max())
         if not falling.size:
             return None
         ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
         first = int(np.argmin(ways))
         row, last = int(falling[first]), int(np.flatnonzero(rows == z_0)[0])
-        if table[last, -1] + falls[last] * ways[first] <= NOTHING:
+        if table[last, -1] + falls[last] * ways[first] <= EPSILON * n:
             row = last
     return None
 
 
 def _exchange(table: Array, row: int, column: int) -> Array:
-    """Let a basic variable and another one change places, in place; return the table."""
+    """Pivot: exchange a basic and a nonbasic variable, in place; return the table."""
     pivot = table[row, column]
     line, rest = table[row] / -pivot, table[:, column].copy()
     line[column] = 1.0 / pivot

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Rigid obstacles that forces drive: their motions q are unknowns of the Newton system.
+"""Rigid obstacles driven by forces: their motions q are unknowns of the Newton system.
 
-The few motions are eliminated from the system that their balance borders, see ``balance`` and
-``bordered``: the sparse matrix, its pattern and its solver are those of obstacles at rest.
+The balance of the obstacles borders the system of u and z, see ``balance``. The few motions are
+eliminated, see ``bordered``, so that the sparse matrix and its solver are those of fixed obstacles.
 
-A motion that active contact leaves loose gets a spring in the tangent, see ``loose``; a driven
-obstacle that touches nothing is moved before the solve until contact stops it, see ``settling``.
-Where an obstacle rolls, and Newton fails, springs hold it as they do bodies, see ``release``.
+Tangent springs regularize motions that active contact does not resist, see ``loose``. A driven
+obstacle without contact is moved before the solve until contact stops it, see ``settling``.
+If Newton's method fails for a rolling obstacle, springs anchor it like a body, see ``proximal``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any
-
-from petsc4py import PETSc
 
 import numpy as np
 
@@ -30,13 +28,13 @@ from fenics_mortar.utils.arrays import Array
 
 
 class DrivenObstacles(ObstacleMotions):
-    """The obstacles of a problem, and the balance of their driven motions.
+    """Obstacles of a problem and the balance of their driven motions.
 
     Args:
         contacts: The contacts of the problem, and its ties.
 
     Attributes:
-        springs: Springs of ``hold``, if there are any.
+        springs: Anchored springs, or ``None``.
     """
 
     def __init__(self, contacts: Sequence[Any]) -> None:
@@ -45,78 +43,77 @@ class DrivenObstacles(ObstacleMotions):
         self._start: Array = np.zeros(self.scales.shape)
 
     def residual(self) -> Array:
-        """f_q and springs less the push of driven motions, else 0, (obstacles, 3) (collective)."""
+        """f_q plus springs minus push for driven motions, else 0, (obstacles, 3) (collective)."""
+        if not self.obstacles:
+            return self._none
         return np.where(self.driven, self.forces() + self._spring_forces() - self.push(), 0.0)
 
     def solve(
-        self, system: LinearSystem, stiffness: float, force: float
-    ) -> tuple[PETSc.Vec, list[Array], Array]:
-        """Solve for displacement, multipliers and motions (collective).
+        self, x: Array, system: LinearSystem, stiffness: float, force: float
+    ) -> tuple[Array, Array]:
+        """Solve for the motions, too (collective).
 
         Args:
+            x: Solution of the system for obstacles at rest, see ``LinearSystem.step``.
             system: System of displacement and multipliers, assembled.
-            stiffness: Of the bulk [stress].
-            force: Size of the forces [stress length].
+            stiffness: Stiffness of the bulk [stress].
+            force: Size of all forces [stress length].
 
         Returns:
-            Increment of the displacement, multipliers, and motions (obstacles, 3) [length].
+            The solution with motions, as ``x``, and the motions, shape (obstacles, 3) [length].
         """
         driven, motion = self.driven, np.zeros(self.scales.shape)
-        x = system.step()
         if driven.any():
             balance = linearize_balance(self, system)
             corner = balance.corner + self._stiffness_of_springs(stiffness, force)
             border = Border(balance.columns, balance.rows, corner).part(driven.ravel())
             push = (self.push() - self._spring_forces())[driven]
             x, motion[driven] = solve_bordered(system.solve, border, x, push, system.comm)
-        du, z = system.split(x)
-        step = PETSc.Vec().createMPI((du.size, None), comm=system.comm)
-        step.array[:] = du
-        return step, z, motion
+        return x, motion
 
     def _stiffness_of_springs(self, stiffness: float, force: float) -> Array:
-        """Stiffness of the springs of ``hold``, or else of those on loose motions; as E_q."""
+        """Stiffness of anchored springs, or of tangent springs on loose motions; added to E_q."""
         if self.springs is not None:
             return np.diag(self.springs.stiffness.ravel())
         return tangent_springs(self, self.residual(), stiffness, force)
 
     def describe(self, force: float) -> str:
-        """Loose motions that forces drive, in words; "" if there are none (collective)."""
+        """Loose motions that are driven by forces, in words; "" if there are none (collective)."""
         return describe_loose(self, self.residual(), force)
 
-    # Springs, see ``release``
+    # Springs, see ``proximal``
 
-    def hold(self, travel: float, stiffness: float) -> None:
-        """Tie driven motions to where they are by springs (collective).
+    def anchor(self, elongation: float, stiffness: float) -> None:
+        """Anchor driven motions at their present values by springs (collective).
 
         Args:
-            travel: Strain of an obstacle's springs under the forces that drive it, or under the
-                error of the contact forces on it by the slave's facets, in shortest facets.
-            stiffness: Of the bulk [stress].
+            elongation: Elongation of the springs under the resultant on the obstacle, or under the
+                discretization error of its contact forces if larger [shortest facets].
+            stiffness: Stiffness of the bulk [stress].
         """
         springs = anchored_stiffness(
             np.linalg.norm(self.residual(), axis=1),
             RIGID.negligible * self.contact_forces(),
-            travel * self.shortest_facet(),
+            elongation * self.shortest_facet(),
             np.asarray(stiffness),
         )
         driven = np.where(self.driven, springs[:, None], 0.0)
         self.springs = Springs(driven, self.motions_of(self.places))
 
-    def let_go(self) -> None:
-        """Take the springs of ``hold`` away."""
+    def remove_springs(self) -> None:
+        """Remove the anchored springs."""
         self.springs = None
 
-    def travel(self) -> float:
-        """Largest motion of an obstacle since ``hold``, in shortest facets."""
+    def max_motion(self) -> float:
+        """Largest motion of an obstacle since ``anchor`` [shortest facets]."""
         if self.springs is None:
             return 0.0
         strain = self.motions_of(self.places) - self.springs.anchor
         moves = np.linalg.norm(np.where(self.driven, strain, 0.0), axis=1)
         return float(moves.max(initial=0.0)) / self.shortest_facet()
 
-    def held_fractions(self) -> list[tuple[str, float, bool]]:
-        """Name, force of springs over contact force, whether it slides, of those on springs."""
+    def spring_fractions(self) -> list[tuple[str, float, bool]]:
+        """Name, force of springs over contact force, whether it slides, of anchored obstacles."""
         if self.springs is None:
             return []
         forces = np.linalg.norm(self._spring_forces(), axis=1)
@@ -131,7 +128,7 @@ class DrivenObstacles(ObstacleMotions):
         ]
 
     def spring_energy(self) -> float:
-        """Energy in the springs of ``hold`` [stress length^2]."""
+        """Energy of the anchored springs [stress length^2]."""
         here = self.motions_of(self.places)
         return 0.0 if self.springs is None else self.springs.energy(here)
 
@@ -159,6 +156,6 @@ class DrivenObstacles(ObstacleMotions):
         self._start = self.motions_of(self.places)
         return moved
 
-    def strayed(self) -> float:
-        """Slide of an obstacle of its own accord in the last solve; see ``settling.own_slide``."""
+    def own_slide(self) -> float:
+        """Slide of obstacles along driven motions in the last solve; see ``settling.own_slide``."""
         return settling.own_slide(self, self._start)

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""Bodies that their Dirichlet conditions leave free: contact alone holds them.
+"""Bodies without sufficient Dirichlet conditions, supported by contact alone.
 
-Before a solve those that contact cannot hold are moved until it stops them, see ``body_settling``.
-While Newton iterates, tangent springs regularize the motions that active contact leaves loose, see
-``springs``. Where Newton fails, anchored springs hold the bodies, see ``release``.
+Before a solve bodies that contact cannot support are moved until it stops them, see
+``body_settling``. While Newton iterates, tangent springs regularize the motions that active contact
+leaves loose, see ``springs``. If Newton's method fails, springs anchor the bodies, see
+``proximal``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-
-from petsc4py import PETSc
 
 import numpy as np
 
@@ -24,17 +23,18 @@ from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import loose_bodies
 from fenics_mortar.rigid.springs import Springs, anchored_stiffness, slides, tangent_stiffness
 from fenics_mortar.utils.arrays import Array, Flags
+from fenics_mortar.utils.rounding import SOLVED, SUM_ROUNDING
 
 
 class FloatingBodies(BodyMotions):
-    """The floating bodies of a problem and their springs; all methods are collective.
+    """Floating bodies of a problem and their springs; all methods are collective.
 
     Args:
         bulk: The bodies.
         contacts: The contacts and ties, bound to the same space.
 
     Attributes:
-        springs: Springs of ``hold`` at the owned dofs, if there are any.
+        springs: Anchored springs at the owned dofs, or ``None``.
     """
 
     def __init__(self, bulk: Bulk, contacts: Sequence[Contact | Tie]) -> None:
@@ -43,43 +43,49 @@ class FloatingBodies(BodyMotions):
         self._settling = BodySettling(self)
 
     @property
-    def held_by_contact(self) -> bool:
-        """Whether active contact loads and holds all of them."""
+    def supported_by_contact(self) -> bool:
+        """Whether active contact loads and supports all of them."""
         return all(map(self.is_loaded, self.bodies)) and not self.loose()
 
     def loose(self) -> list[FloatingBody]:
-        """The bodies with the motions that neither active nor sticking nodes resist."""
+        """Bodies with the rigid motions that neither active nor sticking nodes resist."""
         return loose_bodies(self)
 
     # Before and after a solve
 
     def settle(self, evaluate: Callable[[], tuple[Array, Array]]) -> list[str]:
-        """Move the bodies that contact cannot hold, until it can; see ``body_settling``."""
+        """Move the bodies that contact cannot support until it can; see ``body_settling``."""
+        self._settling.moved = []
         if not self.bodies:
             return []
-        return self._settling.settle(evaluate, RIGID.negligible if self.held else RIGID.drive)
+        return self._settling.settle(evaluate, RIGID.negligible if self.anchored else SOLVED)
 
     @property
     def touched(self) -> list[Flags]:
-        """The active sets of the contacts, ties left out, where ``settle`` began."""
+        """Active sets of the contacts, without ties, at the start of ``settle``."""
         return self._settling.touched
 
+    @property
+    def moved(self) -> list[FloatingBody]:
+        """The bodies that the last ``settle`` moved rigidly."""
+        return self._settling.moved
+
     def check(self) -> list[str]:
-        """Check the bodies that no contact force held or holds; see ``body_settling``."""
+        """Check bodies without contact force before and after a solve; see ``body_settling``."""
         return self._settling.check()
 
     # Springs in the tangent
 
     def add_springs(self, loose: Sequence[FloatingBody], total: Array, force: float) -> None:
-        """Add springs to the diagonal of ``K``, which limit a step to elastic strains.
+        """Add springs to the diagonal of ``K`` that limit a step to elastic strains.
 
-        A body that is not loose gets a weak one: what holds each node may not hold them together,
-        as with polygons that turn in one another.
+        Bodies that are not loose get weak springs: nodes may resist each motion but not all motions
+        together, as for polygons that turn in one another.
 
         Args:
             loose: The result of ``loose``.
-            total: Sum of all forces (owned part).
-            force: Size of the forces.
+            total: Sum of all forces, shape (owned dofs,) [stress length].
+            force: Size of all forces [stress length].
         """
         if not self.bodies:
             return
@@ -91,42 +97,44 @@ class FloatingBodies(BodyMotions):
         self.bulk.add_to_diagonal(springs)
 
     def drop_undriven(
-        self, loose: Sequence[FloatingBody], step: PETSc.Vec, total: Array, force: float
+        self, loose: Sequence[FloatingBody], step: Array, total: Array, force: float
     ) -> None:
-        """Remove the loose motions that only rounding drives from a step.
+        """Remove loose motions that are driven by roundoff only from a step.
 
         Args:
             loose: The result of ``loose``.
-            step: Increment of the displacement; changed.
-            total: Sum of all forces (owned part).
-            force: Size of the forces.
+            step: Increment of the displacement, shape (owned dofs,) [length]; changed.
+            total: Sum of all forces, shape (owned dofs,) [stress length].
+            force: Size of all forces [stress length].
         """
-        for body in [] if self.held else loose:
+        for body in [] if self.anchored else loose:
             drive = float(np.linalg.norm(self.resultant(body, total)))
             rounding = RIGID.stiffness_rounding * body.stiffest * body.size
-            if drive <= RIGID.rounding * force + rounding:
+            if drive <= SUM_ROUNDING * force + rounding:
                 dofs, motions = self.motions(body)
-                excess = self.rigid_fraction(body, step.array_r) @ motions
-                step.array[dofs] -= excess.reshape(-1, 2)
+                excess = self.rigid_fraction(body, step) @ motions
+                step[dofs] -= excess.reshape(-1, 2)
 
     def remark(self, loose: Sequence[FloatingBody]) -> str:
         """Sentence on the tangent springs of loose bodies; "" if there are none."""
         names = self.names(loose)
         return (
-            f"a spring in the tangent keeps {names}, which contact holds in part" if names else ""
+            f"a spring in the tangent regularizes {names}, which contact supports in part"
+            if names
+            else ""
         )
 
-    # Anchored springs, see ``release``
+    # Anchored springs, see ``proximal``
 
-    def hold(self, total: Array, travel: float) -> None:
-        """Tie the bodies to where they are by springs of their own.
+    def anchor(self, total: Array, elongation: float) -> None:
+        """Anchor the bodies at their present positions by springs.
 
         Args:
-            total: Sum of all forces (owned part).
-            travel: Strain of the springs of a body under the forces that drive it, or under the
-                error of the contact forces on it by facets, in shortest facets.
+            total: Sum of all forces, shape (owned dofs,) [stress length].
+            elongation: Elongation of the springs under the resultant on the body, or under the
+                discretization error of its contact forces if larger [shortest facets].
         """
-        bodies, length = self.bodies, travel * self.shortest_facet()
+        bodies, length = self.bodies, elongation * self.shortest_facet()
         stiffness = anchored_stiffness(
             np.array([np.linalg.norm(self.resultant(body, total)) for body in bodies]),
             np.array([RIGID.normals_err * self.contact_force(body) for body in bodies]),
@@ -136,27 +144,22 @@ class FloatingBodies(BodyMotions):
         springs = {body.label: float(k) for body, k in zip(bodies, stiffness, strict=True)}
         self.springs = Springs(self._spread(springs), self._place())
 
-    def stiff_travel(self, total: Array) -> float:
-        """The ``travel`` at which springs of ``hold`` are as stiff as the bodies."""
-        least = [float(np.linalg.norm(self.resultant(b, total))) / b.stiffest for b in self.bodies]
-        return max(least, default=0.0) / self.shortest_facet()
-
-    def let_go(self) -> None:
-        """Remove the springs of ``hold``."""
+    def remove_springs(self) -> None:
+        """Remove the anchored springs."""
         self.springs = None
 
     @property
-    def held(self) -> bool:
-        """Whether there are springs of ``hold``."""
+    def anchored(self) -> bool:
+        """Whether there are anchored springs."""
         return self.springs is not None
 
     def add_spring_forces(self) -> None:
-        """Add the forces of the springs of ``hold`` to the residual."""
+        """Add the forces of anchored springs to the residual."""
         if self.springs is not None:
             self.bulk.r.array[: self.bulk.num_owned] += self.springs.forces(self._place())
 
-    def held_fractions(self) -> list[tuple[str, float, bool]]:
-        """Name, force of springs over contact force, whether it slides, of bodies on springs."""
+    def spring_fractions(self) -> list[tuple[str, float, bool]]:
+        """For each anchored body: name, force of springs over contact force, whether it slides."""
         if self.springs is None:
             return []
         forces = self.springs.forces(self._place())
@@ -171,12 +174,12 @@ class FloatingBodies(BodyMotions):
         ]
 
     def spring_energy(self) -> float:
-        """Energy in the springs of ``hold`` [stress length^2]."""
+        """Energy of the anchored springs [stress length^2]."""
         mine = 0.0 if self.springs is None else self.springs.energy(self._place())
         return self.bulk.comm.allreduce(mine)
 
-    def travel(self) -> float:
-        """Largest rigid motion of a body since ``hold``, in shortest facets."""
+    def max_motion(self) -> float:
+        """Largest rigid motion of a body since ``anchor`` [shortest facets]."""
         if self.springs is None:
             return 0.0
         change = self._place() - self.springs.anchor
@@ -188,7 +191,7 @@ class FloatingBodies(BodyMotions):
         return self.bulk.u.x.array[: self.bulk.num_owned]
 
     def _spread(self, stiffness: dict[int, float]) -> Array:
-        """Stiffness of the springs at the owned dofs from that of each body."""
+        """Stiffness of springs at the owned dofs (owned dofs,) [stress] from that of each body."""
         springs = np.zeros(self.bulk.num_owned)
         for body in self.bodies:
             springs[self.dofs_of(body)] = stiffness[body.label] / body.num_nodes

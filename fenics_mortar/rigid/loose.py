@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Motions of obstacles that forces drive and active contact does not resist.
+"""Driven motions of obstacles that active contact does not resist.
 
-A spring in the tangent regularizes them, see ``springs``.
+Tangent springs regularize them, see ``springs``.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_mortar.rigid.motions import ObstacleMotions, in_words
-from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.springs import tangent_stiffness, unresisted
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 def loose_motions(motions: ObstacleMotions) -> list[Array]:
@@ -27,16 +27,16 @@ def loose_motions(motions: ObstacleMotions) -> list[Array]:
 def tangent_springs(
     motions: ObstacleMotions, residual: Array, stiffness: float, force: float
 ) -> Array:
-    """Springs on loose motions, in proportion to the force that drives them, as E_q (local).
+    """Stiffness of springs on loose motions, in proportion to the driving force (local).
 
     Args:
         motions: The obstacles.
-        residual: Of their balance, shape (obstacles, 3) [stress length].
-        stiffness: Of the bulk [stress].
+        residual: Residual of their balance, shape (obstacles, 3) [stress length].
+        stiffness: Stiffness of the bulk [stress].
         force: Size of all forces [stress length].
 
     Returns:
-        Shape (3 obstacles, 3 obstacles) [stress].
+        Addition to E_q, shape (3 obstacles, 3 obstacles) [stress].
     """
     total = np.zeros((motions.scales.size, motions.scales.size))
     for number, loose in enumerate(loose_motions(motions)):
@@ -47,11 +47,11 @@ def tangent_springs(
 
 
 def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> str:
-    """Loose motions that forces drive, in words; "" if there are none (local).
+    """Loose motions that are driven by forces, in words; "" if there are none (local).
 
     Args:
         motions: The obstacles.
-        residual: Of their balance, shape (obstacles, 3) [stress length].
+        residual: Residual of their balance, shape (obstacles, 3) [stress length].
         force: Size of all forces [stress length].
     """
     found = []
@@ -59,6 +59,6 @@ def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> s
         motions.obstacles, loose_motions(motions), residual, strict=True
     ):
         drive = loose @ rest
-        if np.linalg.norm(drive) > RIGID.rounding * force:
+        if np.linalg.norm(drive) > SUM_ROUNDING * force:
             found.append(f"obstacle '{obstacle.name}' can {in_words(drive @ loose)}")
     return ", ".join(found)

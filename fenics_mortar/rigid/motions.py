@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The rigid obstacles of a problem, their motions, and the forces along these.
+"""Rigid obstacles of a problem, their motions and the forces along them.
 
-Motions are x, y and turn, the angle times the ``arm`` of the pair, all of them lengths. All is
-equal on all ranks.
+Motions are x, y and turn, the angle times the ``arm`` of the pair, all in units of length. All
+values are replicated.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from fenics_mortar.utils.errors import place
 
 
 class ObstacleMotions:
-    """The obstacles of a problem and where they are.
+    """Obstacles of a problem and their positions.
 
     Args:
         contacts: The contacts of the problem, and its ties.
 
     Attributes:
-        contacts: The same.
-        obstacles: Obstacles of the contacts, each once.
-        pairs: The contacts that have an obstacle, with its number.
-        scales: Motions over (x, y, angle), shape (obstacles, 3).
+        contacts: The contacts and ties.
+        obstacles: Obstacles of the contacts, without duplicates.
+        pairs: Contacts with an obstacle, with the number of the obstacle.
+        scales: Motions per (x, y, angle), shape (obstacles, 3) [1, 1, length].
     """
 
     def __init__(self, contacts: Sequence[Any]) -> None:
@@ -50,7 +50,7 @@ class ObstacleMotions:
 
     @property
     def places(self) -> Array:
-        """Places (x, y, angle) of all obstacles, shape (obstacles, 3)."""
+        """Positions (x, y, angle) of all obstacles, shape (obstacles, 3)."""
         return self._of_all("place")
 
     @places.setter
@@ -64,26 +64,30 @@ class ObstacleMotions:
 
     def move(self, change: Array) -> None:
         """Add motions, shape (obstacles, 3) [length]."""
+        if not self.obstacles:
+            return
         self.places = self.places + change / self.scales
 
     def largest(self) -> float:
         """Largest motion since the obstacles were created [length]."""
+        if not self.obstacles:
+            return 0.0
         return float(np.abs(self.motions_of(self.places)).max(initial=0.0))
 
     @property
     def driven(self) -> npt.NDArray[np.bool_]:
-        """Which motions forces drive, shape (obstacles, 3)."""
+        """Whether forces drive a motion, shape (obstacles, 3), bool."""
         return np.isfinite(self._of_all("load"))
 
     def push(self) -> Array:
-        """Loads along the motions, 0 where these are prescribed, (obstacles, 3) [stress length]."""
+        """Loads along driven motions, 0 for prescribed ones, (obstacles, 3) [stress length]."""
         return np.nan_to_num(self._of_all("load")) / self.scales
 
     def forces(self, part: str = "z") -> Array:
         """f_q of the last evaluated state, shape (obstacles, 3) [stress length] (collective).
 
         Args:
-            part: Which multipliers of the contacts count: all ("z") or their "shear" only.
+            part: Multipliers that count: all ("z") or their tangential part ("shear").
         """
         total = np.zeros(self.scales.shape)
         for number, contact in self.pairs:
@@ -91,14 +95,14 @@ class ObstacleMotions:
         return total
 
     def contact_forces(self) -> Array:
-        """Integral of the size of the pressure on each obstacle, (obstacles,) [stress length]."""
+        """Integral of |pressure| on each obstacle, shape (obstacles,) [stress length]."""
         total = np.zeros(len(self.obstacles))
         for number, contact in self.pairs:
             total[number] += contact.operators.cover @ np.abs(contact.pressure)
         return total
 
     def record(self) -> list[str]:
-        """Note the force and moment of contact on each obstacle; say it in words (collective)."""
+        """Set the ``reaction`` of each obstacle; return a sentence for each (collective)."""
         lines = []
         for obstacle, force in zip(self.obstacles, -self.forces() * self.scales, strict=True):
             obstacle.reaction = force
@@ -113,7 +117,7 @@ class ObstacleMotions:
         return [contact for i, contact in self.pairs if i == number]
 
     def shortest_facet(self) -> float:
-        """Shortest slave facet of all obstacles' pairs, 1 without any [length]."""
+        """Shortest slave facet of all pairs with obstacles, 1 if there are none [length]."""
         return min((float(c.slave.lengths.min()) for _, c in self.pairs), default=1.0)
 
     def _of_all(self, name: str) -> Array:
@@ -124,7 +128,7 @@ class ObstacleMotions:
 
 
 def slip_by_motions(contact: Contact, nodes: npt.NDArray[np.bool_]) -> Array:
-    """Derivative of the slip of some nodes by the motions of their obstacle, (n, 3)."""
+    """Derivative of the slip of some nodes with respect to obstacle motions, (n, 3) [1]."""
     return contact.partners.derivative_by_motions(contact.on_obstacle)[nodes]
 
 

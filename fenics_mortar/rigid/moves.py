@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""One rigid move towards contact: the closest to the wanted one that no node resists."""
+"""Rigid move towards contact: closest to a given move, limited by the gaps of all nodes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import nnls
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.options import RIGID
@@ -16,13 +15,16 @@ from fenics_mortar.utils.arrays import Array
 def closest_move(
     wanted: Array, closing: Sequence[Array], contacts: Sequence[Contact], back: Array | None = None
 ) -> Array:
-    """The move closest to ``wanted`` that overlaps no node by more than touching (local).
+    """The move closest to ``wanted`` that lets no node overlap by more than a little (local).
 
     Args:
-        wanted: Coefficients of the motions, shape (n,).
-        closing: Rates at which the gaps of each contact close, shapes (slave nodes, n).
-        contacts: The contacts, evaluated.
-        back: Direction, shape (n,), along which no move is taken; none by default.
+        wanted: Coefficients of the motions, shape (n,) [length].
+        closing: Closing rates of the gaps of each contact, shape (slave nodes, n) each [1].
+        contacts: The contacts, evaluated; overlaps up to ``RIGID.overlap`` are admitted.
+        back: Direction in which the move may have no component, shape (n,); none by default.
+
+    Returns:
+        Coefficients of the move, shape (n,) [length].
     """
     room = [np.nan_to_num(c.gap) + RIGID.overlap * c.nodal_lengths for c in contacts]
     rows = [np.empty((0, wanted.size)), *closing]
@@ -45,6 +47,8 @@ def closest_below(wanted: Array, rows: Array, room: Array) -> Array:
     excess = rows @ wanted - room
     if not (excess > 0.0).any():
         return wanted
+    from scipy.optimize import nnls  # a tenth of the time of the package's import
+
     system = np.vstack([-rows.T, excess])
     target = np.zeros(wanted.size + 1)
     target[-1] = 1.0

@@ -15,12 +15,8 @@ class RigidOptions:
             more than this fraction of its size [1].
         weakest_spring: Smallest stiffness of a spring over the largest diagonal entry of K [1]:
             enough for a regular matrix.
-        rounding: Forces over all forces, and pressures over the stiffness, below which they are
-            rounding [1].
-        stiffness_rounding: Resultants over stiffness times size, below which they are rounding of
-            the bulk's residual [1].
-        motion_rounding: Rigid motions over the size of the body that count as zero [1].
-        drive: Resultants of loads over the sum of their sizes that count as zero [1].
+        stiffness_rounding: Resultants over stiffness times size that are roundoff of the bulk
+            residual [1].
         negligible: Resultants below this fraction of the forces are within the error of the
             discretization [1]: 0.5 %. Springs may carry them; obstacles, whose normals are exact,
             feel such an error of the slave's facets.
@@ -29,7 +25,7 @@ class RigidOptions:
             on a body that slides at its friction limit: nothing else would stop it.
         normals_err: Error of contact forces along averaged normals of two meshes [1].
         overlap: Motions before a solve end with nodes this deep inside, over their length [1], so
-            that they are active.
+            that they are active. Bodies that move by less are at rest, with springs as well.
         largest_move: Largest motion in one move over the size of the body [1]: gaps are linear in
             smaller ones.
         max_moves: Moves before a solve.
@@ -38,16 +34,13 @@ class RigidOptions:
         followed: Relative singular-value cutoff of the least-squares fit to nodes that stick [1]:
             combinations of motions that move them less than others, as rolling, are left to the
             solve.
-        least_advance: Smallest advance of an obstacle along its push in a move, over the shortest
-            facet [1].
+        sliver: Length over the shortest facet that counts as zero [1]: the advance of an obstacle
+            in a move, or the overlap of surfaces that slip off each other.
     """
 
     resisted: float = 1e-3
     weakest_spring: float = 1e-6
-    rounding: float = 1e-12
     stiffness_rounding: float = 1e-13
-    motion_rounding: float = 1e-6
-    drive: float = 1e-6
     negligible: float = 0.005
     slight: float = 1e-5
     normals_err: float = 0.05
@@ -56,7 +49,7 @@ class RigidOptions:
     max_moves: int = 200
     max_creeping: int = 10
     followed: float = 0.5
-    least_advance: float = 1e-3
+    sliver: float = 1e-3
 
 
 RIGID = RigidOptions()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Response of contacts to rigid motions of bodies: gaps, slip, loose motions (collective)."""
+"""Response of contacts to rigid motions of bodies: gaps, slips, loose motions (collective)."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from fenics_mortar.utils.arrays import Array
 
 
 def closing(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
-    """Change of the mean gaps by the free motions, closing positive: (motions, slave nodes)."""
+    """Closing rates of the mean gaps due to rigid motions, (motions, slave nodes) [1]."""
     return -_responses(bodies, contact, body, gap_rate)
 
 
 def slipping(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
-    """Slip of the nodes by the free motions, shape (motions, slave nodes)."""
+    """Slip rates of the nodes due to rigid motions, (motions, slave nodes) [1]."""
     return _responses(bodies, contact, body, slip_rate)
 
 
 def opening(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
-    """Opening of the nodes along n by the free motions, shape (motions, slave nodes)."""
+    """Opening rates of the nodes along n due to rigid motions, (motions, slave nodes) [1]."""
     return _responses(bodies, contact, body, opening_rate)
 
 
 def is_ahead(bodies: BodyMotions, contact: Contact, body: FloatingBody, motion: Array) -> bool:
-    """Whether a motion (motions,) of the body closes a gap: it opens those behind the body."""
+    """Whether a motion (motions,) of the body closes the gap of a node (collective)."""
     rates = motion @ closing(bodies, contact, body)
     return bool((rates > RIGID.resisted * np.linalg.norm(motion)).any())
 
 
 def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[FloatingBody]:
-    """The bodies with the motions that active contact does not resist.
+    """Bodies with the motions that active contact does not resist.
 
     Args:
         bodies: The floating bodies.
@@ -49,11 +49,11 @@ def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[Floating
     found = []
     for body in bodies.bodies:
         contacts = bodies.contacts_of(body)
-        held = [closing(bodies, c, body)[:, c.active] for c in contacts]
+        resisted = [closing(bodies, c, body)[:, c.active] for c in contacts]
         if sticking:
-            rubbing = [c for c in contacts if c.sticking.any()]
-            held += [slipping(bodies, c, body)[:, c.sticking] for c in rubbing]
-        free = unresisted(np.hstack([np.zeros((len(body.motions), 0)), *held]))
+            with_friction = [c for c in contacts if c.sticking.any()]
+            resisted += [slipping(bodies, c, body)[:, c.sticking] for c in with_friction]
+        free = unresisted(np.hstack([np.zeros((len(body.motions), 0)), *resisted]))
         if len(free):
             found.append(replace(body, motions=free @ body.motions))
     return found
@@ -65,7 +65,7 @@ def _responses(
     body: FloatingBody,
     response: Callable[[ContactFields, Array, Array], Array],
 ) -> Array:
-    """Response of a pair to each free motion of a body, shape (motions, slave nodes).
+    """Response of a pair to each rigid motion of a body, shape (motions, slave nodes).
 
     Args:
         bodies: The floating bodies.

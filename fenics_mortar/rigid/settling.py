@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Moves of driven obstacles before a solve, and how far a solve has moved them of its own accord.
+"""Moves of driven obstacles before a solve, and their slide in a solve.
 
-An obstacle that touches nothing is moved until contact stops it; one on nodes that stick follows
-the prescribed motions, as a wheel that is turned.
+An obstacle without contact is moved until contact stops it. An obstacle on sticking nodes follows
+the prescribed motions, for instance a wheel that is turned.
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ from fenics_mortar.rigid.moves import closest_move
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 def follow(motions: ObstacleMotions) -> Array:
-    """Moves of driven obstacles along with prescribed motions, so that nodes stick (local).
+    """Moves of driven obstacles that follow prescribed motions, so that nodes stick (local).
 
-    From where they were all nodes would slide, and nothing would say how far. A move is the one
-    with the least slip and opening of these nodes: slip alone would move an obstacle far off along
-    their normals. Operators are those of the present state.
+    Otherwise all nodes would slide by an undetermined distance. The move minimizes slip and opening
+    of the sticking nodes; slip alone would not determine a motion along their normals. Operators
+    are those of the present state.
 
     Returns:
         Shape (obstacles, 3) [length].
@@ -45,14 +46,14 @@ def follow(motions: ObstacleMotions) -> Array:
 
 
 def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str]:
-    """Move driven obstacles that carry no contact force until contact stops them (collective).
+    """Move driven obstacles without contact force until contact stops them (collective).
 
     Args:
         motions: The obstacles.
         evaluate: Evaluates the contacts at the present state.
 
     Returns:
-        Sentences that name those that were moved.
+        A sentence for each obstacle that was moved.
 
     Raises:
         MortarError: On all ranks, if nothing stops an obstacle.
@@ -66,22 +67,22 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
             return [f"{name} was moved until contact stopped it" for name in moved]
         moved |= dict.fromkeys(f"obstacle '{motions.obstacles[i].name}'" for i in moving)
         motions.move(moves)
-    stray = moving[0]
+    free = moving[0]
     raise MortarError(
-        f"obstacle '{motions.obstacles[stray].name}' can {in_words(moves[stray])} freely: its "
+        f"obstacle '{motions.obstacles[free].name}' can {in_words(moves[free])} freely: its "
         "push drives it, and no contact stops it; prescribe that motion by move()"
     )
 
 
 def _next_move(motions: ObstacleMotions, number: int) -> Array:
-    """Motion of one obstacle towards contact, shape (3,); zero if it is there, or not driven.
+    """Motion of an obstacle towards contact, (3,) [length]; zero if loaded or not driven.
 
-    It is the one closest to the push that no node overlaps by more than touching, and that the push
-    does work in: its potential is linear in the motions, so no move is ever taken back.
+    The motion closest to the push that lets no node overlap by more than ``RIGID.overlap`` and on
+    which the push does positive work. Its potential is linear, so no move is ever reversed.
     """
     contacts = motions.contacts_of(number)
     driven, push = motions.driven[number], motions.push()[number]
-    loaded = any((c.pressure > RIGID.rounding * c.stiffness).any() for c in contacts)
+    loaded = any((c.pressure > SUM_ROUNDING * c.modulus).any() for c in contacts)
     if loaded or not push.any():
         return np.zeros(3)
     basis = np.eye(3)[driven]
@@ -89,15 +90,15 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
     closing = [-contact.gap_by_motions() @ basis.T for contact in contacts]
     wanted = RIGID.largest_move * contacts[0].arm * along
     move = closest_move(wanted, closing, contacts, back=-along)
-    if move @ along > RIGID.least_advance * motions.shortest_facet():
+    if move @ along > RIGID.sliver * motions.shortest_facet():
         return move @ basis
     return np.zeros(3)
 
 
 def own_slide(motions: ObstacleMotions, start: Array) -> float:
-    """Slide of an obstacle along all of its nodes by driven motions, in widths of its contact.
+    """Slide of obstacles along driven motions, over the width of their contact [1] (local).
 
-    Zero where a node sticks or has no friction; largest of all obstacles.
+    The largest of all obstacles; zero for obstacles with a node that sticks or has no friction.
 
     Args:
         motions: The obstacles.

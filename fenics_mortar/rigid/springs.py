@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Springs of bodies and obstacles: anchored ones for ``release``, others in the tangent only.
+"""Springs on bodies and obstacles: anchored springs of ``proximal``, and tangent springs.
 
 An anchored spring is part of the residual until it is taken away. A tangent spring regularizes a
 motion that active contact does not resist. Its stiffness is in proportion to the force that drives
@@ -24,7 +24,7 @@ from fenics_mortar.utils.arrays import Array, Flags, freeze
 
 @dataclass(frozen=True)
 class Springs:
-    """Anchored springs on dofs or motions, arrays of one shape.
+    """Anchored springs on dofs or motions, as arrays of equal shape.
 
     Attributes:
         stiffness: Stiffness of each [stress].
@@ -43,18 +43,19 @@ class Springs:
         return self.stiffness * (at - self.anchor)
 
     def energy(self, at: Array) -> float:
-        """Energy of these springs at the positions ``at`` [stress length^2] (local)."""
+        """Energy of the springs at the positions ``at`` [stress length^2] (local)."""
         return 0.5 * float((self.forces(at) * (at - self.anchor)).sum())
 
 
 def anchored_stiffness(drive: Array, err: Array, length: float, stiffness: Array) -> Array:
-    """Stiffness of springs that the forces strain by a given length, (n,) [stress] (local).
+    """Stiffness of springs that given forces elongate by a given length, (n,) [stress] (local).
 
     Args:
         drive: Forces that drive the motions, shape (n,) [stress length].
-        err: Their discretization error, shape (n,) [stress length].
-        length: Strain of the springs under the larger of the two [length].
-        stiffness: Of the bulk, shape (n,) or () [stress]; springs are not weaker than a fraction.
+        err: Discretization error of these forces, shape (n,) [stress length].
+        length: Elongation of the springs under the larger of both [length].
+        stiffness: Stiffness of the bulk, shape (n,) or () [stress]; springs have at least the
+            fraction ``RIGID.weakest_spring`` of it.
     """
     return np.maximum(np.maximum(drive, err) / length, RIGID.weakest_spring * stiffness)
 
@@ -63,7 +64,7 @@ def tangent_stiffness(drive: Array, force: float) -> float:
     """Stiffness of a tangent spring over that of the bulk [1] (local).
 
     Args:
-        drive: Resultant along the motions that it regularizes, shape (n,) [stress length].
+        drive: Resultant along the regularized motions, shape (n,) [stress length].
         force: Size of all forces [stress length].
     """
     relative = float(np.linalg.norm(drive)) / max(force, 1e-300)
@@ -71,20 +72,20 @@ def tangent_stiffness(drive: Array, force: float) -> float:
 
 
 def unresisted(responses: Array) -> Array:
-    """Combinations of motions that contact does not resist, orthonormal, (k, motions) (local).
+    """Orthonormal combinations of motions that contact does not resist, (k, motions) (local).
 
     Args:
-        responses: Changes of gaps and slips by each motion, shape (motions, n), on all ranks.
+        responses: Changes of gaps and slips due to each motion, shape (motions, n), replicated.
     """
     norms, combinations = resistance(responses, MPI.COMM_SELF)
     return combinations[norms <= RIGID.resisted]
 
 
 def slides(nodes: Sequence[tuple[Contact, Flags]]) -> bool:
-    """Whether all nodes with friction that touch a body slide, so that none holds it (local).
+    """Whether a body slides on all of its nodes with friction (local).
 
     Args:
-        nodes: The contacts of the body, and which slave nodes act on it, (slave nodes,) each.
+        nodes: Contacts of the body, each with the slave nodes that act on it, (slave nodes,).
     """
     sticks = any((contact.sticking & mine).any() for contact, mine in nodes)
     return not sticks and any((contact.sliding & mine).any() for contact, mine in nodes)

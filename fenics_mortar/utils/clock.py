@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
+P = ParamSpec("P")
+T = TypeVar("T")
 # Time outside all phases.
 OTHER = "other"
 # The phases of a Newton iteration, in the order of reports.
@@ -17,23 +20,13 @@ class Clock:
     """Distributes wall time over phases; time in a nested phase counts for that phase only."""
 
     def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
+        self._seconds = dict.fromkeys(PHASES, 0.0)
         self._running = [OTHER]
         self._since = time.perf_counter()
 
-    @contextmanager
-    def __call__(self, phase: str) -> Iterator[None]:
+    def __call__(self, phase: str) -> Phase:
         """Context, or decorator of a function, whose time counts for ``phase``."""
-        seconds, running = self._seconds, self._running
-        now = time.perf_counter()
-        seconds[running[-1]] = seconds.get(running[-1], 0.0) + now - self._since
-        self._since = now
-        running.append(phase)
-        try:
-            yield
-        finally:
-            self._distribute()
-            self._running.pop()
+        return Phase(self, phase)
 
     @property
     def depth(self) -> int:
@@ -45,16 +38,54 @@ class Clock:
         del self._running[depth:]
 
     def read(self) -> dict[str, float]:
-        """Seconds of all ``PHASES`` since the last call."""
-        self._distribute()
-        seconds, self._seconds = self._seconds, {}
-        return {phase: seconds.get(phase, 0.0) for phase in PHASES}
-
-    def _distribute(self) -> None:
+        """Wall time of each of the ``PHASES`` since the last call [s]."""
         now = time.perf_counter()
-        phase = self._running[-1]
-        self._seconds[phase] = self._seconds.get(phase, 0.0) + now - self._since
+        seconds, self._seconds = self._seconds, dict.fromkeys(PHASES, 0.0)
+        seconds[self._running[-1]] += now - self._since
         self._since = now
+        return seconds
+
+
+class Phase:
+    """A phase of a clock, as context or decorator.
+
+    Entering and leaving are written out in both: they surround functions of microseconds.
+    """
+
+    def __init__(self, clock: Clock, phase: str) -> None:
+        self._clock, self._phase = clock, phase
+
+    def __enter__(self) -> None:
+        """Enter the phase."""
+        clock, now = self._clock, time.perf_counter()
+        clock._seconds[clock._running[-1]] += now - clock._since
+        clock._since = now
+        clock._running.append(self._phase)
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the phase."""
+        clock, now = self._clock, time.perf_counter()
+        clock._seconds[clock._running.pop()] += now - clock._since
+        clock._since = now
+
+    def __call__(self, function: Callable[P, T]) -> Callable[P, T]:
+        """The function, whose time counts for the phase."""
+        clock, phase = self._clock, self._phase
+
+        @wraps(function)
+        def timed(*args: P.args, **kwargs: P.kwargs) -> T:
+            now = time.perf_counter()
+            clock._seconds[clock._running[-1]] += now - clock._since
+            clock._since = now
+            clock._running.append(phase)
+            try:
+                return function(*args, **kwargs)
+            finally:
+                now = time.perf_counter()
+                clock._seconds[clock._running.pop()] += now - clock._since
+                clock._since = now
+
+        return timed
 
 
 # The clock of this process: computations enter phases, reports read it.

@@ -81,9 +81,13 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
 
 
 def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
-    """Create a space of several unknowns, given by family, degree and, for vectors, the shape.
+    """Create a space of several unknowns.
 
     Collective. ``ufl.MixedElement`` was replaced by ``basix.ufl.mixed_element`` in 0.7.
+
+    Args:
+        mesh: The mesh.
+        parts: Family, degree and, for vectors, the shape of each unknown.
 
     Raises:
         ValueError: If ``mesh`` is not a mesh or no part is given.
@@ -357,7 +361,11 @@ def gmsh_is_initialized(gmsh: Any) -> bool:
 
 
 def set_prescribed(values: Array, bcs: list[Any]) -> None:
-    """Write the prescribed values of ``bcs`` into a local array of all dofs (local).
+    """Write the prescribed values of ``bcs`` into an array of all dofs (local).
+
+    Args:
+        values: Shape (local dofs,); changed in place.
+        bcs: Dirichlet conditions.
 
     ``fem.set_bc`` of an array became ``DirichletBC.set``; 0.9 has both and warns of the first.
     """
@@ -369,7 +377,7 @@ def set_prescribed(values: Array, bcs: list[Any]) -> None:
 
 
 def prescribed_value(bc: Any) -> Array:
-    """The numbers prescribed by a condition; empty for a function (local).
+    """The numbers prescribed by a condition, shape (1,) or (2,); empty for a function (local).
 
     ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
     """

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+
+from fenics_mortar.utils.near import near
 
 Array = npt.NDArray[np.float64]
 Pairs = npt.NDArray[np.int64]
@@ -19,7 +20,9 @@ def near_pairs(start: Array, end: Array) -> Pairs:
     if len(start) < 2:
         return np.empty((0, 2), np.int64)
     longest = float(np.linalg.norm(end - start, axis=1).max())
-    pairs = cKDTree(0.5 * (start + end)).query_pairs(1.001 * longest, output_type="ndarray")
+    middles = 0.5 * (start + end)
+    i, j = near(middles, middles, 1.001 * longest)
+    pairs = np.stack([i, j], axis=1)[i < j]
     return pairs[np.lexsort(pairs.T[::-1])].astype(np.int64)
 
 

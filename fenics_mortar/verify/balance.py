@@ -15,6 +15,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import ROUNDING
 from fenics_mortar.verify.limits import LIMITS
 
 
@@ -22,6 +23,8 @@ def balance_of_bodies(
     bulk: Bulk, contacts: Sequence[Contact | Tie], labels: Indices, unbalanced: Array
 ) -> float:
     """Largest sum of reactions, loads and contact forces of a body or obstacle (collective).
+
+    With axisymmetry the axial one: hoop stresses bear radial forces.
 
     Internal forces sum to zero, so the sum of r over a body is minus the load applied to it; the
     reaction at a prescribed dof is the remainder of r and contact forces.
@@ -38,28 +41,31 @@ def balance_of_bodies(
     r = bulk.r.array_r[: bulk.num_owned]
     total = r.copy()
     for contact in contacts:
-        on_slave, on_master = contact.operators.force(contact.z)
+        on_slave, on_master = contact.now.forces
         contact.slave.scatter_add(on_slave, total)
         contact.master.scatter_add(on_master, total)
-    total[bulk.held] = 0.0
+    total[bulk.prescribed_dofs] = 0.0
     comm, dofs = bulk.comm, bulk.space.owned_dofs
     body = labels[: len(dofs)]
     num_bodies = comm.allreduce(int(labels.max(initial=0)), MPI.MAX) + 1
-    sums = [np.bincount(body, component, num_bodies) for component in total[dofs].T]
+    components = total[dofs].T[1:] if bulk.space.is_axisymmetric else total[dofs].T
+    sums = [np.bincount(body, component, num_bodies) for component in components]
     defects, size = comm.allreduce(np.array(sums)), comm.allreduce(float(np.abs(r[dofs]).sum()))
     motion = comm.allreduce(float(np.abs(bulk.u.x.array[dofs]).max(initial=0.0)), MPI.MAX)
     stiffness = max((float(c.stiffness.max()) for c in contacts), default=bulk.stiffness)
     extent = max((float(np.ptp(c.slave.X, axis=0).max()) for c in contacts), default=0.0)
-    rounding = LIMITS.min_force * stiffness * max(motion, LIMITS.min_motion * extent)
+    rounding = stiffness * max(LIMITS.min_force * motion, ROUNDING * extent)
     defect = max(np.abs(defects).max(), np.abs(unbalanced).max(initial=0.0))
     return float(defect) / positive_or_one(size + rounding)
 
 
 def action_and_reaction(contact: Interface) -> dict[str, Any]:
     """Sums of the forces and moments of a pair, as fields of a ``PairCertificate`` (local)."""
-    o = contact.operators
-    where, reaction = o.reaction(contact.z)
-    forces, x = np.concatenate([o.force(contact.z)[0], reaction]), np.concatenate([o.x, where])
+    o, (on_slave, reaction) = contact.operators, contact.now.forces
+    where = o.m
+    if not len(where):
+        where, reaction = o.reaction(contact.z)
+    forces, x = np.concatenate([on_slave, reaction]), np.concatenate([o.x, where])
     lever = x - x.mean(axis=0)
     moments = lever[:, 0] * forces[:, 1] - lever[:, 1] * forces[:, 0]
     sizes = np.abs(forces)

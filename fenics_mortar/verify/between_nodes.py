@@ -14,7 +14,8 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.utils.arrays import Indices
 from fenics_mortar.utils.errors import place
-from fenics_mortar.verify.limits import HALF_FACET, LIMITS
+from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.limits import LIMITS
 
 
 def between_nodes(contact: Contact) -> dict[str, Any]:
@@ -37,11 +38,10 @@ def between_nodes(contact: Contact) -> dict[str, Any]:
 
 def paired_nodes(contact: Contact | Tie) -> Indices:
     """Global numbers of the nodes of both surfaces that have a partner, (n,) (collective)."""
-    o = contact.operators
     seen = np.zeros(contact.master.num_nodes, bool)
     seen[contact.intersections().master.ravel()] = True
     contact.slave.comm.Allreduce(MPI.IN_PLACE, seen, MPI.LOR)
-    return np.concatenate([contact.slave.nodes[o.cover > 0.0], contact.master.nodes[seen]])
+    return np.concatenate([contact.slave.nodes[contact.has_partner], contact.master.nodes[seen]])
 
 
 def count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indices) -> int:

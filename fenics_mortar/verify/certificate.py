@@ -68,7 +68,7 @@ class Certificate:
         Args:
             tolerance: Limit for quantities that the equations make zero.
             penetration: Limit for penetration, distance and crossings [facet lengths].
-            springs: Limit for the force of springs over the contact force, see ``release``.
+            springs: Limit for the force of springs over the contact force, see ``proximal``.
         """
         found = [v for pair in self.pairs for v in pair.violations(tolerance, penetration)]
         if not self.balance <= tolerance:
@@ -90,7 +90,11 @@ class Certificate:
 
     def remarks(self) -> list[str]:
         """Describe where the mesh is too coarse or the solution may not be unique (local)."""
-        return [remark for pair in self.pairs for remark in pair.remarks()]
+        crossings = [c for c in self.crossings if c.facets > LIMITS.coarse_penetration]
+        return [
+            *(remark for pair in self.pairs for remark in pair.remarks()),
+            *(f"{crossing}: finer facets, or a pair of these surfaces" for crossing in crossings),
+        ]
 
     def __str__(self) -> str:
         """Markdown table: one row per measure, one column per pair."""
@@ -136,10 +140,10 @@ def _certify_pair(
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
-    limit = contact.asker.friction_limit(contact.pair.law, pressure, contact.operators.x)
+    limit = contact.law_calls.friction_limit(contact.pair.law, pressure, contact.operators.x)
     limit = np.where(contact.active, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.tension
-    smallest = LIMITS.min_pressure * float(contact.stiffness.max())
+    smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
     gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
     return PairCertificate(
@@ -169,5 +173,5 @@ def _certify_tie(tie: Tie) -> PairCertificate:
     return PairCertificate(
         **action_and_reaction(tie),
         overlap=float(np.nanmax(tie.gap / tie.nodal_lengths)),
-        uncovered=int((tie.operators.cover <= 0.0).sum()),
+        uncovered=int((~tie.has_partner).sum()),
     )

@@ -19,8 +19,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
@@ -121,7 +119,7 @@ def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
         across: Direction that pressures are taken along, a unit vector out of the slave.
     """
     pressure = np.where(run, contact.z @ across, 0.0)
-    limit = contact.asker.friction_limit(contact.pair.law, pressure, contact.operators.x)
+    limit = contact.law_calls.friction_limit(contact.pair.law, pressure, contact.operators.x)
     weight = contact.operators.weight
     allowed = float((weight * np.where(run & (pressure > 0.0), limit, 0.0)).sum())
     shear = abs(float((weight * (contact.z @ _right_of(across[None])[0]))[run].sum()))
@@ -172,12 +170,13 @@ def _angle(a: Array, b: Array) -> Array:
 
 def runs_of(contact: Contact) -> Indices:
     """Number the runs of neighbouring active nodes: shape (slave nodes,)."""
-    slave, active = contact.slave, contact.active
-    here = np.flatnonzero(active & (slave.following >= 0) & active[slave.following])
-    count = slave.num_nodes
-    links = coo_array((np.ones(here.size), (here, slave.following[here])), shape=(count, count))
-    _, labels = connected_components(links, directed=False)
-    return labels.astype(np.int64)
+    active, before = contact.active, contact.slave.previous
+    own = np.arange(active.size)
+    back = np.where(active & (before >= 0) & active[before], before, own)
+    least = own  # smallest number among the nodes passed on the way back
+    for _ in range(active.size.bit_length()):
+        least, back = np.minimum(least, least[back]), back[back]
+    return least[back]  # of the first node, or of a whole closed curve
 
 
 def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
@@ -188,16 +187,16 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
         pressure: Normal multipliers, shape (slave nodes,) [stress].
     """
     slave, reach = contact.slave, contact.slave.degree
-    held = (contact.free == 0.0).any(axis=1) & np.isin(slave.nodes, contact.idle_nodes)
-    around = slave.along(np.flatnonzero(held), range(-3 * reach, 3 * reach + 1))
+    prescribed = (contact.free == 0.0).any(axis=1) & np.isin(slave.nodes, contact.idle_nodes)
+    around = slave.along(np.flatnonzero(prescribed), range(-3 * reach, 3 * reach + 1))
     there = np.where(around >= 0, pressure[around], 0.0)
     beside = there[:, 2 * reach : 4 * reach + 1].max(axis=1, initial=0.0)
     there[:, 2 * reach : 4 * reach + 1] = 0.0
-    counts = beside > LIMITS.counted_pressure * pressure.max(initial=0.0)
+    counts = beside > LIMITS.at_corners * pressure.max(initial=0.0)
     beside = np.where(counts, beside, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.nan_to_num(beside / there.max(axis=1, initial=0.0), posinf=np.inf)
     if not ratio.any():
         return {}
-    where = contact.operators.x[np.flatnonzero(held)[ratio.argmax()]]
+    where = contact.operators.x[np.flatnonzero(prescribed)[ratio.argmax()]]
     return {"end_pressure": float(ratio.max()), "end_pressure_at": place(where)}

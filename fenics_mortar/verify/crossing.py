@@ -39,13 +39,11 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.crossing import find_crossings
 from fenics_mortar.kernels.passage import ALL, OTHERS, OWN, find_events, find_passages
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together, place
-from fenics_mortar.verify.ways import Motions, own_frame, went_through
-
-# Depth [facets] above which an overlap of unpaired bodies in the mesh is intended, and a path ends
-# inside a body.
-DEEP = 0.5
+from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.outline_names import OutlineNames
+from fenics_mortar.verify.ways import Motions, own_frame, passed_through
 
 
 @dataclass(frozen=True)
@@ -87,8 +85,6 @@ class Standing:
 class Crossings:
     """Finds crossings and passages; all methods are collective.
 
-    More than 20 methods: crossings of a state and passages of a step share the outlines.
-
     Args:
         bulk: The bulk equations.
         contacts: All pairs.
@@ -101,7 +97,7 @@ class Crossings:
     def __init__(
         self, bulk: Bulk, contacts: Sequence[Contact | Tie], floating: FloatingBodies
     ) -> None:
-        self._bulk, self._contacts, self._floating = bulk, contacts, floating
+        self._bulk, self._contacts = bulk, contacts
         self._labels, _ = label_bodies(bulk.V)
         sides = [[self._bodies_of(side) for side in (c.slave, c.master)] for c in contacts]
         self._paired = {
@@ -117,8 +113,8 @@ class Crossings:
         self._bound = int(self._segment_bodies.max(initial=0)) + 1
         self._slaves = [self.outline.places_of(contact.slave.nodes) for contact in contacts]
         self._free: Array = 1.0 - self.outline.gather(bulk.prescribed.astype(float))
-        self._names: dict[int, str] = {}
-        self._surfaces, self._surface_of = self._name_segments()
+        name_of_body = partial(floating.name_of, labels=self._labels)
+        self._names = OutlineNames(self.outline, contacts, name_of_body)
         self._excused: dict[tuple[int, int], float] = {}
         self._excused = self._as_meshed()
         self.accepted = Standing(self._positions(), np.zeros((0, 3)))
@@ -133,7 +129,7 @@ class Crossings:
         for pair, row in self._deepest(rows).items():
             facets = float(row[2]) - self._excused.get(pair, 0.0)
             if facets > 0.0:
-                sides = self._name(int(row[0])), self._name(int(row[1]))
+                sides = self._names.segment(int(row[0])), self._names.segment(int(row[1]))
                 found.append(Crossing(sides, place(row[4:]), float(row[3]), facets))
         return sorted(found, key=lambda crossing: -crossing.facets)
 
@@ -160,7 +156,7 @@ class Crossings:
         for pair, row in self._deepest(self._crossings(self.outline.X)).items():
             if pair not in self._paired:
                 same, facets = pair[0] == pair[1], float(row[2])
-                found[pair] = facets if same or facets <= DEEP else np.inf
+                found[pair] = facets if same or facets <= HALF_FACET else np.inf
         return found
 
     def _allowed(self) -> Array:
@@ -178,34 +174,6 @@ class Crossings:
 
     def _positions(self) -> Array:
         return self.outline.positions(self._bulk.u.x.array)
-
-    # Names
-
-    def _name_segments(self) -> tuple[list[str], Indices]:
-        """Names of the surfaces in pairs, and the surface of each segment, -1 for none."""
-        names, found = list[str](), np.full(len(self.outline.segments), -1)
-        for contact in self._contacts:
-            for surface in (contact.slave, contact.master):
-                if surface.num_nodes and f"'{surface.name}'" not in names:
-                    found[self.outline.are_of(surface)] = len(names)
-                    names.append(f"'{surface.name}'")
-        return names, found
-
-    def _name(self, segment: int) -> str:
-        """Name of the surface or the body of a segment."""
-        if self._surface_of[segment] >= 0:
-            return self._surfaces[self._surface_of[segment]]
-        return self._name_body(int(self._segment_bodies[segment]))
-
-    def _name_body(self, body: int) -> str:
-        if body not in self._names:
-            self._names[body] = self._floating.name_of(body, self._labels)
-        return self._names[body]
-
-    def _name_node(self, node: int) -> str:
-        at = (self.outline.segments == node).any(axis=1)
-        surface = self._surface_of[at].max(initial=-1)
-        return self._surfaces[surface] if surface >= 0 else self._name(int(np.argmax(at)))
 
     # A step
 
@@ -284,7 +252,7 @@ class Crossings:
         messages, through, depth = list[str](), leaves >= 0, rows[:, 3]
         pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)
         inside = ~through & (pairs[:, 0] != pairs[:, 1])
-        inside &= depth - self._allowed()[node] > DEEP * lengths[entry]
+        inside &= depth - self._allowed()[node] > HALF_FACET * lengths[entry]
         for marked, ends_inside in ((through, False), (inside, True)):
             for pair in np.unique(pairs[marked], axis=0):
                 if self._excused.get((int(pair.min()), int(pair.max()))) == np.inf:
@@ -296,13 +264,14 @@ class Crossings:
 
     def _message(self, row: Array, count: int, x1: Array, *, ends_inside: bool) -> str:
         node, entry, leaves = row[:3].astype(np.int64).tolist()
-        what = f"nodes of {self._name_node(node)} went"
-        body = self._name_body(int(self._segment_bodies[entry]))
+        what = f"nodes of {self._names.node(node)} went"
+        body = self._names.body(int(self._segment_bodies[entry]))
         if ends_inside:
             way = f"into {body}, and one at {place(x1[node])} ended {row[3]:.3g} below its surface"
         else:
+            enters, exits = self._names.segment(entry), self._names.segment(leaves)
             way = (
-                f"through {body}, in by {self._name(entry)} and out by {self._name(leaves)}, and "
+                f"through {body}, in by {enters} and out by {exits}, and "
                 f"one at {place(x1[node])} ended {row[3]:.3g} beyond where it went in"
             )
         return f"{count} {what} {way}, straight from the last accepted state: take smaller steps"
@@ -323,7 +292,7 @@ class Crossings:
             depth = call_together(
                 self.outline.comm,
                 f"the distance of '{obstacle.name}'",
-                partial(went_through, obstacle, *given),
+                partial(passed_through, obstacle, *given),
             )
             through = np.flatnonzero(depth > 0.0)
             if through.size:

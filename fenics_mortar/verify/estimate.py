@@ -56,7 +56,7 @@ SIDE_FACTOR = {1: 1 / 6, 2: 1 / 10}
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Estimate of the error of the displacement in the energy norm.
+    """Estimate of the error of the displacement in the energy norm; properties are local.
 
     Attributes:
         cells: Indicator of each cell of this rank, shape (owned cells,) [stress^1/2 length].
@@ -79,7 +79,7 @@ class ErrorEstimate:
 
     @property
     def relative(self) -> float:
-        """Ratio of ``total`` and the norm of the solution, dimensionless."""
+        """Ratio of ``total`` and the norm of the solution [1]."""
         return self.total / self.size if self.size > 0.0 else np.inf
 
     def mark(self, fraction: float = 0.5) -> Indices:
@@ -123,7 +123,7 @@ class Estimator:
         self._fluxes = Fluxes(bulk.residual, bulk.u, bulk.space)
         self._sides = Sides(bulk, self._fluxes.cell.sides)
         self._degree = self._sides.nodes.shape[2] - 1
-        self._held = bulk.prescribed.astype(float)
+        self._prescribed = bulk.prescribed.astype(float)
 
     def evaluate(self, interfaces: Sequence[Interface]) -> ErrorEstimate:
         """Estimate the error of the present state, with interfaces evaluated there (collective).
@@ -180,14 +180,14 @@ class Estimator:
         defects[t, k] = tractions[t, k] - self._fluxes.loads(t, k, sides.facets[t, k])
         rule = gauss_rule(self._fluxes.cell.s.size)
         for pair in interfaces:
-            for surface, given in interface_tractions(pair, self._held, rule):
+            for surface, given in interface_tractions(pair, self._prescribed, rule):
                 t, k, facet = sides.of_surface(surface)
                 backward = surface.nodes[surface.facets[facet, 0]] != sides.first(t, k)
                 values = np.where(backward[:, None, None], given[facet, ::-1], given[facet])
                 defects[t, k] -= values
                 touching[t, k] = True
-        held = sides.held & outer[..., None]
-        return np.where(held[:, :, None, :], 0.0, defects), touching
+        prescribed = sides.prescribed & outer[..., None]
+        return np.where(prescribed[:, :, None, :], 0.0, defects), touching
 
 
 def _work(Q: Array, t: Array) -> Array:

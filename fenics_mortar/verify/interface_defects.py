@@ -82,9 +82,9 @@ def slip_defects(contact: Contact) -> Defects:
     o, facing = contact.operators, contact.partners.facing
     here = points_of(o.segments) if facing is None else facing
     slip = here.of(contact.slip) if facing is None else facing.slip(o)
-    ends, held = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
+    ends, prescribed = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
     sticking = contact.sticking[ends]
-    sticks = ((sticking | held[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
+    sticks = ((sticking | prescribed[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
     node, bound = contact.nodal, _evaluate_law(contact, "friction_limit", contact.pressure)
     shear, bound = (here.of(np.where(contact.active, a, 0.0)) for a in (node.z_tau, bound))
     lost = np.maximum(bound * np.abs(slip) - shear * slip, 0.0)
@@ -104,7 +104,9 @@ def _on_facets(pair: Interface, here: Points, wrong: Array, work: Array) -> Defe
     """
     measure = here.measure(pair.operators.x)
     dyads = np.einsum("nq,nqi,nqk->nik", measure, wrong, wrong).reshape(-1, 4)
-    sums = np.zeros((len(pair.slave.facets), 5))
+    sums, thickness = np.zeros((len(pair.slave.facets), 5)), pair.slave.thickness
+    if thickness is not None:  # the stiffness of the layer has it
+        work = work * here.of(thickness.at(pair.operators.x))
     np.add.at(sums, here.facet, np.column_stack([dyads, (measure * work).sum(axis=1)]))
     pair.slave.comm.Allreduce(MPI.IN_PLACE, sums)
     return sums[:, :4].reshape(-1, 2, 2), sums[:, 4]

@@ -6,11 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fenics_mortar.rigid.options import RIGID
-
-# Half a facet [facet lengths]: a mesh resolves positions no better. Deeper overlaps and wider gaps
-# between the nodes are errors, nodes deeper inside another body need a partner, and contact that
-# moves less along a body leaves its nodes in contact.
-HALF_FACET = 0.5
+from fenics_mortar.utils.rounding import HALF_FACET, SOLVED
 
 
 @dataclass(frozen=True)
@@ -18,7 +14,7 @@ class Limits:
     """Thresholds of the certificate.
 
     Attributes:
-        tolerance: For quantities that the equations make zero; Newton's method stops at 1e-8.
+        tolerance: For quantities that the equations make zero [1].
         penetration: For penetration and distance between the nodes [facet lengths].
         negligible: Force over the contact force below which it is smaller than the error of the
             discretization: 0.5 %, for springs and for shear caused by corners.
@@ -26,41 +22,34 @@ class Limits:
             smaller ones may be rounding.
         min_force: Forces are compared at least with this fraction of stiffness times
             displacement.
-        min_motion: Displacements count at least as this fraction of the extent of a slave
-            surface: without loads all forces are rounding.
         coarse_penetration: Remark on penetration from here on [facet lengths]; curved bodies on
             coarse meshes overlap by less.
         coarse_distance: Remark on distance from here on [facet lengths].
-        oblique: Remark on oblique forces from here on [sine of an angle].
+        at_corners: Fraction that matters at corners and ends [1], above the error of estimates
+            there (a few per cent): sine of forces that are oblique; excess of the shear of a
+            sticking corner over the friction limit; pressure over the largest pressure.
         of_friction: With friction, remark on forces misdirected at corners from this fraction of
             the friction on. Measured on wedges of 90 to 150 degrees: where the error of the ratio
             of shear and normal force is 5 %, the estimate is 3.5 to 6 %.
-        excess_shear: A sticking corner of the slave violates the friction law if the shear along a
-            flat master exceeds the friction limit by this fraction: above the error of the
-            estimate, which is a few per cent of the limit.
         corner: Turn of the facets at a node above which it is a corner, not a curve [radian].
         around_corner: Facets beside a corner that define the direction of the opposite surface.
         end_pressure: Remark where the pressure beside clamped slave nodes is this multiple of that
             of the next nodes.
-        counted_pressure: Fraction of the largest pressure below which nodes do not count there.
         samples: Points on a segment at which gaps are evaluated.
     """
 
-    tolerance: float = 1e-6
+    tolerance: float = SOLVED
     penetration: float = HALF_FACET
     negligible: float = RIGID.negligible
-    min_pressure: float = 1e-6
+    min_pressure: float = SOLVED
     min_force: float = 1e-4
-    min_motion: float = 1e-5
     coarse_penetration: float = 0.2
     coarse_distance: float = 0.05
-    oblique: float = 0.1
+    at_corners: float = 0.1
     of_friction: float = 0.04
-    excess_shear: float = 0.1
     corner: float = 0.3
     around_corner: int = 3
     end_pressure: float = 2.0
-    counted_pressure: float = 0.1
     samples: int = 5
 
 

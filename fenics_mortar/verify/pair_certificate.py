@@ -51,7 +51,7 @@ class PairCertificate:
             slave that the master covers [facet lengths].
         outside_at: Position of that resultant.
         undecided_at: Positions of nodes whose cover is close to the threshold of a multiplier.
-        redundant: Sticking nodes that other constraints hold as well: their shear is not unique,
+        redundant: Sticking nodes that other constraints fix as well: their shear is not unique,
             see ``redundancy``.
         redundant_at: Position of one of them.
         unpaired: Nodes of the two surfaces inside another body without a partner in any pair.
@@ -110,7 +110,7 @@ class PairCertificate:
             )
         if not self.distance <= penetration:
             yield f"{self.pair}: a force acts, but the sides are {self.distance:.2f} facets apart"
-        if not self.excess_shear <= LIMITS.excess_shear:
+        if not self.excess_shear <= LIMITS.at_corners:
             yield self._sticking_corner()
         if self.unpaired:
             yield (
@@ -132,7 +132,7 @@ class PairCertificate:
                 "finer facets of the slave reduce the distance"
             )
         yield from self._remarks_on_corners()
-        if LIMITS.of_friction < self.excess_shear <= LIMITS.excess_shear:
+        if LIMITS.of_friction < self.excess_shear <= LIMITS.at_corners:
             yield self._sticking_corner()
         if self.outside > LIMITS.coarse_distance:
             yield self._resultant_outside()
@@ -175,7 +175,7 @@ class PairCertificate:
 
     def _remarks_on_corners(self) -> Iterator[str]:
         """Describe the error of the contact direction at corners."""
-        limit = min(LIMITS.oblique, max(LIMITS.of_friction * self.friction, LIMITS.negligible))
+        limit = min(LIMITS.at_corners, max(LIMITS.of_friction * self.friction, LIMITS.negligible))
         if self.friction > 0.0 and self.misdirected > limit:
             slave, _, master = self.pair.partition(" - ")
             yield (
@@ -184,9 +184,9 @@ class PairCertificate:
                 f"at {self.oblique_at}, along its averaged normal; take '{master}' as slave and "
                 f"'{slave}' as master, or round the corner"
             )
-        if self.friction > 0.0 or not self.oblique > LIMITS.oblique:
+        if self.friction > 0.0 or not self.oblique > LIMITS.at_corners:
             return
-        is_slave = self.misdirected > 0.5 * LIMITS.oblique
+        is_slave = self.misdirected > 0.5 * LIMITS.at_corners
         known = "direction and depth are" if is_slave else "depth is"
         remedy = "take the other side as slave, round it" if is_slave else "round it"
         yield (

@@ -37,7 +37,7 @@ def beyond_cover(contact: Contact, runs: Indices) -> dict[str, Any]:
     if contact.obstacle is not None:
         return {}
     o = contact.operators
-    forces = np.einsum("jc,jc->j", o.force(contact.z)[0], o.n)
+    forces = np.einsum("jc,jc->j", contact.now.forces[0], o.n)
     found = [
         _beyond(contact, np.flatnonzero(contact.active & (runs == run)), forces)
         for run in np.unique(runs[contact.active])

@@ -24,7 +24,7 @@ class Sides:
         facets: Local facets, shape (cells, sides).
         nodes: Local nodes of the displacement in order, shape (cells, sides, degree + 1).
         inner: Whether there is a cell on the other side, on any rank, shape (cells, sides).
-        held: Whether a component is prescribed at all nodes, shape (cells, sides, 2).
+        prescribed: Whether a component is prescribed at all nodes, shape (cells, sides, 2).
     """
 
     def __init__(self, bulk: Bulk, vertices: Indices) -> None:
@@ -37,7 +37,7 @@ class Sides:
         closures = [layout.entity_closure_dofs(1, k) for k in range(num_sides)]
         along = [[a, *inside, b] for a, b, *inside in closures]
         self.nodes: Indices = compat.dofmap(V)[:num_cells][:, along].astype(np.int64)
-        self.held = bulk.prescribed[bulk.space.dofs[self.nodes]].all(axis=2)
+        self.prescribed = bulk.prescribed[bulk.space.dofs[self.nodes]].all(axis=2)
         names = index_map.local_to_global(self.nodes[..., [0, -1]].ravel().astype(np.int32))
         self._ends = np.asarray(names, np.int64).reshape(num_cells, num_sides, 2)
         self._num_nodes = index_map.size_global

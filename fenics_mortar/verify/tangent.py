@@ -43,7 +43,7 @@ class Checkable(Protocol):
 
 @dataclass(frozen=True)
 class TangentCheck:
-    """Remainders of a Taylor test.
+    """Remainders of a Taylor test; all methods are local.
 
     Attributes:
         steps: Step sizes over the shortest slave facet, shape (s,).
@@ -56,7 +56,7 @@ class TangentCheck:
 
     @property
     def slopes(self) -> dict[str, float]:
-        """Slope per block, from steps above rounding; inf where all remainders are rounding."""
+        """Slope per block, from remainders above roundoff; inf if all are roundoff."""
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
@@ -149,7 +149,7 @@ class _Probe:
         self._frames: list[Any] = [contact.frame() for contact in self.contacts]
 
     def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
-        size = np.abs(contact.z).max() or 0.01 * contact.stiffness.max()
+        size = np.abs(contact.z).max() or 0.01 * contact.modulus.max()
         random = size * rng.uniform(0.5, 1.0, contact.z.shape)
         return np.where(contact.z == 0.0, random, contact.z)
 

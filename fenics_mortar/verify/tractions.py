@@ -22,13 +22,13 @@ MIN_COVER = 0.02
 
 
 def interface_tractions(
-    pair: Interface, held: Array, rule: Rule
+    pair: Interface, prescribed: Array, rule: Rule
 ) -> Iterator[tuple[Surface, Array]]:
     """Yield both surfaces with the tractions on their facets (collective).
 
     Args:
         pair: The interface.
-        held: 1 for prescribed dofs of the displacement, else 0, shape (local dofs,).
+        prescribed: 1 for prescribed dofs of the displacement, else 0, shape (local dofs,).
         rule: Gauss rule with q points on a facet.
 
     Yields:
@@ -36,12 +36,12 @@ def interface_tractions(
     """
     surfaces, forces = (pair.slave, pair.master), pair.operators.force(pair.z)
     for surface, force, here in zip(surfaces, forces, _covers(pair)):
-        keeps = surface.gather(held).all(axis=1)
+        keeps = surface.gather(prescribed).all(axis=1)
         yield surface, facet_tractions(surface, -force, keeps, here, rule)
 
 
 def facet_tractions(
-    surface: Surface, forces: Array, held: Flags, here: Points, rule: Rule
+    surface: Surface, forces: Array, clamped: Flags, here: Points, rule: Rule
 ) -> Array:
     """Traction with given nodal forces, at points of all facets (collective).
 
@@ -52,8 +52,8 @@ def facet_tractions(
     Args:
         surface: The surface.
         forces: Nodal forces, shape (nodes, 2) [stress length].
-        held: Clamped nodes, whose forces are not used, shape (nodes,): at the end of a surface the
-            traction is extrapolated there from the next two nodes.
+        clamped: Clamped nodes, whose forces are not used, shape (nodes,): at the end of a surface
+            the traction is extrapolated there from the next two nodes.
         here: Points on the covered parts, this rank's share.
         rule: Gauss rule with q points on a facet.
 
@@ -69,7 +69,7 @@ def facet_tractions(
     cover, at_points, mass = (_sum_over_facets(surface, here, a) for a in (cover, at_points, mass))
     bare = cover < MIN_COVER
     at_points[bare] = mass[bare] = 0.0
-    nodal = _solve_on_covered(surface, mass, forces, held)
+    nodal = _solve_on_covered(surface, mass, forces, clamped)
     return np.asarray(np.einsum("fqk,fkc->fqc", at_points, nodal[surface.facets]))
 
 
@@ -81,7 +81,7 @@ def _sum_over_facets(surface: Surface, here: Points, values: Array) -> Array:
     return sums
 
 
-def _solve_on_covered(surface: Surface, blocks: Array, forces: Array, held: Flags) -> Array:
+def _solve_on_covered(surface: Surface, blocks: Array, forces: Array, clamped: Flags) -> Array:
     """Nodal tractions (nodes, 2) of ``forces``, with mass matrices (facets, K, K) (local)."""
     rows = np.broadcast_to(surface.facets[:, :, None], blocks.shape)
     columns = np.broadcast_to(surface.facets[:, None, :], blocks.shape)
@@ -90,7 +90,7 @@ def _solve_on_covered(surface: Surface, blocks: Array, forces: Array, held: Flag
     rhs = forces.copy()
     alone = np.flatnonzero(mass.diagonal() == 0.0)
     mass[alone, alone], rhs[alone] = 1.0, 0.0
-    for end, first, second in _ends(surface, held):
+    for end, first, second in _ends(surface, clamped):
         lengths = np.linalg.norm(surface.X[[end, first]] - surface.X[[first, second]], axis=1)
         ratio = lengths[0] / lengths[1]
         mass[end], rhs[end] = 0.0, 0.0
@@ -105,10 +105,10 @@ def _covers(pair: Interface) -> list[Points]:
     return [points_of(segments), *behind]
 
 
-def _ends(surface: Surface, held: Flags) -> list[list[int]]:
+def _ends(surface: Surface, clamped: Flags) -> list[list[int]]:
     """Clamped nodes at ends of a surface, with the next two nodes if there are two (local)."""
     triples = [
-        surface.along(np.flatnonzero(held & (before < 0)), range(0, 3 * way, way))
+        surface.along(np.flatnonzero(clamped & (before < 0)), range(0, 3 * way, way))
         for before, way in ((surface.previous, 1), (surface.following, -1))
     ]
     both = np.concatenate(triples)

@@ -12,17 +12,18 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import SMALL_ANGLE
+from fenics_mortar.verify.limits import LIMITS
 
-# Largest rotation of a body in one straight section of its path [radian], which shrinks the body by
-# 8 %; rotation up to which one section is enough: the error is L / 200 for a sliding distance L.
-LARGEST_TURN, SMALL_TURN = np.pi / 4, 0.02
-# Cosine between normals at entry and exit [1] below which they are opposed (100 degrees: not round
-# a corner of a block), and between those at start and end above which nothing was passed.
-OPPOSITE, ALIKE = -0.17, 0.7
-# Distance of points at the surface [facets], and their largest number.
-FINE, MAX_POINTS = 0.05, 400
+# Largest rotation of a body in one straight section of its path [radian], which shrinks it by 8 %.
+LARGEST_TURN = np.pi / 4
+# Cosine between normals at start and end [1] above which nothing was passed.
+ALIKE = 0.7
+# Largest number of points on a path.
+MAX_POINTS = 400
 
 
 class Motions:
@@ -55,7 +56,7 @@ class Motions:
     @property
     def are_small(self) -> bool:
         """Whether all rotations are small, so that no rotating frames are needed."""
-        return float(np.abs(self.angles).max(initial=0.0)) <= SMALL_TURN
+        return float(np.abs(self.angles).max(initial=0.0)) <= SMALL_ANGLE
 
     def carried(self) -> Array:
         """Initial positions moved rigidly with the node's own body, shape (n, 2) [length]."""
@@ -89,7 +90,7 @@ def _turned(y: Array, angle: Array | float) -> Array:
     return np.stack([c * y[:, 0] - s * y[:, 1], s * y[:, 0] + c * y[:, 1]], axis=1)
 
 
-def went_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array) -> Array:
+def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Array) -> Array:
     """Distance from the surface of nodes that passed through an obstacle, else 0 (local).
 
     Args:
@@ -135,7 +136,8 @@ def _trace(
 ) -> npt.NDArray[np.bool_]:
     """Whether paths passed through; ``knots`` (m + 1, s, 2) at arc lengths ``far`` (m + 1, s)."""
     total = far[-1]
-    min_step = np.maximum(FINE * lengths, total / MAX_POINTS)
+    # at the surface points are as close as any distance that is remarked on
+    min_step = np.maximum(LIMITS.coarse_distance * lengths, total / MAX_POINTS)
     at, passed = np.zeros(len(total)), np.zeros(len(total), bool)
     before = _at(knots, far, at)
     distance, slope = _distance(obstacle, before, offset)
@@ -154,7 +156,7 @@ def _trace(
         skips &= ((step * slope).sum(axis=1) < 0.0) & ((step * now).sum(axis=1) > 0.0)
         first = np.where(leaves[:, None], entry_slope, slope)
         middle = np.where(leaves[:, None], 0.5 * (entry + here), 0.5 * (before + here))
-        opposed = (leaves | skips) & ((first * now).sum(axis=1) < OPPOSITE)
+        opposed = (leaves | skips) & ((first * now).sum(axis=1) < OPPOSED)
         if opposed.any():
             opposed[opposed] = _goes_on(
                 obstacle, middle[opposed], first[opposed], lengths[opposed],

@@ -27,6 +27,7 @@ class Curves:
     gap_weights: int = 0  # BY_BASIS
     radius: float = 10.0
     integration: str = "segments"
+    thickness: tuple | None = None  # at the slave nodes, and its derivative by x
     coupled = False  # whether all segments of a facet make pairs
 
     def __post_init__(self):
@@ -48,7 +49,8 @@ class Curves:
 
     def find(self, n):
         """Find the segments as a problem does."""
-        slave = SimpleNamespace(facets=self.slave, degree=2 if self.coupled else 1)
+        moves = self.coupled or (self.thickness is not None and self.thickness[1] != 0.0)
+        slave = SimpleNamespace(facets=self.slave, functions_move=moves)
         self.segments = s = find_segments(
             slave, SimpleNamespace(facets=self.master), self.x, n, self.m,
             facets=np.arange(len(self.slave)), radius=self.radius, min_cosine=LIMITS[0],
@@ -92,7 +94,7 @@ class Curves:
         facets.tabulate_facets(
             (x, n, dn, m), (self.slave, self.weights, self.partial),
             (s.master, s.end_is_fixed, s.ends), self.offsets, self.pair_offsets, s.rule,
-            (self.basis, self.gap_weights, True), values,
+            (self.basis, self.gap_weights, True), values, self.thickness,
         )  # fmt: skip
         found = dict(zip(("D", "dD", "M", "dM", "g", "dg", "cover"), values))
         for name in ("dD", "dM"):

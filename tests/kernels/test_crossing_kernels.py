@@ -169,8 +169,8 @@ def test_blocks_of_one_mesh_size_that_touch_do_not_cross_by_rounding():
     low, high = rectangle(0.0, 0.0, 1.0, 1.0, 0.1), rectangle(0.0, 1.0, 1.0, 1.0, 0.1)
     for size in (1e-16, 1e-12, 1e-6):
         for _ in range(20):
-            noise = size * random.normal(size=(2, *low.shape))
-            found = crossings(low + noise[0], high + noise[1])
+            perturbation = size * random.normal(size=(2, *low.shape))
+            found = crossings(low + perturbation[0], high + perturbation[1])
             assert found[:, 2].max(initial=0.0) < 1e3 * size
 
 

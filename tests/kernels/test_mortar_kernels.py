@@ -133,12 +133,15 @@ def test_neighbour_takes_over_the_weight_of_a_node_without_multiplier(left):
 
 
 @pytest.mark.parametrize("cover", [*COVERS, "two pieces"])
-@pytest.mark.parametrize("kind, rule", product(BASES, ["segments", "elements", "nodes"]))
+@pytest.mark.parametrize(
+    "rule, kind, gap_weights",
+    [
+        *product(["segments", "elements"], BASES, GAP_WEIGHTS),
+        ("nodes", basis.STANDARD, basis.BY_BASIS),
+    ],
+)
 @pytest.mark.parametrize("left", [BOTH, ONLY_FIRST, ONLY_SECOND])
-@pytest.mark.parametrize("gap_weights", GAP_WEIGHTS)
-def test_values_and_derivatives_are_those_of_the_closed_form(cover, kind, rule, left, gap_weights):
-    if rule == "nodes":
-        kind, gap_weights = basis.STANDARD, basis.BY_BASIS
+def test_values_and_derivatives_are_those_of_the_closed_form(cover, rule, kind, gap_weights, left):
     points = 9 if rule == "elements" else 5
     more = {"integration": rule, "points": points, "gap_weights": gap_weights}
     pair = curves(cover, basis=kind, **more)

@@ -92,3 +92,18 @@ def test_of_two_ways_out_the_shorter_one_counts(thick, other, overlap):
         up = np.array([0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, -1.0])
         top = np.array([1.0, overlap, 0.0, overlap])
         assert is_way_out(np.concatenate([up, top]), N, 0.1, overlap, shape, (0, 1), LEAST)
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.05, 6.2, 24))
+def test_the_back_of_a_strip_is_no_way_out_of_itself(angle):
+    """Slave and master on one part of one body, wherever it is: rounding does not decide."""
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    tapered = np.array([(0.0, 0.0), (1.0, -0.02), (1.0, 0.13), (0.0, 0.1)])
+    x = 3.7 + tapered @ turn.T
+    shape = outline((0, x))
+    y = np.concatenate([x[[2, 3]].ravel(), np.tile(turn @ [0.0, 1.0], 2), x[:2].ravel()])
+    N = np.empty((3, 2))
+    for xi in np.linspace(-0.9, 0.9, 7):
+        depth = 0.5 * ((0.13 + 0.02) * (1.0 - xi) + 0.1 * (1.0 + xi))
+        assert not is_way_out(y, N, xi, depth, shape, (0, 0), LEAST)

@@ -25,8 +25,8 @@ G = 0.02  # shear that the bar's foundation bears
 WORKS = "supports", "friction"
 
 
-def block_on_plane(n, material, law, *, degree=1, held=("top",), push=None):
-    """A block of 1 x 0.5 on y = 0 with ``push`` prescribed at the held sides."""
+def block_on_plane(n, material, law, *, degree=1, fixed=("top",), push=None):
+    """A block of 1 x 0.5 on y = 0 with ``push`` prescribed at the fixed sides."""
     sliding = "small" if material is linear_elastic else "finite"
     grid = Grid("block", block(2 * n * degree, n * degree, width=1.0, height=0.5))
     data = read(build, grids=[grid], order=degree)
@@ -38,7 +38,7 @@ def block_on_plane(n, material, law, *, degree=1, held=("top",), push=None):
         internal(u, material(u, E, NU)),
         u,
         [fm.ContactPair(data, "block/bottom", plane, law=law, sliding=sliding)],
-        bcs=[fm.dirichlet(V, data, f"block/{side}", push) for side in held],
+        bcs=[fm.dirichlet(V, data, f"block/{side}", push) for side in fixed],
         petsc_options_prefix="test_",
         newton=TIGHT,
     )
@@ -52,12 +52,12 @@ def test_block_that_slides_under_constant_shear(algorithm):
     The shear g at the bottom falls to zero at the height H, the axial stress grows by g / H along
     the way, the pressure p is uniform, and the bottom stays flat.
     """
-    g, p, s, H, travel = 0.7, 3.0, 1.0, 0.5, 0.4
+    g, p, s, H, shift = 0.7, 3.0, 1.0, 0.5, 0.4
     a, c = (1.0 - NU**2) / E, NU * (1.0 + NU) / E
     shear_modulus = lame(E, NU)[0]
 
     def exact(x):
-        along = (c * p - a * s) * x[0] + a * g * x[0] ** 2 / (2 * H) + travel
+        along = (c * p - a * s) * x[0] + a * g * x[0] ** 2 / (2 * H) + shift
         sheared = g / shear_modulus * (x[1] - x[1] ** 2 / (2 * H)) + c * g * x[1] ** 2 / (2 * H)
         return np.stack([along + sheared, (c * s - a * p) * x[1] - c * g * x[0] * x[1] / H])
 
@@ -67,7 +67,7 @@ def test_block_that_slides_under_constant_shear(algorithm):
         return function
 
     problem, u = block_on_plane(
-        2, linear_elastic, fm.Tresca(g), degree=2, held=("left", "right", "top"), push=push
+        2, linear_elastic, fm.Tresca(g), degree=2, fixed=("left", "right", "top"), push=push
     )
     problem.solve()
     contact = problem.equations.contacts[0]
@@ -256,7 +256,7 @@ def test_block_pushed_into_a_narrower_channel():
 @pytest.mark.serial
 @pytest.mark.parametrize("mu, nu, sliding", [(1.0, 0.3, 1), (0.3, 0.45, 2)])
 def test_wheel_that_friction_drives_rolls(mu, nu, sliding):
-    """A rigid wheel is turned on a block, held down by a force, and free to go where it wants.
+    """A rigid wheel is turned on a block, pressed down by a force, and free to go where it wants.
 
     All nodes stick but for one or two at the edge, so that it takes hardly work or moment, and goes
     its circumference, but for the stretch of the ground, of the order (a / R)^2 with half the width

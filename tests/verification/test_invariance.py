@@ -124,7 +124,7 @@ def test_contact_forces_of_both_sides_cancel(slave, degree):
     assert defect < 1e-14 * (np.abs(on_slave).sum() + np.abs(on_master).sum())
 
 
-def test_contact_force_is_the_reaction_of_the_held_boundary():
+def test_contact_force_is_the_reaction_of_the_fixed_boundary():
     scene = pressed_blocks(**MESH)
     solve(scene)
     problem, contact = scene.problem, scene.contact

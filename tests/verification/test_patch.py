@@ -43,6 +43,19 @@ SLAVES = ("upper", "lower")
 CELLS = ("triangle", "quadrilateral")
 
 
+def half_of(*factors, skip=0):
+    """Every second combination, the others if ``skip`` is odd.
+
+    Of three factors any two levels of any two factors meet; of two factors those of both halves.
+    """
+    chosen = product(*(enumerate(factor) for factor in factors))
+    return [
+        tuple(level for _, level in each)
+        for each in chosen
+        if sum(number for number, _ in each) % 2 == skip % 2
+    ]
+
+
 def blocks(counts, angle):
     """Options of the mesh."""
     return {
@@ -89,7 +102,7 @@ def test_uniaxial_pressure_is_uniform(material, angle, counts):
     turn = rotation(np.radians(angle))
     gradient = turn @ np.diag([a - 1, STRETCH - 1]) @ turn.T
     boundaries = ["lower/bottom", "upper/top"]
-    for slave, cell in product(SLAVES, CELLS):
+    for slave, cell in half_of(SLAVES, CELLS, skip=counts[0]):
         scene = homogeneous_blocks(
             gradient,
             boundaries,
@@ -112,7 +125,7 @@ def test_all_round_pressure_passes_an_inclined_interface(material, counts, angle
     if material is linear_elastic:
         pressure = -2 * (mu + lmbda) * (a - 1) / a
     boundaries = [f"{body}/{side}" for body in SLAVES for side in ("left", "right")]
-    for slave, cell in product(SLAVES, CELLS):
+    for slave, cell in half_of(SLAVES, CELLS, skip=counts[0]):
         scene = homogeneous_blocks(
             (a - 1) * np.eye(2),
             [*boundaries, "lower/bottom", "upper/top"],

@@ -29,10 +29,10 @@ def test_arrays_are_the_problem(element):
     for facets in (problem.slave[problem.facets], problem.master):
         along = problem.x[facets[:, 1]] - problem.x[facets[:, 0]]
         assert np.abs(along.sum(axis=0)) == pytest.approx([side, 0.0], abs=1e-12)
-    held = problem.held.all(axis=1)
-    x = problem.x[held].T
+    prescribed = problem.prescribed.all(axis=1)
+    x = problem.x[prescribed].T
     exact = posed.displacement(x, x[1] > 0)
-    assert np.abs(problem.values[held].T - exact).max() < 1e-12 * np.abs(exact).max()
+    assert np.abs(problem.values[prescribed].T - exact).max() < 1e-12 * np.abs(exact).max()
     # the tractions of both sides are mirror images
     assert abs(problem.load[:, 0].sum()) < 1e-12 * np.abs(problem.load).sum()
     assert (problem.E, problem.nu) == pytest.approx((1.0, 0.3))

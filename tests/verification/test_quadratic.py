@@ -17,7 +17,18 @@ from scenes import (
     rotation,
 )
 from scipy.optimize import brentq
-from test_patch import CELLS, EXACT, NU, SLAVES, STRETCH, E, assert_uniform, blocks, uniaxial
+from test_patch import (
+    CELLS,
+    EXACT,
+    NU,
+    SLAVES,
+    STRETCH,
+    E,
+    assert_uniform,
+    blocks,
+    half_of,
+    uniaxial,
+)
 
 from dolfinx import fem
 
@@ -35,7 +46,9 @@ def test_uniaxial_pressure_is_uniform(material, angle, basis):
     a, pressure = uniaxial(material)
     turn = rotation(np.radians(angle))
     gradient = turn @ np.diag([a - 1, STRETCH - 1]) @ turn.T
-    for counts, slave, cell in product(RATIOS, SLAVES, CELLS):
+    for counts, slave, cell in half_of(
+        RATIOS, SLAVES, CELLS, skip=BASES.index(basis) + (angle > 0)
+    ):
         scene = homogeneous_blocks(
             gradient,
             ["lower/bottom", "upper/top"],
@@ -58,7 +71,9 @@ def test_all_round_pressure_passes_an_inclined_interface(angle, basis):
     a = 0.95
     pressure = -(mu * (a - 1 / a) + 2 * lmbda * np.log(a) / a) / a
     boundaries = [f"{body}/{side}" for body in SLAVES for side in ("left", "right")]
-    for counts, slave, cell in product(RATIOS, SLAVES, CELLS):
+    for counts, slave, cell in half_of(
+        RATIOS, SLAVES, CELLS, skip=BASES.index(basis) + (angle > 0)
+    ):
         if basis in ("vertices", "linear") and slave == "upper" and counts[0] == 1:
             continue  # both ends of the only facet are prescribed
         scene = homogeneous_blocks(
@@ -91,7 +106,9 @@ def test_linear_pressure_passes_a_flat_interface(angle, basis):
         s, h = turn.T @ X[:2] - np.array([[0.0], [1.0]])
         return turn @ np.stack([c * h**2 / 2, -(e + c * s) * h])
 
-    for counts, slave, cell in product(RATIOS[1:], SLAVES, CELLS):
+    for counts, slave, cell in half_of(
+        RATIOS[1:], SLAVES, CELLS, skip=BASES.index(basis) + (angle > 0)
+    ):
         scene = homogeneous_blocks(
             np.zeros((2, 2)),
             ["lower/bottom", "upper/top"],
@@ -146,7 +163,7 @@ def curved_rings(**options):
 
 
 def press_fit(n, slave, cell, basis="dual"):
-    """Two rings held at the inmost and the outmost circle, linear elastic, not yet solved."""
+    """Two rings fixed at the inmost and the outmost circle, linear elastic, not yet solved."""
     options = {"n_inner": n, "n_outer": 4 * n // 3, "layers_inner": n // 6, "layers_outer": n // 6}
     data = read(curved_rings, cell=cell, **options)
     V = fm.vector_space(data.mesh, 2)
@@ -164,8 +181,8 @@ def press_fit_pressure():
     mu, lmbda = lame(E, NU)
     radius = INTERFACE + INTERFERENCE
 
-    def traction(held, r, u):
-        A, B = np.linalg.solve([[held, 1 / held], [r, 1 / r]], [0.0, u])
+    def traction(R, r, u):
+        A, B = np.linalg.solve([[R, 1 / R], [r, 1 / r]], [0.0, u])
         return 2 * (lmbda + mu) * A - 2 * mu * B / r**2
 
     def imbalance(u):

@@ -88,7 +88,7 @@ def test_shear_is_cattaneos_and_mindlins(element, rate, most):
 
 def test_wheel_rolls_as_carters():
     """Within what is left at four facets to the half-width: 1 / 8 of it from node to node."""
-    found = carter.roll(4)
+    found = carter.roll(4, size=200.0)
     assert found.pulls[-1] == pytest.approx(carter.PART, rel=0.01)
     assert found.creepage == pytest.approx(1.0, abs=0.05)
     assert found.stuck == pytest.approx(1.0, abs=0.125 / np.sqrt(1 - carter.PART))

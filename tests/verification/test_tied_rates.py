@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Rates of convergence of tied meshes to a manufactured solution, within 0.15 of theory.
 
-A neo-Hookean body of two parts, 2 : 3 facets along the interface, held all around. The load is that
+A neo-Hookean body of two parts, 2 : 3 facets along the interface, fixed all around. The load is
 of a smooth displacement of finite strain, so the traction on the interface is of no simple shape.
 With order p the energy norm has the rate p and L2 p + 1, the curved interface included: nodes of
 both sides are on the curve, cells of order p have curved sides.

@@ -20,7 +20,7 @@ That holds where pressure does not move the surface sideways: for bodies of one 
 rigid one on an incompressible one, E* = E / (1 - nu^2) = 4 E / 3, here of Taylor-Hood elements.
 
 Errors of the scene: R = 1000 a, for those of small strain and small angles are of the order
-a / (mu R). The half plane is a block, held at its bottom and sides, ``SIZE`` half-widths away. It
+a / (mu R). The half plane is a block, fixed at its bottom and sides, ``SIZE`` half-widths away. It
 yields sideways as the load travels, by the order of P / (E* SIZE) for a unit of the way: that is a
 part of the creepage of the order a / (mu SIZE): by the last table, 0.5 %.
 
@@ -55,7 +55,7 @@ R, FRICTION, PART = 1000.0, 0.3, 0.5  # Q by mu P
 FORCE = np.pi / (4 * R)
 FINE, SIZE, GROWTH = 3.5, 1000.0, 1.4
 WAY = 4.0  # from -WAY / 2 on
-HELD = ("bottom", "left", "right")
+FIXED = ("bottom", "left", "right")
 FACETS = (4, 8, 16, 32)  # by the half-width
 STEPS, SIZES = (0.25, 0.5, 1.0, 2.0), (50.0, 200.0, SIZE)
 
@@ -154,7 +154,7 @@ def pose(n: int, size: float) -> tuple[fm.MeshData, Any, fm.ContactProblem, fm.C
         ufl.inner(stress, ufl.grad(v)) * dx + q * ufl.div(u) * dx,
         w,
         [fm.ContactPair(data, "block/top", wheel, law=fm.Coulomb(FRICTION))],
-        bcs=[fm.dirichlet(W.sub(0), data, f"block/{side}", (0.0, 0.0)) for side in HELD],
+        bcs=[fm.dirichlet(W.sub(0), data, f"block/{side}", (0.0, 0.0)) for side in FIXED],
         petsc_options_prefix="carter_",
     )
     return data, w, problem, wheel

@@ -3,7 +3,7 @@
 
 Two quarter rings meet on a circle. Both move by one smooth deformation, so that nothing slips or
 opens; body forces keep the balance. What passes through the interface is pressure everywhere, and
-shear, which a large bound of friction holds.
+shear, which a large friction limit admits.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class Given:
         slave: Nodes of the slave surface, shape (k,).
         facets: Nodes of its facets, by their numbers in ``slave``, middle last, shape (f, 2 or 3).
         master: Nodes of the facets of the master surface, middle last, shape (g, 2 or 3).
-        held: Whether a component is prescribed, shape (n, 2).
+        prescribed: Whether a component is prescribed, shape (n, 2).
         values: Its value, shape (n, 2) [length].
         load: Nodal loads per thickness, shape (n, 2) [stress length].
         E: Young's modulus [stress].
@@ -49,7 +49,7 @@ class Given:
     slave: np.ndarray
     facets: np.ndarray
     master: np.ndarray
-    held: np.ndarray
+    prescribed: np.ndarray
     values: np.ndarray
     load: np.ndarray
     E: float
@@ -85,7 +85,7 @@ def given(posed: Posed) -> Given:
         slave=contact.slave.nodes,
         facets=contact.slave.facets[:, order],
         master=contact.master.nodes[contact.master.facets[:, order]],
-        held=bulk.prescribed.reshape(-1, 2).copy(),
+        prescribed=bulk.prescribed.reshape(-1, 2).copy(),
         values=prescribed(posed).reshape(-1, 2),
         load=-bulk.r.array_r.reshape(-1, 2),
         E=mu * (3 * lmbda + 2 * mu) / (lmbda + mu),

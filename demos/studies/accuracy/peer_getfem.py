@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from demos.studies.accuracy.peer import Answer, Given, run
 
-SIDES, CONTACT, HELD = 1, 2, 3
+SIDES, CONTACT, PRESCRIBED = 1, 2, 3
 SYMMETRIC = 2
 # By nodes of a cell: geometry, and our nodes in the order of GetFEM's
 SHAPES = {
@@ -63,14 +63,17 @@ def add_body(model: gf.Model, problem: Given, number: int) -> tuple:
     used = np.unique(cells)
     nodes = used[cKDTree(problem.x[used]).query(places)[1]]
     surface = problem.slave if number == 1 else np.unique(problem.master)
-    for region, on in ((CONTACT, surface), (HELD, np.flatnonzero(problem.held.any(axis=1)))):
+    for region, on in (
+        (CONTACT, surface),
+        (PRESCRIBED, np.flatnonzero(problem.prescribed.any(axis=1))),
+    ):
         points = mesh.pid_from_coords(problem.x[np.intersect1d(on, used)].T, 1e-9)
         mesh.set_region(region, mesh.faces_from_pid(points))
     name = f"u{number}"
     model.add_fem_variable(name, space)
     model.add_isotropic_linearized_elasticity_brick(integration, name, "lmbda", "mu")
-    model.add_initialized_fem_data(f"held{number}", space, problem.values[nodes].ravel())
-    model.add_Dirichlet_condition_with_simplification(name, HELD, f"held{number}")
+    model.add_initialized_fem_data(f"prescribed{number}", space, problem.values[nodes].ravel())
+    model.add_Dirichlet_condition_with_simplification(name, PRESCRIBED, f"prescribed{number}")
     model.add_explicit_rhs(name, problem.load[nodes].ravel())
     return mesh, integration, space, nodes
 

@@ -123,7 +123,7 @@ def prescribe(part: Kratos.ModelPart, problem: Given) -> None:
         part.GetNode(node + 1).SetSolutionStepValue(
             Structural.POINT_LOAD, [*problem.load[node], 0.0]
         )
-    for node, component in np.argwhere(problem.held).tolist():
+    for node, component in np.argwhere(problem.prescribed).tolist():
         place = part.GetNode(node + 1)
         place.Fix(names[component])
         place.SetSolutionStepValue(names[component], problem.values[node, component])

@@ -114,7 +114,7 @@ def body_force(data: Any, bodies: dict[str, bool], stress: Field) -> Any:
     return interpolate(fem.Function(fm.vector_space(data.mesh, 2)), data, bodies, minus_divergence)
 
 
-def held(V: Any, data: Any, places: dict[str, bool], exact: Field) -> list[Any]:
+def prescribe(V: Any, data: Any, places: dict[str, bool], exact: Field) -> list[Any]:
     """Prescribe the exact displacement; ``places`` says which boundaries are of the slave body."""
     bcs = []
     for name, of_slave in places.items():
@@ -133,7 +133,7 @@ def pose(
     master: str,
     *,
     displacement: Field,
-    held_on: dict[str, bool],
+    prescribed_on: dict[str, bool],
     loads: Any = None,
     friction: Any = None,
     tied: bool = False,
@@ -157,7 +157,7 @@ def pose(
         residual,
         u,
         [pair],
-        bcs=held(V, data, held_on, displacement),
+        bcs=prescribe(V, data, prescribed_on, displacement),
         petsc_options_prefix="accuracy_",
         linearization=choice.linearization,
         newton=fm.NewtonOptions(max_iterations=100),
@@ -245,7 +245,7 @@ def hertz_on(data: Any, choice: Choice) -> Posed:
         "upper/bottom",
         "lower/top",
         displacement=partial(of_body, exact),
-        held_on={"upper/top": True, "lower/bottom": False},
+        prescribed_on={"upper/top": True, "lower/bottom": False},
         loads=loads,
     )
     return Posed(
@@ -336,7 +336,7 @@ def press_fit(n: int, choice: Choice, *, law: str = "neo_hookean") -> Posed:
         "outer/top",
         "inner/bottom",
         displacement=lambda x, on: exact.displacement(x, ~on),
-        held_on={"inner/top": False, "outer/bottom": True},
+        prescribed_on={"inner/top": False, "outer/bottom": True},
     )
     return Posed(
         data,
@@ -390,7 +390,7 @@ def flat(n: int, choice: Choice, *, friction: float = 0.0, ends: float = 0.0) ->
             work += ufl.inner(traction, v) * ds(data.boundary_tag(name))
         return work
 
-    held_on = {f"upper/{side}": False for side in ("left", "right", "top")}
+    prescribed_on = {f"upper/{side}": False for side in ("left", "right", "top")}
     u, problem = pose(
         data,
         choice,
@@ -399,7 +399,7 @@ def flat(n: int, choice: Choice, *, friction: float = 0.0, ends: float = 0.0) ->
         "lower/top",
         "upper/bottom",
         displacement=displacement,
-        held_on=held_on | {"lower/bottom": True},
+        prescribed_on=prescribed_on | {"lower/bottom": True},
         loads=loads,
         friction=fm.Coulomb(friction) if friction else None,
     )
@@ -441,8 +441,8 @@ def curved(n: int, choice: Choice, *, tied: bool = False) -> Posed:
         force = body_force(data, bodies, lambda x, on: piola(gradient(x, on), *lame(exact)))
         return ufl.inner(force, v) * dx
 
-    held_on = {f"outer/{side}": True for side in ("bottom", "left", "right")}
-    held_on |= {f"inner/{side}": False for side in ("top", "left", "right")}
+    prescribed_on = {f"outer/{side}": True for side in ("bottom", "left", "right")}
+    prescribed_on |= {f"inner/{side}": False for side in ("top", "left", "right")}
     u, problem = pose(
         data,
         choice,
@@ -451,7 +451,7 @@ def curved(n: int, choice: Choice, *, tied: bool = False) -> Posed:
         "outer/top",
         "inner/bottom",
         displacement=displacement,
-        held_on=held_on,
+        prescribed_on=prescribed_on,
         loads=loads,
         friction=fm.Tresca(10.0 * exact.E),
         tied=tied,

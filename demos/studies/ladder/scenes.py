@@ -78,7 +78,7 @@ class Scene:
         slave, master: The surfaces.
         circle: Radius and centre of the rigid tool, for a load.
         grip: Boundary of the tool that is moved; "" if nothing is.
-        held: Boundaries and components of the soft body that are held.
+        fixed: Boundaries and components of the soft body that are fixed.
         symmetry: The same of the tool.
         motion: Motion (x, y, angle) of the tool at time 0 ... 1 of a load.
         interference: Whether the meshed overlap comes by and by instead.
@@ -91,7 +91,7 @@ class Scene:
     soft: Callable[[float, int], np.ndarray]
     tool: Callable[[float, int], Grid]
     circle: Callable[[float], tuple[float, tuple[float, float]]]
-    held: tuple[tuple[str, int | None], ...]
+    fixed: tuple[tuple[str, int | None], ...]
     loads: tuple[float, ...]
     slave: str = "soft/top"
     grip: str = "tool/top"
@@ -216,8 +216,8 @@ def internal_forces(scene: Scene, u: Any, data: Any, strain: str) -> Any:
     return sum(moduli[name] * work * dx(tag) for name, tag in data.bodies.items())
 
 
-def hold(V: Any, data: Any, places: Iterable[tuple[str, int | None]]) -> list[Any]:
-    """Conditions that hold boundaries in a component, or altogether."""
+def fix(V: Any, data: Any, places: Iterable[tuple[str, int | None]]) -> list[Any]:
+    """Conditions that fix boundaries in a component, or altogether."""
     return [
         fm.dirichlet(V, data, name, np.zeros(2) if which is None else 0.0, which)
         for name, which in places
@@ -230,7 +230,7 @@ def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0
     u, grip = fem.Function(V), fem.Function(V)
     radius, centre = scene.circle(load)
     circle = fm.Circle(centre, radius)
-    bcs = hold(V, data, scene.held + (() if rung.rigid else scene.symmetry))
+    bcs = fix(V, data, scene.fixed + (() if rung.rigid else scene.symmetry))
     if scene.grip and not rung.rigid:
         bcs.append(fm.dirichlet(V, data, scene.grip, grip))
     master = circle if rung.rigid else "tool/bottom"
@@ -269,6 +269,6 @@ def elastic_tool(scene: Scene, circle: fm.Obstacle, data: Any) -> fm.ElasticObst
     V = fm.vector_space(data.mesh, 1)
     u = fem.Function(V)
     gripped = ((scene.grip, None),) if scene.grip else ()
-    bcs = hold(V, data, (*scene.symmetry, *gripped))
+    bcs = fix(V, data, (*scene.symmetry, *gripped))
     residual = internal_forces(scene, u, data, "linear")
     return fm.ElasticObstacle(circle, residual, u, data, "tool/bottom", bcs=bcs)

@@ -36,7 +36,9 @@ def measure(facets, **integration):
         [np.linspace(1.01, -0.01, facets + 1), 0.1 * np.sin(np.linspace(9.1, -0.1, facets + 1))], 1
     )
     chain = np.arange(facets + 1)
-    surface = SimpleNamespace(facets=np.stack([chain[:-1], chain[1:]], axis=1), degree=1)
+    surface = SimpleNamespace(
+        facets=np.stack([chain[:-1], chain[1:]], axis=1), functions_move=False
+    )
     n, dn = np.empty_like(x), np.zeros((facets + 1, 2, 6))
     following = np.append(chain[1:], -1)
     inner = np.zeros(facets + 1, bool)

@@ -10,7 +10,7 @@
 # load step evaluates more often than it solves: "all told" is the mean of all that, per iteration.
 #
 # The tables for up to a thousand ranks are simulated, not run: the deformed interface is refined,
-# the bodies are cut into squares of equal size, and it is counted what the busiest rank holds and
+# the bodies are cut into squares of equal size, and it is counted what the busiest rank stores and
 # is handed in one Newton iteration. "Now" every rank has both surfaces. "Ghosted" means that a rank
 # has its own slave nodes, the next ones of others, and the master facets whose boxes touch its own.
 # Messages of a collective call count 2 log2 of the ranks.
@@ -139,7 +139,7 @@ def branches(count, length, ranks):
     return bounds[:-1], bounds[1:] + 1
 
 
-def held_bytes():
+def bytes_in_memory():
     """Of one slave node, one master node and one segment: what is kept of each, as measured."""
     o, per = contact.operators, []
     for surface, arrays in (
@@ -172,17 +172,17 @@ def ghosts(x, m, ranks):
 
 
 def simulate(dofs):
-    """Print what the busiest rank would hold and exchange."""
+    """Print what the busiest rank would store and exchange."""
     k = round(np.sqrt(dofs / 6))
     x, m = refined(contact.operators.x, k + 1), refined(contact.operators.m, 2 * k + 1)
     S, M, segments = len(x), len(m), 2 * k  # about two segments to a slave facet
-    slave, master, segment = held_bytes()
+    slave, master, segment = bytes_in_memory()
     strip = problem.equations.system.solver.multigrid._strip.num_rows / (
         contact.slave.num_nodes + contact.master.num_nodes
     )
     say(f"\n{dofs:.0e} dofs: S = {S}, M = {M}, {strip * (S + M):.0f} dofs in the strip\n")
-    say("| ranks | now: held [MB] | bytes | messages | strip: bytes per linear iteration "
-        "| ghosted: ranks at the interface | held [MB] | bytes | messages |")  # fmt: skip
+    say("| ranks | now: memory [MB] | bytes | messages | strip: bytes per linear iteration "
+        "| ghosted: ranks at the interface | memory [MB] | bytes | messages |")  # fmt: skip
     say("|" + "---:|" * 9)
     for ranks in (1, 10, 100, 1000):
         now = S * slave + M * master + segments / ranks * segment

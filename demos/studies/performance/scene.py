@@ -32,7 +32,7 @@ def pressed(data, lower, upper, *, degree, stiff=(1.0, 1.0), **options):
 
     Args:
         data: The mesh.
-        lower: Names of the lower body, of its held side and of its contact surface.
+        lower: Names of the lower body, of its fixed side and of its contact surface.
         upper: The same of the other body, whose contact surface is the slave.
         degree: Degree of quadrature.
         stiff: Stiffness of the lower and of the upper body, as multiples of E = 104, nu = 0.3.

@@ -49,7 +49,13 @@ class Trace:
         self.calls, self.crossings, self.functions = 0, 0, Counter()
 
 
-def main():
+def measure():
+    """Trace a solve.
+
+    Returns:
+        The report, the problem, the rows of the trace of whole iterations, and the medians of calls
+        and crossings.
+    """
     data = read(two_blocks.build, n_upper=20, n_lower=28)
     sides = ("lower", "lower/bottom", "lower/top"), ("upper", "upper/top", "upper/bottom")
     problem, top = pressed(data, *sides, degree=3, newton=TIGHT)
@@ -70,6 +76,11 @@ def main():
     trace.mark()
     rows = trace.rows[1:-1]  # of whole iterations, from one linear system to the next
     calls, crossings = (int(np.median([row[i] for row in rows])) for i in (0, 1))
+    return report, problem, rows, calls, crossings
+
+
+def main():
+    report, problem, rows, calls, crossings = measure()
     print(f"{len(rows) + 1} iterations, {size_of(problem)} unknowns: {report.reason}")
     print(f"an iteration: {calls} Python calls, {crossings} crossings between modules")
     if "--functions" in sys.argv:

@@ -98,7 +98,7 @@ def ground(columns: int, rows: int, *, width: float, height: float, **material: 
     return Body(Grid("ground", x), **material)
 
 
-HELD = Support(["ground/bottom"])
+FIXED = Support(["ground/bottom"])
 
 
 def punch_on_ground(steps: int, depth: float = 0.1, **options: Any) -> Scene:
@@ -109,7 +109,7 @@ def punch_on_ground(steps: int, depth: float = 0.1, **options: Any) -> Scene:
     return Scene(
         bodies=[lower, upper],
         pairs=[("punch/bottom", "ground/top")],
-        supports=[HELD, Support(["punch/top"], down(depth))],
+        supports=[FIXED, Support(["punch/top"], down(depth))],
         steps=steps,
         **options,
     )
@@ -127,7 +127,7 @@ def two_blocks(
     return Scene(
         bodies=bodies,
         pairs=[("upper/bottom", "ground/top")],
-        supports=[HELD, Support(["upper/top"], pose)],
+        supports=[FIXED, Support(["upper/top"], pose)],
         steps=steps,
         **options,
     )
@@ -161,7 +161,7 @@ def ironing(facets: float) -> Scene:
         ],
         pairs=[("ground/top", "tool/bottom")],
         supports=[
-            HELD,
+            FIXED,
             Support(["tool/top"], legs((3, (0.0, -0.15, 0.0)), (count, (slide, -0.15, 0.0)))),
         ],
         steps=3 + count,
@@ -215,7 +215,7 @@ def roll(degrees: float) -> Scene:
         bodies=[ground(36, 6, width=3.0, height=0.8), Body(Grid("wheel", wheel))],
         pairs=[("wheel/bottom", "ground/top")],
         supports=[
-            HELD,
+            FIXED,
             Support(
                 ["wheel/left", "wheel/right", "wheel/top"],
                 legs((1, (0.0, -0.06, 0.0)), (count, (angle, -0.06, -angle))),
@@ -352,7 +352,7 @@ def island(ratio: float) -> Scene:
     return Scene(
         bodies=[ground(5, 4, width=2.0, height=0.8), Body(Grid("bar", bar))],
         pairs=[("ground/top", "bar/bottom")],
-        supports=[HELD, Support(["bar/top"], down(0.02))],
+        supports=[FIXED, Support(["bar/top"], down(0.02))],
         steps=2,
     )
 
@@ -382,7 +382,7 @@ def corner_on_flat(value: str) -> Scene:
             square("tip", float(angle), (0.03, 0.0), upwards=False),
         ],
         pairs=[sides],
-        supports=[HELD, Support(["tip/back"], down(0.12))],
+        supports=[FIXED, Support(["tip/back"], down(0.12))],
         steps=4,
     )
 
@@ -397,7 +397,7 @@ def near_miss(ratio: float) -> Scene:
             square("tip", 10.0, (0.03, gap), upwards=False),
         ],
         pairs=[("ground/top", "tip/tip")],
-        supports=[HELD, Support(["tip/back"], down(gap / 2))],
+        supports=[FIXED, Support(["tip/back"], down(gap / 2))],
         steps=1,
         check=lambda posed: "" if not posed.forces.any() else "force without touch",
     )
@@ -444,14 +444,14 @@ def between_nodes(ratio: float) -> Scene:
     return Scene(
         bodies=[ground(8, 4, width=2.0, height=0.8), Body(Grid("tool", tool), E=10.0)],
         pairs=[("ground/top", "tool/bottom")],
-        supports=[HELD, Support(["tool/top"], down(0.05))],
+        supports=[FIXED, Support(["tool/top"], down(0.05))],
         steps=2,
     )
 
 
 @family("ring between plates: thickness / radius", 0.2, 0.1, 0.05)
 def thin_ring(thickness: float) -> Scene:
-    """Nothing but contact holds the ring; the rays of the plates meet it twice."""
+    """Nothing but contact supports the ring; the rays of the plates meet it twice."""
     ring = sector(48, 2, radii=(1.0 - thickness, 1.0), centre=(0.0, 1.0))
     plates = [
         Body(Grid(name, block(24, 2, width=2.4, height=0.2, corner=(-1.2, y))), E=10.0)
@@ -460,7 +460,7 @@ def thin_ring(thickness: float) -> Scene:
     return Scene(
         bodies=[*plates, Body(Grid("ring", ring, closed=True))],
         pairs=[("ground/top", "ring/bottom"), ("plate/bottom", "ring/bottom")],
-        supports=[HELD, Support(["plate/top"], down(0.5))],
+        supports=[FIXED, Support(["plate/top"], down(0.5))],
         steps=10,
         check=lambda posed: expect("force above", posed.forces[1, 1], -posed.forces[0, 1], 1e-6),
     )
@@ -549,7 +549,7 @@ def press_fit(facets: str) -> Scene:
     """An interference of 1 % of the radius; the inner ring is free to turn."""
     a, b, c, nu, interference = 1.0, 2.0, 3.0, 0.3, 0.02
     # Lame for small strain, E = 1: radial displacement over pressure of the inner ring, free
-    # inside, and of the outer one, held outside
+    # inside, and of the outer one, fixed outside
     inner = b * (1 + nu) * ((1 - 2 * nu) * b**2 + a**2) / (b**2 - a**2)
     outer = (1 + nu) * (c**2 / b - b) / (1 / (1 - 2 * nu) + c**2 / b**2)
     right = interference / (inner + outer)
@@ -624,7 +624,7 @@ def loaded_arch(ratio: float) -> Scene:
     )
 
 
-# Bodies that contact alone holds
+# Bodies supported by contact alone
 
 
 @family("wheel falls on a block: gap / radius", 0.0, 0.1, 1, 10)
@@ -639,13 +639,13 @@ def falling_wheel(gap: float) -> Scene:
             Body(Grid("wheel", x, closed=True), weight=(0.0, -weight)),
         ],
         pairs=[("wheel/bottom", "ground/top")],
-        supports=[HELD],
+        supports=[FIXED],
         steps=2,
         check=lambda posed: expect(
             "force",
             posed.forces[0, 1],
             weight * area,
-            1e-6 + posed.problem.certificate().springs,  # what springs hold is told, not wrong
+            1e-6 + posed.problem.certificate().springs,  # forces of springs are told, not wrong
         ),
     )
 
@@ -654,7 +654,7 @@ def falling_wheel(gap: float) -> Scene:
     f"{roles} {gap}" for roles in ("slave-slave", "slave-master") for gap in (0.0, 0.05)
 ))  # fmt: skip
 def sandwich(value: str) -> Scene:
-    """Three bodies on one another; nothing but contact holds the middle one."""
+    """Three bodies on one another; nothing but contact supports the middle one."""
     roles, gap = value.split()
     g = float(gap)
     shapes = {
@@ -666,7 +666,7 @@ def sandwich(value: str) -> Scene:
     return Scene(
         bodies=[Body(Grid(name, x)) for name, x in shapes.items()],
         pairs=[("middle/bottom", "ground/top"), above if roles == "slave-slave" else above[::-1]],
-        supports=[HELD, Support(["plate/top"], down(0.1 + 2 * g))],
+        supports=[FIXED, Support(["plate/top"], down(0.1 + 2 * g))],
         steps=4,
         check=lambda posed: expect(
             "force below", abs(posed.forces[0, 1]), abs(posed.forces[1, 1]), 1e-6
@@ -692,7 +692,7 @@ def three_bodies(slit: float) -> Scene:
         bodies=[ground(16, 5, width=1.6, height=0.6), Body(left), Body(right)],
         pairs=[("ground/top", "both/bottom"), ("right/left", "left/right")],
         supports=[
-            HELD,
+            FIXED,
             Support(["left/top", "right/top"], down(0.05), component=1),
             Support(["left/left"], down(0.0, aside=together), component=0),
             Support(["right/right"], down(0.0, aside=-together), component=0),
@@ -701,9 +701,9 @@ def three_bodies(slit: float) -> Scene:
     )
 
 
-@family("slave nodes held as well", "one end", "both ends", "across", "along")
+@family("prescribed slave nodes", "one end", "both ends", "across", "along")
 def clamped_slave(which: str) -> Scene:
-    """A block held at its sides, so at the ends of the slave, is pushed from below."""
+    """A block fixed at its sides, so at the ends of the slave, is pushed from below."""
     sides = ["upper/left"] if which == "one end" else ["upper/left", "upper/right"]
     component = {"across": 0, "along": 1}.get(which)
     return Scene(
@@ -742,8 +742,8 @@ def poisson(nu: float) -> Scene:
     return punch_on_ground(steps=4, depth=0.08, nu=nu)
 
 
-@family("release and touch again: steps per leg", 1, 4)
-def release(count: int) -> Scene:
+@family("unload and touch again: steps per leg", 1, 4)
+def unload(count: int) -> Scene:
     """Down, up, aside, down, up."""
     low, high = -0.08, 0.1
     path = legs(
@@ -754,9 +754,9 @@ def release(count: int) -> Scene:
     )
     scene = punch_on_ground(
         steps=5 * count,
-        check=lambda posed: "" if not posed.forces.any() else "force after release",
+        check=lambda posed: "" if not posed.forces.any() else "force after unloading",
     )
-    return replace(scene, supports=[HELD, Support(["punch/top"], path)])
+    return replace(scene, supports=[FIXED, Support(["punch/top"], path)])
 
 
 @family("unit of length", 1e-6, 1e-3, 1, 1e3, 1e6)
@@ -800,7 +800,7 @@ def rigid_tool(value: str) -> Scene:
     return Scene(
         bodies=[ground(16, 6, width=1.6, height=0.8)],
         pairs=[("ground/top", "tool")],
-        supports=[HELD],
+        supports=[FIXED],
         steps=4,
         motions=[Tool("tool", make, {"y": force} | loose)],
         check=lambda posed: expect("force", posed.forces[0, 1], force, 1e-5),

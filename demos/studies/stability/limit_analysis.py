@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Limit analysis of rigid bodies that touch at points: an independent judge of what friction holds.
+"""Limit analysis of rigid bodies that touch at points: an independent judge of friction.
 
 The static theorem: equilibrium is possible if and only if there are contact forces within the law's
 bounds that balance the loads, a linear program. A force at a point with the normal n and tangent t
@@ -26,6 +26,8 @@ Array = np.ndarray
 ROUNDING = 1e-7
 # Segments touch if they are nearer than this part of their length, and this parallel.
 NEAR, PARALLEL = 1e-6, 1e-6
+# Nodes carry no force of their own where a smaller part of their length is covered.
+COVERED = 0.05
 GROUND = -1
 # A factor of the live loads beyond this is infinite.
 MOST = 1e4
@@ -281,6 +283,14 @@ def touching_lines(one: Array, other: Array) -> list[tuple[Array, float]]:
         other: Shape (m, 2).
     """
     found = []
+    for ends, length in touching_segments(one, other):
+        found += [(x, 0.5 * length) for x in ends]
+    return merged(found)
+
+
+def touching_segments(one: Array, other: Array) -> list[tuple[Array, float]]:
+    """Pieces of one chain that another one touches: ends (2, 2), along the first, and lengths."""
+    found = []
     for a, b in itertools.pairwise(one):
         length = float(np.linalg.norm(b - a))
         e = (b - a) / length
@@ -294,8 +304,24 @@ def touching_lines(one: Array, other: Array) -> list[tuple[Array, float]]:
             ends = sorted(((c - a) @ e, (d - a) @ e))
             left, right = max(ends[0], 0.0), min(ends[1], length)
             if right - left > NEAR * length:
-                found += [(a + s * e, 0.5 * (right - left)) for s in (left, right)]
-    return merged(found)
+                found.append((np.array([a + left * e, a + right * e]), right - left))
+    return found
+
+
+def touching_nodes(one: Array, other: Array) -> list[tuple[Array, float]]:
+    """Nodes of a chain that another one covers, and the length covered that belongs to each.
+
+    Where a mesh lets forces act: a force between an edge and the nearest node needs finer facets.
+    Nodes that are hardly covered do not count, see ``COVERED``.
+    """
+    lengths = np.linalg.norm(np.diff(one, axis=0), axis=1)
+    covered = np.zeros(len(one))
+    for k, length in enumerate(lengths):
+        for ends, part in touching_segments(one[k : k + 2], other):
+            middle = np.linalg.norm(ends.mean(axis=0) - one[k]) / length
+            covered[k : k + 2] += part * np.array([1.0 - middle, middle])
+    whole = 0.5 * (np.r_[lengths, 0.0] + np.r_[0.0, lengths])
+    return [(x, c) for x, c, most in zip(one, covered, whole, strict=True) if c > COVERED * most]
 
 
 def touching_plane(line: Array, point: Array, normal: Array) -> list[tuple[Array, float]]:

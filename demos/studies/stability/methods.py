@@ -107,7 +107,7 @@ def without(*changes: tuple[Any, str, Any]) -> Callable[[], AbstractContextManag
 
 
 def give_up(equations: Any, options: Any, failed: Exception) -> None:
-    """In place of ``release_slowly``."""
+    """In place of ``solve_with_springs``."""
     raise failed
 
 
@@ -164,25 +164,29 @@ REMEDIES = {
         Method("not moved", override=without((FloatingBodies, "settle", lambda *given: []))),
     ),
     "no_springs": Remedy(
-        "a vanishing spring holds what contact leaves loose",
+        "vanishing springs on rigid modes that contact leaves free",
         "thin_ring",
         "0.1",
         "default",
         Method("no spring", override=without((FloatingBodies, "add_springs", lambda *given: None))),
     ),
-    "no_release": Remedy(
-        "springs hold bodies that roll, and let go",
+    "no_anchors": Remedy(
+        "springs on bodies that roll",
         "falling_wheel",
         "1",
         "plain",
-        Method("not held", adaptive=False, override=without((solver, "release_slowly", give_up))),
+        Method(
+            "no anchors",
+            adaptive=False,
+            override=without((solver, "solve_with_springs", give_up)),
+        ),
     ),
     "no_holding": Remedy(
-        "springs hold rigid tools that roll, and let go",
+        "springs on obstacles that roll",
         "rigid_tool",
         "free egg, 0.01",
         "default",
-        Method("not held", override=without((solver, "release_slowly", give_up))),
+        Method("no anchors", override=without((solver, "solve_with_springs", give_up))),
     ),
     "meshed_gaps": Remedy(
         "gaps can be set, whatever the facets leave",

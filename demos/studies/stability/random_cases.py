@@ -40,7 +40,7 @@ FLATTEST = 1e-3
 
 
 @dataclass(frozen=True)
-class Held:
+class Prescribed:
     """A boundary whose displacement is prescribed, linear between its values at times 0, 1, 2.
 
     Attributes:
@@ -63,7 +63,7 @@ class Case:
         about: What was drawn, in words.
         bodies: From below.
         pairs: Slave and master boundaries.
-        held: Prescribed displacements.
+        prescribed: Prescribed displacements.
         pressed: Boundary with a traction.
         traction: Its values at times 0, 1, 2, shape (3, 2) [stress].
         step: First step along the path, which is the largest one by default.
@@ -75,7 +75,7 @@ class Case:
     about: dict[str, Any]
     bodies: list[Body]
     pairs: list[tuple[str, str]]
-    held: list[Held]
+    prescribed: list[Prescribed]
     pressed: str
     traction: Array
     step: float
@@ -95,7 +95,7 @@ class Case:
     @property
     def stop(self) -> float:
         """Where the path ends: at time 1 if nothing slides."""
-        motions = [held.motion for held in self.held]
+        motions = [prescribed.motion for prescribed in self.prescribed]
         return 2.0 if any((motion[1] != motion[2]).any() for motion in motions) else 1.0
 
     @property
@@ -145,7 +145,7 @@ class Case:
 def random_case(seed: int) -> Case:
     """Draw scenes from a seed until there is no objection to one."""
     rng = np.random.default_rng(seed)
-    draw = rng.choice([_two_bodies, _stack, _tools], p=[0.8, 0.1, 0.1])
+    draw = rng.choice([_two_bodies, _stack, _two_punches], p=[0.8, 0.1, 0.1])
     while True:
         case = _placed(rng, _with_options(rng, draw(rng, seed)))
         if not any(objections(case)):
@@ -171,9 +171,11 @@ def objections(case: Case) -> Iterator[str]:
 def rigid_depth(case: Case, boundary: str, other: str, time: int) -> float:
     """Depth of a boundary's nodes in the body of another one, all bodies moved as if rigid."""
     x = case.x.copy()
-    for held in case.held:
-        number = case.number_of(held.boundary)
-        x[slice(*case.first_nodes[number : number + 2])] = case.bodies[number].x + held.motion[time]
+    for prescribed in case.prescribed:
+        number = case.number_of(prescribed.boundary)
+        x[slice(*case.first_nodes[number : number + 2])] = (
+            case.bodies[number].x + prescribed.motion[time]
+        )
     return float(depths(x[case.nodes_of(boundary)], x[case.outline_of(other)]).max(initial=0.0))
 
 
@@ -199,17 +201,17 @@ def _two_bodies(rng: np.random.Generator, seed: int) -> Case:
     objections = list(_corner_objections(upper, lower, slide))
     pairs = [("upper/bottom", "lower/top")]
     still = np.zeros((3, 2))
-    held = [Held("lower/bottom", still)]
+    prescribed = [Prescribed("lower/bottom", still)]
     traction, boundary, depth = still, "", 0.0
     if pressed:
         boundary = "upper/top"
         along = np.array([[0.0, 0.0], [0.0, 0.0], [slide, 0.0]])
-        held += [Held(f"upper/{side}", along, 0) for side in ("left", "right")]
+        prescribed += [Prescribed(f"upper/{side}", along, 0) for side in ("left", "right")]
         pressure = 10.0 ** rng.uniform(-2.5, -1.3)
         traction = -pressure * np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
     else:
         depth = _depth(rng, [lower, upper])
-        held.append(Held("upper/top", _push(depth + gap, slide)))
+        prescribed.append(Prescribed("upper/top", _push(depth + gap, slide)))
     about |= {
         "scene": "pressed" if pressed else "pushed",
         "curves": names,
@@ -219,7 +221,7 @@ def _two_bodies(rng: np.random.Generator, seed: int) -> Case:
         "slide/facet": float(slide / max(sizes)),
         "objections": objections,
     }
-    return _case(rng, seed, about, [lower, upper], pairs, held, boundary, traction)
+    return _case(rng, seed, about, [lower, upper], pairs, prescribed, boundary, traction)
 
 
 def _stack(rng: np.random.Generator, seed: int) -> Case:
@@ -245,8 +247,11 @@ def _stack(rng: np.random.Generator, seed: int) -> Case:
     objections = [*_corner_objections(middle, lower), *_corner_objections(upper, middle, slide)]
     depth = _depth(rng, [lower, middle, upper])
     component = 0 if guided else None
-    held = [Held("lower/bottom", still), Held("upper/top", _push(depth + gaps[1][0], slide))]
-    held += [Held(f"middle/{side}", still, component) for side in ("left", "right")]
+    prescribed = [
+        Prescribed("lower/bottom", still),
+        Prescribed("upper/top", _push(depth + gaps[1][0], slide)),
+    ]
+    prescribed += [Prescribed(f"middle/{side}", still, component) for side in ("left", "right")]
     about |= {
         "scene": "guided stack" if guided else "clamped stack",
         "curves": f"{curves[0][2]}, {curves[1][2]}",
@@ -257,10 +262,10 @@ def _stack(rng: np.random.Generator, seed: int) -> Case:
         "objections": objections,
     }
     pairs = [("middle/bottom", "lower/top"), ("upper/bottom", "middle/top")]
-    return _case(rng, seed, about, [lower, middle, upper], pairs, held, "", still)
+    return _case(rng, seed, about, [lower, middle, upper], pairs, prescribed, "", still)
 
 
-def _tools(rng: np.random.Generator, seed: int) -> Case:
+def _two_punches(rng: np.random.Generator, seed: int) -> Case:
     """Two narrow bodies pushed side by side onto one: the master of two pairs."""
     sizes, about = _facet_sizes(rng)
     tool_sizes = [sizes[1] / 2, sizes[rng.integers(2)] / 2]
@@ -272,7 +277,7 @@ def _tools(rng: np.random.Generator, seed: int) -> Case:
     lower = draw_block(rng, "lower", cells, sizes[0], (0.0, 1.4), low, None, E[0])
     gaps = [_gap(rng, min(sizes)) for _ in range(2)]
     still = np.zeros((3, 2))
-    bodies, pairs, held = [lower], [], [Held("lower/bottom", still)]
+    bodies, pairs, prescribed = [lower], [], [Prescribed("lower/bottom", still)]
     objections: list[str] = []
     depth = 0.0
     for i, (name, place, curve) in enumerate([("left", -0.4, high), ("right", 0.4, other)]):
@@ -283,7 +288,7 @@ def _tools(rng: np.random.Generator, seed: int) -> Case:
         pairs.append((f"{name}/bottom", "lower/top"))
         depth = _depth(rng, [lower, tool])
         slide = rng.uniform(-0.1, 0.1)
-        held.append(Held(f"{name}/top", _push(depth + gaps[i][0], slide)))
+        prescribed.append(Prescribed(f"{name}/top", _push(depth + gaps[i][0], slide)))
     about |= {
         "scene": "two tools",
         "curves": names,
@@ -292,14 +297,14 @@ def _tools(rng: np.random.Generator, seed: int) -> Case:
         "depth": float(depth),
         "objections": objections,
     }
-    return _case(rng, seed, about, bodies, pairs, held, "", still)
+    return _case(rng, seed, about, bodies, pairs, prescribed, "", still)
 
 
-def _case(rng, seed, about, bodies, pairs, held, pressed, traction) -> Case:
+def _case(rng, seed, about, bodies, pairs, prescribed, pressed, traction) -> Case:
     """Put a scene together; slaves are those on top until the roles are drawn."""
     step = float(rng.choice([0.1, 0.2, 0.25, 0.5, 1.0]))
     about |= {"step": step}
-    return Case(seed, about, bodies, pairs, held, pressed, traction, step)
+    return Case(seed, about, bodies, pairs, prescribed, pressed, traction, step)
 
 
 def _push(depth: float, slide: float) -> Array:
@@ -382,7 +387,7 @@ def _with_options(rng: np.random.Generator, case: Case) -> Case:
 
 def _placed(rng: np.random.Generator, case: Case) -> Case:
     """Bend, turn, move and scale a scene; guides need directions along the axes."""
-    guided = any(held.component is not None for held in case.held)
+    guided = any(prescribed.component is not None for prescribed in case.prescribed)
     radius = np.inf
     if not guided and rng.random() < 0.25:
         radius = rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 6.0)
@@ -402,13 +407,13 @@ def _placed(rng: np.random.Generator, case: Case) -> Case:
         )
         for body in case.bodies
     ]
-    held = [
+    prescribed = [
         replace(
             h,
             motion=length * h.motion @ turn.T,
             component=None if h.component is None else int(np.abs(turn[:, h.component]).argmax()),
         )
-        for h in case.held
+        for h in case.prescribed
     ]
     about = case.about | {
         "bend": float(1.0 / radius),
@@ -419,7 +424,7 @@ def _placed(rng: np.random.Generator, case: Case) -> Case:
         "dofs": 2 * len(case.x),
     }
     traction = stress * case.traction @ turn.T
-    return replace(case, bodies=bodies, held=held, traction=traction, about=about)
+    return replace(case, bodies=bodies, prescribed=prescribed, traction=traction, about=about)
 
 
 def _bent(x: Array, radius: float) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 
 from demos.studies.stability.placement import draw_placement
 from demos.studies.stability.random_bodies import Array, draw_cells
-from demos.studies.stability.random_cases import Case, Held
+from demos.studies.stability.random_cases import Case, Prescribed
 from demos.studies.stability.shapes import Shape, box, mapped, strip
 from demos.studies.stability.user_laws import Rule
 
@@ -45,7 +45,7 @@ class ShapeCase(Case):
     @property
     def stop(self) -> float:
         """The last time for which there is a motion."""
-        return float(max(len(held.motion) for held in self.held) - 1)
+        return float(max(len(prescribed.motion) for prescribed in self.prescribed) - 1)
 
     @property
     def smallest(self) -> float:
@@ -193,13 +193,13 @@ def _plates(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     depth = gap + rng.uniform(0.05, 0.4) * heights.min()
     slide = rng.choice([0.0, 1.0]) * rng.uniform(-0.2, 0.2)
     bodies = [_whole(lower), _whole(upper)]
-    held = [
-        Held("lower/low", np.zeros((2, 2))),
-        Held("upper/high", _motion([(0.0, -depth), (slide, -depth)])),
+    prescribed = [
+        Prescribed("lower/low", np.zeros((2, 2))),
+        Prescribed("upper/high", _motion([(0.0, -depth), (slide, -depth)])),
     ]
     pairs = [("lower/outline", "upper/outline")]
     about = {"scene": "plates", "heights": heights.tolist(), "depth": depth / heights.min()}
-    return _shape_case(rng, seed, family, about, bodies, pairs, held)
+    return _shape_case(rng, seed, family, about, bodies, pairs, prescribed)
 
 
 def _arms(rng: np.random.Generator, gap: float, overlap: float) -> list[Shape]:
@@ -224,10 +224,10 @@ def _passing(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     meets = rng.random() < 0.5
     if meets:
         way.append((way[-1][0], down + rng.uniform(0.12, 0.2)))
-    held = [Held("left/start", np.zeros((2, 2))), Held("right/end", _motion(way))]
+    prescribed = [Prescribed("left/start", np.zeros((2, 2))), Prescribed("right/end", _motion(way))]
     about = {"scene": "arm goes past", "overlap": overlap, "meets": meets}
     pairs = [("left/outline", "right/outline")]
-    case = _shape_case(rng, seed, family, about, bodies, pairs, held)
+    case = _shape_case(rng, seed, family, about, bodies, pairs, prescribed)
     return replace(case, ends_free=not meets)
 
 
@@ -238,10 +238,10 @@ def _catching(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     bodies = _arms(rng, gap, overlap)
     depth, lifted = gap + rng.uniform(0.02, 0.2), rng.random() < 0.4
     way = [(0.0, -depth)] + [(0.0, 0.1)] * lifted
-    held = [Held("left/start", np.zeros((2, 2))), Held("right/end", _motion(way))]
+    prescribed = [Prescribed("left/start", np.zeros((2, 2))), Prescribed("right/end", _motion(way))]
     about = {"scene": "arm on arm", "overlap": overlap, "depth": depth, "lifted": lifted}
     pairs = [("left/outline", "right/outline")]
-    case = _shape_case(rng, seed, family, about, bodies, pairs, held)
+    case = _shape_case(rng, seed, family, about, bodies, pairs, prescribed)
     return replace(case, ends_free=lifted)
 
 
@@ -264,13 +264,13 @@ def _hook(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
         _whole(mapped(rng, "catch", catch, cells, E=10.0 ** rng.uniform(0.0, 1.0))),
     ]
     lift = rng.uniform(0.2, 0.5) * ridge_high
-    held = [
-        Held("catch/low", np.zeros((2, 2))),
-        Held("hook/end", _motion([(-0.75, lift), (-1.5, lift)])),
+    prescribed = [
+        Prescribed("catch/low", np.zeros((2, 2))),
+        Prescribed("hook/end", _motion([(-0.75, lift), (-1.5, lift)])),
     ]
     about = {"scene": "hook", "barb": barb, "wide": wide, "ridge": ridge_high}
     pairs = [("hook/outline", "catch/outline")]
-    case = _shape_case(rng, seed, family, about, bodies, pairs, held)
+    case = _shape_case(rng, seed, family, about, bodies, pairs, prescribed)
     # the hook comes to rest behind the ridge; whether the arm still leans on it, depends on lift
     return case
 
@@ -295,18 +295,20 @@ def _tubes(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     outer = mapped(rng, "outer", grids[1], cells, closed=True, E=ratio)
     softness = _widening(inner, 1.0 - walls[0], 1.0, False)
     softness += _widening(outer, 1.0, 1.0 + walls[1], True)
-    held = []
+    prescribed = []
     for body, grid in ((inner, grids[0]), (outer, grids[1])):
         rows = np.arange(len(body.x)).reshape(grid.shape[0], columns)
         quarter = columns // 4
         chains = {f"q{k}": rows[:, k * quarter] for k in range(4)}
         body = body.gripped(**chains)
-        held += [Held(f"{body.name}/q{k}", np.zeros((2, 2)), 1 - k % 2) for k in range(4)]
+        prescribed += [
+            Prescribed(f"{body.name}/q{k}", np.zeros((2, 2)), 1 - k % 2) for k in range(4)
+        ]
         inner, outer = (body, outer) if body.name == "inner" else (inner, body)
     inner, outer = inner.covered(face=inner.sides["high"]), outer.covered(face=outer.sides["low"])
     about = {"scene": "tubes", "walls": walls.tolist(), "interference": interference}
     pairs = [("inner/face", "outer/face")]
-    case = _shape_case(rng, seed, family, about, [inner, outer], pairs, held, step=1.0)
+    case = _shape_case(rng, seed, family, about, [inner, outer], pairs, prescribed, step=1.0)
     case = replace(case, rules=[Rule("Coulomb", 0.0)])
     return replace(case, pressure=interference / softness)
 
@@ -329,7 +331,7 @@ def _pad(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     pad = mapped(rng, "pad", box(-0.5, 0.0, 1.0, height, *counts), cells)
     pad = pad.covered(bottom=pad.sides["low"])
     bodies, planes, master = [pad], {}, "floor"
-    held = [Held("pad/high", np.zeros((2, 2)))]
+    prescribed = [Prescribed("pad/high", np.zeros((2, 2)))]
     if family == "laws" and rng.random() < 0.5:
         planes = {"floor": (np.zeros(2), np.array([0.0, 1.0]))}
     else:
@@ -337,11 +339,11 @@ def _pad(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
         columns = int(rng.integers(5, 20))
         base = mapped(rng, "base", box(-1.0, -0.6, 2.0, 0.6, columns, 3), cells, E=stiffness)
         bodies, master = [base.covered(top=base.sides["high"]), pad], "base/top"
-        held.append(Held("base/low", np.zeros((2, 2))))
+        prescribed.append(Prescribed("base/low", np.zeros((2, 2))))
     depth = height * 10.0 ** rng.uniform(-3.0, -1.5)
     mu = rng.uniform(0.1, 0.8)
     slide = rng.choice([-1.0, 1.0]) * rng.uniform(1.0, 6.0) * depth
-    held[0] = replace(held[0], motion=_motion([(0.0, -depth), (slide, -depth)]))
+    prescribed[0] = replace(prescribed[0], motion=_motion([(0.0, -depth), (slide, -depth)]))
     kinds = ["tanh", "Stribeck", "saturating", "sticky"] if family == "laws" else ["Coulomb"]
     kind = str(rng.choice(kinds))
     length = depth * 10.0 ** rng.uniform(-3.0, -0.3)
@@ -350,7 +352,7 @@ def _pad(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     if kind == "sticky":
         rule = replace(rule, stress=0.3 * depth / height * rng.random())
     about = {"scene": f"pad, {kind}", "depth": depth, "slide/depth": slide / depth, "mu": mu}
-    case = _shape_case(rng, seed, family, about, bodies, [("pad/bottom", master)], held)
+    case = _shape_case(rng, seed, family, about, bodies, [("pad/bottom", master)], prescribed)
     return replace(case, rules=[rule], planes=planes)
 
 
@@ -367,9 +369,9 @@ def _motion(way: Sequence[Any]) -> Array:
     return np.array([(0.0, 0.0), *way], float)
 
 
-def _grips(name: str, motion: Array) -> list[Held]:
+def _grips(name: str, motion: Array) -> list[Prescribed]:
     """The fixed grip and the moved one of a body."""
-    return [Held(f"{name}/fixed", np.zeros((2, 2))), Held(f"{name}/moved", motion)]
+    return [Prescribed(f"{name}/fixed", np.zeros((2, 2))), Prescribed(f"{name}/moved", motion)]
 
 
 def _shape_case(
@@ -379,7 +381,7 @@ def _shape_case(
     about: dict[str, Any],
     bodies: list[Shape],
     pairs: list[tuple[str, str]],
-    held: list[Held],
+    prescribed: list[Prescribed],
     step: float = 0.0,
 ) -> ShapeCase:
     """Put a scene together; a part of them has friction."""
@@ -388,21 +390,23 @@ def _shape_case(
     about = {"family": family, **about, "friction": mu, "step": step}
     rules = [Rule("Coulomb", mu)] * len(pairs)
     still = np.zeros((2, 2))
-    return ShapeCase(seed, about, list(bodies), pairs, held, "", still, step, rules=rules)
+    return ShapeCase(seed, about, list(bodies), pairs, prescribed, "", still, step, rules=rules)
 
 
 def _placed(rng: np.random.Generator, case: ShapeCase) -> ShapeCase:
     """Turn, move and scale a scene; guides need directions along the axes."""
-    placement = draw_placement(rng, guided=any(held.component is not None for held in case.held))
+    placement = draw_placement(
+        rng, guided=any(prescribed.component is not None for prescribed in case.prescribed)
+    )
     turn, length, stress = placement.turn, placement.length, placement.stress
     bodies = list(map(placement.body, case.bodies))
-    held = [
+    prescribed = [
         replace(
             h,
             motion=length * h.motion @ turn.T,
             component=None if h.component is None else int(np.abs(turn[:, h.component]).argmax()),
         )
-        for h in case.held
+        for h in case.prescribed
     ]
     about = (
         case.about
@@ -414,7 +418,7 @@ def _placed(rng: np.random.Generator, case: ShapeCase) -> ShapeCase:
     return replace(
         case,
         bodies=bodies,
-        held=held,
+        prescribed=prescribed,
         planes={name: (placement.points(x), n @ turn.T) for name, (x, n) in case.planes.items()},
         rules=[rule.scaled(length, stress) for rule in case.rules],
         pressure=None if case.pressure is None else stress * case.pressure,

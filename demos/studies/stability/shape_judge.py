@@ -80,11 +80,11 @@ def shape_wrongs(scene: Any, forces: Array, x: Array, before: Array) -> Iterator
 
 def _strained(case: ShapeCase, x: Array) -> Iterator[str]:
     """Bodies that are not where a rigid motion takes them."""
-    for held in case.held:
-        number = case.number_of(held.boundary)
+    for prescribed in case.prescribed:
+        number = case.number_of(prescribed.boundary)
         body = case.bodies[number]
         nodes = slice(*case.first_nodes[number : number + 2])
-        away = np.abs(x[nodes] - body.x - held.motion[-1]).max() / np.ptp(body.x)
+        away = np.abs(x[nodes] - body.x - prescribed.motion[-1]).max() / np.ptp(body.x)
         if not away < AT_REST:
             yield f"{body.name} is strained at the end, where nothing touches: {away:.1e}"
 
@@ -95,8 +95,8 @@ def _other_pressure(case: ShapeCase, forces: Array, x: Array) -> Iterator[str]:
     centre = x[nodes].mean(axis=0)
     arms = x[nodes] - centre
     radius = np.linalg.norm(arms, axis=1)
-    held = np.concatenate([case.nodes_of(h.boundary) for h in case.held])
-    free = ~np.isin(nodes, held)
+    prescribed = np.concatenate([case.nodes_of(h.boundary) for h in case.prescribed])
+    free = ~np.isin(nodes, prescribed)
     inward = np.abs((forces[nodes] * arms).sum(axis=1) / radius)[free].mean()
     pressure = inward / (2.0 * np.pi * radius.mean() / len(nodes))
     error = abs(pressure / case.pressure - 1.0)

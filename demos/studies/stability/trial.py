@@ -3,10 +3,10 @@
 
     python3 -m demos.studies.stability.trial --cases 500    a line of JSON per case, a summary
     python3 -m demos.studies.stability.trial --case 17      one case, its report and picture
-    python3 -m demos.studies.stability.trial --family held  bodies that friction alone holds
+    python3 -m demos.studies.stability.trial --family supported  bodies supported by friction alone
 
-The families are blocks that are pushed or pressed, with defaults ("pushed"), bodies that friction
-holds ("held"), or adhesion ("hanging"), and those of ``random_shapes``: surfaces of one body
+The families are blocks that are pushed or pressed, with defaults ("pushed"), bodies supported by
+friction ("supported") or adhesion ("hanging"), and those of ``random_shapes``: surfaces of one body
 ("own"), thin bodies ("thin"), laws of a user ("laws"), exchanged roles ("roles").
 
 The outcome of a case is one of
@@ -41,13 +41,13 @@ import numpy as np
 
 import fenics_mortar as fm
 from demos.studies.stability.random_cases import Case, random_case
-from demos.studies.stability.random_held import hanging_case, held_case
 from demos.studies.stability.random_shapes import shape_case
+from demos.studies.stability.random_supported import hanging_case, supported_case
 from demos.studies.stability.trial_judge import Record, check_again, measure, run, wrongs
 from demos.studies.stability.trial_scene import build
 
 # Seeds of the families: the first from zero on, the next ones from one million on, and so on.
-FAMILIES = ("pushed", "held", "hanging", "own", "thin", "laws", "roles")
+FAMILIES = ("pushed", "supported", "hanging", "own", "thin", "laws", "roles")
 SEEDS_OF_FAMILY = 1_000_000
 # Every so many cases is solved a second time.
 EVERY = 4
@@ -65,8 +65,8 @@ def case_of(seed: int) -> Case:
     family, number = family_of(seed), seed % SEEDS_OF_FAMILY
     if family == "pushed":
         return random_case(number)
-    if family == "held":
-        return replace(held_case(number), seed=seed)
+    if family == "supported":
+        return replace(supported_case(number), seed=seed)
     if family == "hanging":
         return replace(hanging_case(number), seed=seed)
     return replace(shape_case(family, number), seed=seed)
@@ -258,8 +258,10 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=LIMIT, help="CPU seconds for a case")
     parser.add_argument("--folder", type=Path, default=Path("results"), help="where to write")
     parser.add_argument("--family", choices=FAMILIES, default="pushed", help="which scenes")
-    held = "the same as --family held"
-    parser.add_argument("--held", action="store_const", const="held", dest="family", help=held)
+    same = "the same as --family supported"
+    parser.add_argument(
+        "--supported", action="store_const", const="supported", dest="family", help=same
+    )
     chosen = parser.parse_args()
     first = SEEDS_OF_FAMILY * FAMILIES.index(chosen.family)
     chosen.seed += first

@@ -17,8 +17,14 @@ import numpy as np
 import fenics_mortar as fm
 from demos.studies.stability.random_bodies import corner_areas, depths, distances, lengths
 from demos.studies.stability.random_cases import Case
-from demos.studies.stability.random_held import EARLIEST, MARGIN, TOLD_MARGIN, HeldCase
 from demos.studies.stability.random_shapes import ShapeCase
+from demos.studies.stability.random_supported import (
+    EARLIEST,
+    MARGIN,
+    TOLD_MARGIN,
+    SupportedCase,
+    end_of_mesh,
+)
 from demos.studies.stability.shape_judge import own_overlap, shape_wrongs
 from demos.studies.stability.trial_scene import Scene, build
 from fenics_mortar.utils import compat
@@ -74,17 +80,18 @@ def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | Non
         record["refused"] = scene.time if scene else 0.0
     except Exception as error:
         record |= {"reason": repr(error), "traceback": traceback.format_exc()}
-    if isinstance(case, HeldCase):
+    if isinstance(case, SupportedCase):
         confirm(case, record)
     record["seconds"] = time.perf_counter() - begin
     return record, scene
 
 
-def confirm(case: HeldCase, record: Record) -> None:
+def confirm(case: SupportedCase, record: Record) -> None:
     """Compare what became of a case with limit analysis of its rigid bodies.
 
-    A failure is an honest dead end where limit analysis sees bodies give way about there. States
-    beyond, and bodies that slid where they are held, are wrong.
+    A failure is an honest dead end where limit analysis sees bodies give way about there, or where
+    that of the mesh does, whose forces act at nodes only: then the mesh is too coarse. States
+    beyond, and bodies that slid although they are supported, are wrong.
     """
     reached = record.get("refused", record.get("time", 0.0))
     late = case.end * (1.0 + (TOLD_MARGIN if record.get("remarks") else MARGIN))
@@ -96,8 +103,10 @@ def confirm(case: HeldCase, record: Record) -> None:
     elif record["outcome"] == "converged" and record["moved"] > case.yielding:
         words = f"bodies moved by {record['moved'] / case.yielding:.2g} times what is elastic"
         record |= {"outcome": "wrong", "reason": words}
-    elif record["outcome"] == "failed" and reached >= EARLIEST * case.end:
-        record["outcome"] = "dead end"
+    elif record["outcome"] == "failed":
+        record["end of mesh"] = end_of_mesh(case)
+        if reached >= EARLIEST * min(case.end, record["end of mesh"]):
+            record["outcome"] = "dead end"
 
 
 def counts(path: Any) -> Record:
@@ -203,9 +212,9 @@ def separation(case: Case, x: np.ndarray, pair: tuple[str, str], contact: Any) -
 def unbalance(scene: Scene) -> float:
     """Difference of contact force and the stresses' force on the slaves, relative (collective).
 
-    Components in which a slave node is held hold its reaction, and are left out.
+    Prescribed components of slave nodes contain reactions, and are left out.
     """
-    if isinstance(scene.case, (HeldCase, ShapeCase)):
+    if isinstance(scene.case, (SupportedCase, ShapeCase)):
         return unbalance_of_nodes(scene)
     problem, worst = scene.problem, 0.0
     r = compat.create_vector(problem.equations.bulk.V)
@@ -236,7 +245,7 @@ def unbalance_of_nodes(scene: Scene) -> float:
         contact.slave.scatter_add(on_slave, total)
         contact.master.scatter_add(on_master, total)
         sizes += float(np.abs(on_slave).sum())
-    total[bulk.held] = 0.0
+    total[bulk.prescribed_dofs] = 0.0
     largest = bulk.comm.allreduce(float(np.abs(total).max(initial=0.0)), MPI.MAX)
     return largest / sizes if sizes > 0.0 else 0.0
 
@@ -244,11 +253,11 @@ def unbalance_of_nodes(scene: Scene) -> float:
 def check_again(case: Case, record: Record) -> None:
     """Solve with half the steps, and with exchanged roles; add to a record what differs.
 
-    Where friction holds bodies many forces may balance the loads, and which do depends on the way:
-    there the outcome counts alone.
+    Where friction supports bodies many forces may balance the loads, and which do depends on the
+    path: there the outcome counts alone.
     """
-    if isinstance(case, HeldCase):
-        check_held_again(case, record)
+    if isinstance(case, SupportedCase):
+        check_supported_again(case, record)
         return
     again, _ = run(replace(case, step=case.step / 2))
     record["half the steps"] = again["outcome"]
@@ -275,7 +284,7 @@ def _same(case: Case) -> float:
     return SAME_WITH_FRICTION if any(rule.mu for rule in rules) else SAME
 
 
-def check_held_again(case: HeldCase, record: Record) -> None:
+def check_supported_again(case: SupportedCase, record: Record) -> None:
     """Whether half the steps, and exchanged roles, lead to a sound state, too."""
     ways = {"half the steps": replace(case, step=case.step / 2)}
     if case.can_be_swapped:

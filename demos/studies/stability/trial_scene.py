@@ -18,9 +18,9 @@ from dolfinx import mesh as dmesh
 import fenics_mortar as fm
 from demos.studies.common import lame, neo_hookean
 from demos.studies.stability.random_bodies import Array, Body
-from demos.studies.stability.random_cases import Case, Held
-from demos.studies.stability.random_held import HeldCase
+from demos.studies.stability.random_cases import Case, Prescribed
 from demos.studies.stability.random_shapes import ShapeCase
+from demos.studies.stability.random_supported import SupportedCase
 from demos.studies.stability.shapes import Shape
 from fenics_mortar.utils import compat
 
@@ -41,9 +41,9 @@ class Scene:
     def set_loads(self, time: float) -> None:
         """Set prescribed displacements, traction and forces on bodies for a time from 0 on."""
         self.time = time
-        for constant, held in zip(self.prescribed, self.case.held, strict=True):
-            value = _at(held.motion, time)
-            constant.value = value if held.component is None else value[held.component]
+        for constant, prescribed in zip(self.prescribed, self.case.prescribed, strict=True):
+            value = _at(prescribed.motion, time)
+            constant.value = value if prescribed.component is None else value[prescribed.component]
         self.traction.value = _at(self.case.traction, time)
         if self.forces is not None:
             self.forces.set(time)
@@ -73,7 +73,7 @@ class Forces:
         density: Body force [stress / length].
     """
 
-    def __init__(self, case: HeldCase, data: fm.MeshData) -> None:
+    def __init__(self, case: SupportedCase, data: fm.MeshData) -> None:
         """All are zero."""
         X = ufl.SpatialCoordinate(data.mesh)
         self._case, self._body = case, _body_of_cells(case, data)
@@ -110,16 +110,17 @@ def build(case: Case, comm: MPI.Comm) -> Scene:
     dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": 3})
     residual = ufl.inner(P, ufl.grad(v)) * dx
     forces = None
-    if isinstance(case, HeldCase):
+    if isinstance(case, SupportedCase):
         forces = Forces(case, data)
         residual -= ufl.inner(forces.density, v) * dx
     else:
         residual -= ufl.inner(traction, v) * ds(on)
     prescribed, bcs = [], []
-    for held in case.held:
-        value = fem.Constant(mesh, np.zeros(2) if held.component is None else PETSc.ScalarType(0.0))
+    for given in case.prescribed:
+        zero = np.zeros(2) if given.component is None else PETSc.ScalarType(0.0)
+        value = fem.Constant(mesh, zero)
         prescribed.append(value)
-        bcs.append(_dirichlet(case, V, data, held, value))
+        bcs.append(_dirichlet(case, V, data, given, value))
     pairs = _pairs(case, data)
     problem = fm.ContactProblem(
         residual, u, pairs, bcs=bcs, petsc_options_prefix="trial_", **case.problem_options
@@ -127,23 +128,23 @@ def build(case: Case, comm: MPI.Comm) -> Scene:
     return Scene(case, data, problem, residual, prescribed, traction, forces)
 
 
-def _dirichlet(case: Case, V: Any, data: fm.MeshData, held: Held, value: Any) -> Any:
+def _dirichlet(case: Case, V: Any, data: fm.MeshData, prescribed: Prescribed, value: Any) -> Any:
     """A prescribed displacement of a boundary, or of the nodes of a grip."""
-    name, side = held.boundary.split("/")
+    name, side = prescribed.boundary.split("/")
     body = case.bodies[case.number_of(name)]
     if not isinstance(body, Shape) or side not in body.grips:
-        return fm.dirichlet(V, data, held.boundary, value, held.component)
-    nodes = np.isin(compat.input_nodes(V)[:, 0], case.nodes_of(held.boundary))
+        return fm.dirichlet(V, data, prescribed.boundary, value, prescribed.component)
+    nodes = np.isin(compat.input_nodes(V)[:, 0], case.nodes_of(prescribed.boundary))
     dofs = np.flatnonzero(nodes).astype(np.int32)
-    if held.component is None:
+    if prescribed.component is None:
         return fem.dirichletbc(value, dofs, V)
-    return fem.dirichletbc(value, 2 * dofs + held.component, V.sub(held.component))
+    return fem.dirichletbc(value, 2 * dofs + prescribed.component, V.sub(prescribed.component))
 
 
 def _pairs(case: Case, data: fm.MeshData) -> list[fm.ContactPair]:
-    """The pairs; those of held bodies and of shapes have laws, and rigid planes as masters."""
+    """The pairs; those of supported bodies and of shapes have laws, and rigid planes as masters."""
     options = {"discretization": fm.Discretization(**case.pair_options)}
-    if not isinstance(case, (HeldCase, ShapeCase)):
+    if not isinstance(case, (SupportedCase, ShapeCase)):
         return [fm.ContactPair(data, *names, **options) for names in case.pairs]
     planes = {name: fm.Plane(*where, name=name) for name, where in case.planes.items()}
     return [

@@ -26,9 +26,9 @@ A = np.array([[2.0, -1.0], [-1.0, 2.0]])
 @contextmanager
 def whole_facet_basis() -> Iterator[None]:
     """Use it in all pairs evaluated meanwhile."""
-    function = partial(tabulate_facets, facets.tabulate_facets)
+    function = partial(integrate_facets, facets.integrate_facets)
     with (
-        patch.object(integrals.facets, "tabulate_facets", function),
+        patch.object(integrals.facets, "integrate_facets", function),
         patch.object(
             Contact, "update_multiplier_nodes", lambda self: 0
         ),  # hardly covered nodes stay
@@ -36,16 +36,17 @@ def whole_facet_basis() -> Iterator[None]:
         yield
 
 
-def tabulate_facets(standard: Any, geometry: Any, sides: Any, *others: Any) -> None:
-    """As ``kernels.facets.tabulate_facets``, by way of the integrals of the standard basis."""
-    segments, offsets, pair_offsets, rule, (kind, *options), values = others
+def integrate_facets(standard: Any, geometry: Any, sides: Any, *others: Any) -> None:
+    """As ``kernels.facets.integrate_facets``, by way of the integrals of the standard basis."""
+    segments, offsets, pair_offsets, rule, (kind, *options), values, derivatives, thickness = others
     if kind != basis.DUAL or sides[0].shape[1] != 2:
         standard(geometry, sides, *others)
         return
     standard(
-        geometry, sides, segments, offsets, pair_offsets, rule, (basis.STANDARD, *options), values
-    )
-    D, dD, M, dM, g, dg, cover = values
+        geometry, sides, segments, offsets, pair_offsets, rule, (basis.STANDARD, *options), values,
+        derivatives, thickness,
+    )  # fmt: skip
+    (D, M, g, cover), (dD, dM, dg) = values, derivatives
     nodes, weights, _ = sides
     edges = np.diff(geometry[0][nodes], axis=1)[:, 0]
     dual = (weights == np.eye(2)).all(axis=(1, 2)) & (cover.sum(axis=1) > 0.0)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: MIT
+"""Checks of a meridian half plane: no node beyond the axis, none that leaves it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils.arrays import Flags
+from fenics_mortar.utils.errors import MeshError, MortarError, count_places
+from fenics_mortar.utils.rounding import ROUNDING
+
+
+def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
+    """Refuse nodes with x < 0, and free radial components on the axis (collective).
+
+    A displacement away from the axis would tear the body: its hoop strain is unbounded.
+
+    Args:
+        space: The displacement's space; without effect unless it is axisymmetric.
+        prescribed: Local dofs with Dirichlet values, shape (local dofs,), bool.
+
+    Raises:
+        MeshError: On all ranks, for a node with x < 0.
+        MortarError: On all ranks, if the radial component of a node on the axis is not prescribed.
+    """
+    if not space.is_axisymmetric:
+        return
+    comm = space.V.mesh.comm
+    X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
+    on_axis = ROUNDING * max(comm.allgather(float(np.abs(X).max(initial=0.0))))
+    count, where = count_places(comm, X[X[:, 0] < -on_axis])
+    if count:
+        raise MeshError(
+            f"{count} nodes have x < 0, one at {where}: with geometry='axisymmetric' x is the "
+            "distance from the axis; expected the half of the meridian plane with x >= 0"
+        )
+    free = ~prescribed[space.owned_dofs[:, 0]]
+    count, where = count_places(comm, X[(np.abs(X[:, 0]) <= on_axis) & free])
+    if count:
+        raise MortarError(
+            f"{count} nodes on the axis may move away from it, one at {where}: the radial "
+            "component is not prescribed; add fm.dirichlet(V, data, name, 0.0, component=0) for "
+            "the boundary on the axis"
+        )

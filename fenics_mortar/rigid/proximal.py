@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: MIT
+"""The proximal point method for bodies and obstacles that roll or slide, with anchored springs.
+
+If contact hardly resists a rigid motion, for instance of a polygon that rolls from facet to facet,
+a Newton step along it is far too long. Anchored springs limit it: a solve with springs converges,
+the springs are anchored at the new positions, and so on until the bodies stay (proximal point
+method, Rockafellar 1976). For conservative forces each solve lowers the potential, so the method
+ends in a minimum. The last solve is without springs.
+
+Contact forces on facets are not exactly conservative, since they act along averaged normals. The
+error may drive a rolling disk, which then has no equilibrium near by. In this case weak springs
+remain, and the report states their force. They may not remain on a body that slides on all of its
+nodes with friction, since they would stop a steady slide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+from fenics_mortar.newton.loop import Equations, solve
+from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.newton.report import NewtonReport, after
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.utils.errors import NotConvergedError
+from fenics_mortar.utils.rounding import SOLVED
+
+# Elongation of the springs per solve [shortest facets].
+ELONGATION = 0.25
+# Factors of the elongation after a failed and after a successful solve.
+BACK_OFF, GROWTH = 0.125, 2.0
+MAX_SOLVES, MAX_FAILURES = 24, 5
+# Number of solves with springs that remain: contact then carries all that it can.
+REPEATS = 3
+
+
+class Remaining(NamedTuple):
+    """Forces of anchored springs.
+
+    Attributes:
+        fraction: Largest force of springs over the contact force on a body or obstacle [1].
+        sliding: The largest on bodies that slide on all of their nodes with friction [1].
+        words: A sentence that names all of them.
+    """
+
+    fraction: float
+    sliding: float
+    words: str
+
+
+class AnchoredSprings(Protocol):
+    """Springs on floating bodies and driven obstacles; all methods are collective."""
+
+    def anchor(self, elongation: float) -> None:
+        """Anchor floating bodies and driven obstacles at their present positions.
+
+        The forces that drive a body now, or a small fraction of all forces on it, would elongate
+        its springs by ``elongation`` shortest facets.
+        """
+
+    def remove_springs(self) -> None:
+        """Remove the springs."""
+
+    def max_motion(self) -> float:
+        """Largest rigid motion since ``anchor`` [shortest facets]."""
+
+    def remaining(self) -> Remaining:
+        """Forces of springs relative to contact forces."""
+
+
+class WithSprings(Equations, Protocol):
+    """Equations with anchored springs on bodies and obstacles; all methods are collective."""
+
+    @property
+    def springs(self) -> AnchoredSprings:
+        """The springs."""
+
+    def state(self) -> Any:
+        """The present state, as a value."""
+
+    def restore(self, state: Any) -> None:
+        """Restore a state."""
+
+
+def solve_with_springs(
+    equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
+) -> NewtonReport:
+    """Solve with springs, and finally without springs or with weak ones (collective).
+
+    Args:
+        equations: The equations, at the initial state.
+        options: Options of the last solve.
+        failed: Error of the solve without springs.
+
+    Returns:
+        The record of all iterations, including those of ``failed``.
+
+    Raises:
+        NotConvergedError: On all ranks, if the bodies do not come to rest.
+    """
+    report = _move_on_springs(equations, options, failed)
+    arrived = equations.state()
+    equations.springs.remove_springs()
+    try:
+        return after(report, partial(solve, equations, options))
+    except NotConvergedError as error:
+        equations.restore(arrived)
+        again = NotConvergedError(failed.report.reason, error.report)
+        return solve_with_weak_springs(equations, options, again, repeats=REPEATS)
+
+
+def solve_with_weak_springs(
+    equations: WithSprings,
+    options: NewtonOptions,
+    failed: NotConvergedError,
+    *,
+    repeats: int = 1,
+    max_fraction: float = RIGID.negligible,
+) -> NewtonReport:
+    """Solve with weak springs that remain (collective).
+
+    Args:
+        equations: The equations, near a state that is unbalanced by small forces only.
+        options: Options of the solves.
+        failed: Error of the solve without springs.
+        repeats: Number of solves, each with springs anchored at the result of the last one.
+        max_fraction: Largest force of springs over the contact force on a body [1];
+            ``RIGID.slight`` on bodies that slide on all of their nodes with friction.
+
+    Returns:
+        The record of all iterations, including those of ``failed``.
+
+    Raises:
+        NotConvergedError: On all ranks, if a solve fails or springs carry more.
+    """
+    report = failed.report
+    for _ in range(repeats):
+        equations.springs.anchor(ELONGATION)
+        report = after(report, partial(solve, equations, options))
+    carried = equations.springs.remaining()
+    if carried.fraction > max_fraction:
+        raise NotConvergedError(f"{failed}; {carried.words}", report) from failed
+    if carried.sliding > RIGID.slight:
+        words = f"{carried.words}; all of its nodes slide at their friction limit"
+        raise NotConvergedError(f"{failed}; {words}", report) from failed
+    report.notes.append(carried.words)
+    return report
+
+
+def _move_on_springs(
+    equations: WithSprings, options: NewtonOptions, failed: NotConvergedError
+) -> NewtonReport:
+    """Solve with springs until their elongation vanishes, at most ``MAX_SOLVES`` times."""
+    # the last solve, without springs, has the tolerance of the user
+    rough = replace(options, residual_tolerance=max(SOLVED, options.residual_tolerance))
+    report, aim, failures = failed.report, ELONGATION, 0
+    for _ in range(MAX_SOLVES):
+        start = equations.state()
+        equations.springs.anchor(aim)
+        try:
+            report = after(report, partial(solve, equations, rough))
+        except NotConvergedError as error:
+            report, aim, failures = error.report, BACK_OFF * aim, failures + 1
+            equations.restore(start)
+            if failures == MAX_FAILURES:
+                raise NotConvergedError(failed.report.reason, report) from error
+            continue
+        if equations.springs.max_motion() < RIGID.overlap * aim / ELONGATION:
+            break
+        aim, failures = min(GROWTH * aim, ELONGATION), 0
+    return report

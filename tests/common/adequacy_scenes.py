@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: MIT
+"""Pressed blocks by one of the models."""
+
+from scenes import internal, linear_elastic, neo_hookean, pressed_blocks
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
+
+
+def blocks(push, *, strain="linear", sliding="finite", solve=True, **check):
+    """Two blocks, solved by a rung of the ladder; a check that knows the finite residual."""
+    scene = pressed_blocks(**MESH)
+    data, V, bcs = scene.data, scene.u.function_space, scene.problem.equations.bulk.bcs
+    u = fem.Function(V)
+    laws = {"linear": linear_elastic, "finite": neo_hookean}
+    forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in laws.items()}
+    richer = {"finite_strain": forms["finite"]} if strain == "linear" else {}
+    problem = fm.ContactProblem(
+        forms[strain], u, [fm.ContactPair(data, "upper/bottom", "lower/top", sliding=sliding)],
+        bcs=bcs, petsc_options_prefix="test_",
+        adequacy=fm.AdequacyCheck(**{"tolerance": 0.02, **richer, **check}),
+    )  # fmt: skip
+    scene.loads["push"].value[:] = push
+    return problem, (problem.solve() if solve else None)

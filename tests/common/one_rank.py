@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: MIT
+"""What one rank only does, and what the others have to be told of it."""
+
+from contextlib import contextmanager
+
+from mpi4py import MPI
+
+import pytest
+
+import fenics_mortar as fm
+
+COMM = MPI.COMM_WORLD
+LAST = COMM.rank == COMM.size - 1
+several_ranks = pytest.mark.ranks
+
+
+@contextmanager
+def raised_on_the_last_rank(kind, words):
+    """Check that the last rank raises ``kind``, and all others an error that says so."""
+    with pytest.raises(kind if LAST else fm.MortarError) as caught:
+        yield
+    expected = words if LAST else f"raised on rank {COMM.size - 1}: {kind.__name__}: .*{words}"
+    caught.match(expected)
+
+
+def either(one, other):
+    """The second on the last of several ranks."""
+    return other if LAST and COMM.size > 1 else one

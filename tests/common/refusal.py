@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: MIT
+"""Errors that all ranks have to raise alike."""
+
+import re
+from contextlib import contextmanager
+
+from mpi4py import MPI
+
+import pytest
+
+COMM = MPI.COMM_WORLD
+
+
+@contextmanager
+def refused(kind, *parts):
+    """Check that each rank raises ``kind``, all with one message that has all ``parts``."""
+    error = None
+    try:
+        yield
+    except Exception as raised:
+        error = raised
+    everywhere = COMM.allgather((type(error).__name__, str(error)))
+    assert {name for name, _ in everywhere} == {kind.__name__}, everywhere
+    assert len(set(everywhere)) == 1, everywhere
+    for part in parts:
+        assert re.search(part, everywhere[0][1]), everywhere[0][1]
+
+
+@contextmanager
+def refused_words(kind, words):
+    """As ``refused``, of a message that shows an object, whose address differs."""
+    with pytest.raises(kind, match=words):
+        yield
+    COMM.barrier()

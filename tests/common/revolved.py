@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: MIT
+"""Bodies of revolution: materials, meshes of the meridian half plane, whole problems."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scenes import TIGHT, Scene, lame, pair_options, read
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from meshes.mapped_grids import Grid, block, build
+
+
+def neo_hookean(u, E, nu):
+    """First Piola-Kirchhoff stress in the meridian plane, and around the axis."""
+    mu, lmbda = lame(E, nu)
+    X = ufl.SpatialCoordinate(u.function_space.mesh)
+    F, hoop = ufl.Identity(2) + ufl.grad(u), 1 + u[0] / X[0]
+    inverse, log = ufl.inv(F).T, ufl.ln(ufl.det(F) * hoop)
+    return mu * (F - inverse) + lmbda * log * inverse, mu * (hoop - 1 / hoop) + lmbda * log / hoop
+
+
+def linear_elastic(u, E, nu):
+    """Cauchy stress of linear elasticity in the meridian plane, and around the axis."""
+    mu, lmbda = lame(E, nu)
+    X = ufl.SpatialCoordinate(u.function_space.mesh)
+    strain, hoop = ufl.sym(ufl.grad(u)), u[0] / X[0]
+    trace = ufl.tr(strain) + hoop
+    return 2 * mu * strain + lmbda * trace * ufl.Identity(2), 2 * mu * hoop + lmbda * trace
+
+
+def internal(u, stresses, dx=None):
+    """Virtual work of stresses in the meridian plane and around the axis, whole bodies."""
+    v, X = ufl.TestFunction(u.function_space), ufl.SpatialCoordinate(u.function_space.mesh)
+    stress, hoop = stresses
+    dx = dx or ufl.dx(metadata={"quadrature_degree": 5})
+    return 2 * np.pi * (ufl.inner(stress, ufl.grad(v)) * X[0] + hoop * v[0]) * dx
+
+
+def bent(x, top):
+    """A block whose top, or bottom, is bulged by 0.1 r^2, smooth on the axis."""
+    height = np.linspace(0, 1, x.shape[1]) if top else np.linspace(1, 0, x.shape[1])
+    x = x.copy()
+    x[:, :, 1] += 0.1 * height * x[:, :, 0] ** 2
+    return x
+
+
+def cylinders(
+    counts=(5, 7), *, holes=(0.0, 0.0), widths=(1.0, 1.2), gap=0.0, bulge=True, cell="triangle",
+    layers=3,
+):  # fmt: skip
+    """Two stacked cylinders about x = 0, upper and lower; the latter at z < 1.
+
+    ``bulge``: whether their faces are paraboloids.
+    """
+    upper = block(counts[0], layers, width=widths[0], height=1.0, corner=(holes[0], 1.0 + gap))
+    lower = block(counts[1], layers + 1, width=widths[1], height=1.0, corner=(holes[1], 0.0))
+    if bulge:
+        lower, upper = bent(lower, top=True), bent(upper, top=False)
+    return read(build, grids=[Grid("lower", lower), Grid("upper", upper)], cell=cell)
+
+
+def on_axis(V, data, names):
+    """Condition that holds the radial component of boundaries on the axis."""
+    return fm.dirichlet(V, data, names, 0.0, component=0)
+
+
+def pressed_cylinders(
+    *,
+    material=neo_hookean,
+    slave: str = "upper",
+    pair: dict[str, Any] | None = None,
+    problem: dict[str, Any] | None = None,
+    degree: int = 1,
+    E: float = 100.0,
+    nu: float = 0.3,
+    axis_is_held: bool = True,
+    upper_is_held: bool = True,
+    **mesh: Any,
+) -> Scene:
+    """Two stacked cylinders, the lower fixed at its bottom; the upper one's top is moved."""
+    data = cylinders(**mesh)
+    V = fm.vector_space(data.mesh, degree)
+    u = fem.Function(V)
+    fixed, push = (fem.Constant(data.mesh, (0.0, 0.0)) for _ in range(2))
+    bcs = [fm.dirichlet(V, data, "lower/bottom", fixed), fm.dirichlet(V, data, "upper/top", push)]
+    bcs = bcs if upper_is_held else bcs[:1]
+    if axis_is_held and not any(mesh.get("holes", ())):
+        bcs.append(on_axis(V, data, ["lower/left", "upper/left"]))
+    sides = ["upper/bottom", "lower/top"]
+    contact = fm.ContactPair(
+        data, *(sides if slave == "upper" else sides[::-1]), **pair_options(pair)
+    )
+    options = {"petsc_options_prefix": "revolved_", "newton": TIGHT, **(problem or {})}
+    problem_ = fm.ContactProblem(
+        internal(u, material(u, E, nu)), u, [contact], bcs=bcs, geometry="axisymmetric", **options
+    )
+    return Scene(data, u, problem_, {"push": push})
+
+
+def graded(fine: float, count: int, growth: float, size: float) -> np.ndarray:
+    """Coordinates from 0: ``count`` cells of length ``fine``, then growing ones up to ``size``."""
+    lengths = [fine] * count
+    while sum(lengths) < size:
+        lengths.append(lengths[-1] * (1.0 + growth))
+    x = np.concatenate([[0.0], np.cumsum(lengths)])
+    x[count:] = x[count] + (x[count:] - x[count]) * (size - x[count]) / (x[-1] - x[count])
+    return x
+
+
+def disturbed(scene: Scene) -> Scene:
+    """All nodes off the axis moved at random; the covered ones are active."""
+    equations = scene.problem.equations
+    bulk = equations.bulk
+    perturbation = np.random.default_rng(0).uniform(-0.01, 0.01, bulk.r.getSize())
+    scene.u.x.array[: bulk.num_owned] = perturbation[bulk.first :][: bulk.num_owned]
+    X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, 0]
+    scene.u.x.array[bulk.space.owned_dofs[np.abs(X) < 1e-14, 0]] = 0.0
+    scene.u.x.scatter_forward()
+    for contact in equations.contacts:
+        contact.evaluate(scene.u.x.array, equations.linearization)
+        contact.change(active=contact.covered)
+    return scene

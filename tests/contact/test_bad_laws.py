@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: MIT
+"""Laws of users whose answers are none, that raise, or that differ between ranks."""
+
+import numpy as np
+import pytest
+from one_rank import LAST, raised_on_the_last_rank, several_ranks
+from refusal import refused
+from small_scenes import small_blocks
+from spoilt_law import Spoilt, rubbing_blocks
+
+import fenics_mortar as fm
+from fenics_mortar.utils.errors import NotFiniteError
+
+
+def spoil_row(name):
+    return lambda row: row._replace(**{name: np.nan * np.asarray(getattr(row, name))})
+
+
+WRONG_ANSWERS = [
+    ("branch", lambda p: p * np.nan, NotFiniteError, "branch returned numbers .* not finite at 5"),
+    ("branch", lambda p: p[:2], ValueError, r"branch returned an array of shape \(2,\)"),
+    ("branch", lambda p: None, ValueError, "branch returned an array of .* type object"),
+    ("branch", lambda p: p + 0.5, ValueError, "branch returned .*; expected integers"),
+    ("tangential", spoil_row("residual"), NotFiniteError, r"not finite at 5 nodes .* one at \("),
+    ("tangential", spoil_row("by_slip"), NotFiniteError, "tangential returned numbers"),
+    ("tangential", lambda row: None, ValueError, "tangential returned None; expected a Row"),
+    ("tangential", lambda row: row._replace(residual=row[0][:2]), ValueError, r"shape \(2,\)"),
+    (
+        "friction_limit",
+        lambda b: b * np.nan,
+        NotFiniteError,
+        "friction_limit returned nan for a pressure of",
+    ),
+    (
+        "friction_limit",
+        lambda b: b - 1.0,
+        NotFiniteError,
+        "friction_limit returned -0.* for a pressure of",
+    ),
+    (
+        "friction_limit",
+        lambda b: b[:2],
+        ValueError,
+        r"friction_limit returned an array of shape \(2,\)",
+    ),
+    ("adhesion", lambda a: (a[0] * np.nan, a[1]), NotFiniteError, "adhesion returned numbers"),
+    ("adhesion", lambda a: (-a[0], a[1]), ValueError, "adhesion returned -0.1 .* positive stress"),
+    ("adhesion", lambda a: a[0], ValueError, "adhesion returned array.* expected two arrays"),
+    ("adhesion", lambda a: (a[0][:1], a[1][:1]), ValueError, r"array of shape \(1,\)"),
+]
+
+
+@pytest.mark.parametrize("method, spoil, kind, words", WRONG_ANSWERS)
+def test_answer_of_a_law_that_is_none_is_refused(method, spoil, kind, words):
+    law = Spoilt(method, spoil)
+    law._on = False
+    scene = rubbing_blocks(law)
+    scene.problem.solve()
+    law._on = True
+    scene.loads["push"].value[0] = 0.01
+    with refused(kind, r"Coulomb\(0.3\): ", words):
+        scene.problem.solve()
+    law._on = False
+    assert scene.problem.solve().converged
+    law._on = True
+    with refused(kind, words):
+        rubbing_blocks(law).problem.solve()
+
+
+@several_ranks
+@pytest.mark.parametrize("method", ["branch", "tangential", "friction_limit", "adhesion"])
+@pytest.mark.parametrize("hierarchy", [False, True])
+def test_law_that_raises_on_one_rank_raises_on_all(method, hierarchy):
+    def fail(answer):
+        if LAST:
+            raise ZeroDivisionError("no law here")
+        return answer
+
+    law = Spoilt(method, fail)
+    law._on = False
+    adequacy = fm.AdequacyCheck(hierarchy=True) if hierarchy else None
+    scene = small_blocks(pair={"law": law}, problem={"adequacy": adequacy})
+    scene.loads["push"].value[1] = -0.02
+    scene.problem.solve()
+    law._on = True
+    scene.loads["push"].value[0] = 0.01
+    with raised_on_the_last_rank(ZeroDivisionError, "no law here"):
+        scene.problem.solve()
+    law._on = False
+    assert scene.problem.solve().converged
+
+
+@several_ranks
+def test_law_with_other_answers_on_one_rank_is_refused():
+    law = Spoilt("tangential", lambda row: row._replace(residual=row[0] * (2.0 if LAST else 1.0)))
+    with refused(fm.MortarError, "equations of contact differ between ranks"):
+        rubbing_blocks(law).problem.solve()
+
+
+@pytest.mark.parametrize(
+    "law, name, value, words",
+    [
+        (fm.Coulomb(0.3), "mu", -0.5, "mu=-0.5: expected zero or a positive number"),
+        (fm.Coulomb(0.3), "mu", np.nan, "mu=nan: expected zero or a positive number"),
+        (fm.Coulomb(0.3), "mu", "0.3", "mu='0.3': expected zero or a positive number"),
+        (fm.Coulomb(0.3), "mu", None, "mu=None"),
+        (fm.Coulomb(0.3), "max_shear", -1.0, "max_shear=-1.0: expected a positive stress"),
+        (fm.Coulomb(0.3), "c_t", 0.0, "c_t=0.0: expected a positive number"),
+        (fm.Coulomb(0.3), "c_t", np.nan, "c_t=nan: expected a positive number"),
+        (fm.Coulomb(0.3), "limit_by", "gap", "limit_by='gap': expected one of trial, pressure"),
+        (fm.Tresca(1.0), "stress", -1.0, "stress=-1.0: expected zero or a positive number"),
+        (fm.Tresca(1.0), "stress", np.inf, "stress=inf: expected zero or a positive number"),
+    ],
+)
+def test_parameter_of_a_law_that_was_set_later_is_refused(law, name, value, words):
+    scene, kept = rubbing_blocks(law), getattr(law, name)
+    setattr(law, name, value)
+    with refused(ValueError, words):
+        scene.problem.solve()
+    setattr(law, name, kept)
+    assert scene.problem.solve().converged
+
+
+def test_law_of_a_user_refuses_its_own_parameters():
+    class Rough(fm.Coulomb):
+        def check(self):
+            super().check()
+            if self.mu > 1.0:
+                raise ValueError(f"mu={self.mu}: too rough")
+
+    scene = rubbing_blocks(Rough(0.3))
+    scene.contact.pair.law.mu = 2.0
+    with refused(ValueError, "mu=2.0: too rough"):
+        scene.problem.solve()
+
+
+@pytest.mark.parametrize("law", [None, 0.3, fm.Coulomb])
+def test_what_was_set_for_a_law_and_is_none_is_refused(law):
+    scene = rubbing_blocks(fm.Coulomb(0.3))
+    scene.contact.pair.law = law
+    with refused(ValueError, "law of ContactPair.*: expected an instance of Frictionless, Coulomb"):
+        scene.problem.solve()
+
+
+@several_ranks
+def test_law_whose_parameter_differs_on_one_rank_is_refused():
+    scene = rubbing_blocks(fm.Coulomb(0.3))
+    scene.contact.pair.law.mu = 0.1 if LAST else 0.3
+    with refused(fm.MortarError, r"law of pair 0 is Coulomb\(.*mu=0.3.* on rank 0 and .*mu=0.1"):
+        scene.problem.solve()
+
+
+def test_law_cannot_write_into_the_state():
+    class Careless(fm.Coulomb):
+        def tangential(self, node, branch):
+            node.z_tau[:] = 0.0
+            return super().tangential(node, branch)
+
+    with refused(ValueError, "read-only"):
+        rubbing_blocks(Careless(0.3)).problem.solve()

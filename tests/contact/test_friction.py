@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: MIT
+"""Friction: derivatives, exact states, both systems, bad input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from friction_scenes import LAWS, MEASURES, MESH, NU, SMALL, E, block_on, blocks, drive
+from scenes import homogeneous_blocks, internal, linear_elastic, pair_options, pressed_blocks, read
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.contact.laws import Nodal, Row
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, mapped
+
+
+class Creeping(fm.Law):
+    """What the docstring of ``laws`` shows."""
+
+    def branch(self, node: Nodal, before):
+        return np.ones_like(before)
+
+    def tangential(self, node: Nodal, branch) -> Row:
+        part = np.tanh(node.slip / 0.01)
+        return Row(
+            node.z_tau - 0.3 * node.z_n * part,
+            by_slip=-0.3 * node.z_n * (1.0 - part**2) / 0.01,
+            by_z_n=-0.3 * part,
+            by_z_tau=1.0,
+        )
+
+    def friction_limit(self, pressure):
+        return 0.3 * pressure
+
+
+def slopes(problem, branches=None):
+    """Slopes of the whole system; 1 where a term is missing."""
+    if branches is not None:
+        problem.equations.contacts[0].change(
+            branch=np.resize(branches, problem.equations.contacts[0].branch.size)
+        )
+    return problem.check_tangent(print_table=False).slopes["whole"]
+
+
+@pytest.mark.parametrize(
+    "law, pair",
+    [
+        *((law, {}) for law in [*LAWS, "creeping"]),
+        ("coulomb", {"slip": "operators"}),
+        ("coulomb", {"slip": "operators", "basis": "standard"}),
+    ],
+)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_tangent_has_slope_two(law, pair, degree):
+    """Mixed as solved, then all sticking, all sliding, and sliding both ways by force."""
+    scene = blocks(LAWS.get(law) or Creeping(), degree=degree, pair=pair)
+    drive(scene, (0.0, -0.03), (0.02, -0.04))
+    for branches in (None, [0], [1], [1, 0, -1, 0]):
+        assert slopes(scene.problem, branches) == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_tangent_on_an_obstacle_has_slope_two(degree):
+    """The obstacle's motions take part: they are directions of the test."""
+    circle = fm.Circle((0.5, -2.0), 2.03)
+    problem, _ = block_on(circle, degree=degree, law=fm.Coulomb(0.4))
+    problem.solve()
+    circle.move(x=0.01, angle=0.002)
+    problem.solve()
+    for branches in (None, [0], [1, 0, -1]):
+        assert slopes(problem, branches) == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.parametrize("algorithm", ["saddle", "condensed"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_sticking_blocks_are_one(algorithm, degree):
+    """A homogeneous deformation with shear: the multiplier is minus Cauchy's traction.
+
+    It is exact but for rounding: the state lies in both spaces, and the meshes do not match.
+    """
+    gradient = np.array([[0.01, 0.03], [0.0, -0.1]])
+    sides = [f"{body}/{side}" for body in ("upper", "lower") for side in ("left", "right")]
+    scene = homogeneous_blocks(
+        gradient,
+        ["upper/top", "lower/bottom", *sides],
+        degree=degree,
+        pair={"law": fm.Coulomb(0.9)},
+        problem={"algorithm": algorithm},
+        **SMALL,
+    )
+    scene.problem.solve()
+    contact, F = scene.contact, np.eye(2) + gradient
+    mu, lmbda = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
+    J = np.linalg.det(F)
+    cauchy = (mu * (F @ F.T - np.eye(2)) + lmbda * np.log(J) * np.eye(2)) / J
+    on = contact.covered
+    exact = cauchy @ [0.0, 1.0]  # the slave's normal is (0, -1), z minus its traction
+    assert contact.sticking[on].all()
+    assert np.abs(exact[0]) > 1.0
+    assert np.abs(contact.z[on] - exact).max() < 1e-10 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("law", ["coulomb", "tresca"])
+def test_sliding_block_drags_with_the_whole_bound(law):
+    scene = blocks(LAWS[law])
+    records = drive(scene, (0.0, -0.1), (0.1, -0.1), (0.2, -0.1), (0.3, -0.1))
+    contact = scene.contact
+    assert contact.active.all() and not contact.sticking.any()
+    node = contact.nodal
+    bound = 0.3 * node.z_n if law == "coulomb" else np.full_like(node.z_n, 1.0)
+    assert np.abs(np.abs(node.z_tau) - bound).max() < 1e-12 * node.z_n.max()
+    assert max(record.num_iterations for record in records) <= 8
+
+
+def test_shear_outside_the_cone_is_told():
+    scene = blocks(fm.Coulomb(0.3))
+    drive(scene, (0.0, -0.1), (0.1, -0.1))
+    assert scene.problem.certificate().pairs[0].shear < 1e-10
+    scene.contact.pair.law = fm.Coulomb(0.2)
+    told = scene.problem.certificate()
+    assert told.pairs[0].shear == pytest.approx(0.1, rel=1e-6)
+    assert any("shear" in violation for violation in told.violations())
+
+
+def test_wedge_takes_the_closed_form():
+    """H = W (tan a + mu) / (1 - mu tan a), however the block deforms: the plane stays plane."""
+    angle, mu, weight = 0.2, 0.3, 4.0
+    plane = fm.Plane((0.0, 0.0), (-np.sin(angle), np.cos(angle)))
+    problem, along = block_on(plane, law=fm.Coulomb(mu), angle=angle, weight=weight)
+    for travel in (0.05, 0.1):
+        along.value = travel
+        problem.solve()
+    contact, W = problem.equations.contacts[0], 0.5 * weight
+    assert contact.active.any() and not contact.sticking.any()
+    force = contact.total_force
+    H = W * (np.tan(angle) + mu) / (1.0 - mu * np.tan(angle))
+    assert force == pytest.approx([-H, W], rel=1e-8)
+
+
+@pytest.mark.parametrize("pair", MEASURES)
+def test_both_algorithms_and_contact_dofs_agree(pair):
+    """Condensed, saddle point, and reduced to the contact dofs of a linear bulk."""
+    answers = []
+    for options in ({"algorithm": "condensed"}, {"algorithm": "saddle"}, {"linear_bulk": True}):
+        scene = pressed_blocks(
+            material=linear_elastic,
+            pair={"law": fm.Coulomb(0.3), **pair},
+            problem=options,
+            **MESH,
+        )
+        drive(scene, (0.0, -0.02), (0.03, -0.02))
+        answers.append(scene.contact.z)
+    for answer in answers[1:]:
+        assert np.abs(answer - answers[0]).max() < 1e-10 * np.abs(answers[0]).max()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: fm.Coulomb(-0.1),
+        lambda: fm.Coulomb(0.1, c_t=0.0),
+        lambda: fm.Coulomb(0.1, limit_by="force"),
+        lambda: fm.Coulomb(0.1, max_shear=0.0),
+        lambda: fm.Tresca(-1.0),
+        lambda: fm.ContactPair(fm.MeshData(None, None, None), 1, 2, law="coulomb"),
+        lambda: fm.ContactPair(
+            fm.MeshData(None, None, None), 1, 2, **pair_options(slip="textbook")
+        ),
+    ],
+)
+def test_wrong_numbers_are_refused(wrong):
+    with pytest.raises(ValueError, match=r"mu=|c_t=|limit_by=|max_shear=|stress=|law=|slip="):
+        wrong()
+
+
+def test_edge_that_shear_peels_off_is_named_with_a_law_that_has_a_solution():
+    """A circle slid on a block: where an edge node closes, its shear opens it again."""
+    circle, law = fm.Circle((1.3, 2.0), 1.0), fm.Tresca(0.1 * E)
+    grid = Grid("block", mapped(20, 6, lambda s, t: (4.0 * s, t)))
+    data = read(lambda: mapped_grids.build([grid]))
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    bcs = [fm.dirichlet(u.function_space, data, "block/bottom", (0.0, 0.0))]
+    pair = fm.ContactPair(data, "block/top", circle, law=law)
+    problem = fm.ContactProblem(
+        internal(u, linear_elastic(u, E, NU)), u, [pair], bcs=bcs, petsc_options_prefix="test_"
+    )
+    circle.move(y=-0.05)
+    problem.solve()
+    pressed = problem.state()
+    circle.move(x=0.1)
+    with pytest.raises(fm.NotConvergedError, match=r"1 nodes of 'block/top' .*one at \(1.6.*peel"):
+        problem.solve()
+    problem.restore(replace(pressed, places=problem.equations.motions.places))
+    pair.law = fm.Coulomb(1.0, max_shear=law.stress)
+    problem.solve()
+    contact = problem.equations.contacts[0]
+    assert np.abs(contact.z_tau).max() == pytest.approx(law.stress, rel=1e-9)
+    edge = contact.active_nodes[0]
+    assert contact.z_tau[edge] == pytest.approx(contact.pressure[edge], rel=1e-9)
+    assert 0.0 < contact.pressure[edge] < 0.1 * law.stress

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: MIT
+"""Friction over steps: loops, work, steps that are rejected, ranks."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from friction_scenes import MEASURES, MESH, NU, E, blocks, drive
+from scenes import internal, neo_hookean, nodal, pressed_blocks, read
+from test_demos import run
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from meshes import indenter_on_block
+
+WORKS = "contact", "friction"
+
+
+@pytest.mark.serial
+def test_reversal_closes_a_loop():
+    """Forth and back twice: the second loop is the first, and friction takes up its area."""
+    scene = blocks(fm.Coulomb(0.3))
+    top = [0.04, 0.08, 0.04, 0.0, -0.04, -0.08, -0.04, 0.0]
+    times = np.arange(1.0, 18.0)
+    places = dict(zip(times, [0.0, *top, *top], strict=True))
+    found = []
+
+    def set_loads(time):
+        before = places.get(np.floor(time), 0.0)
+        after = places.get(np.ceil(time), 0.0)
+        scene.loads["push"].value[:] = (before + (time % 1.0) * (after - before), -0.05)
+
+    def keep(time, report):
+        found.append(scene.contact.total_force[0])
+
+    set_loads(1.0)
+    scene.problem.solve()
+    options = fm.SteppingOptions(step=1.0)
+    path = fm.follow_path(scene.problem, set_loads, options, start=1.0, stop=17.0, on_step=keep)
+    drag = np.array(found)
+    assert path.num_cuts == 0
+    assert np.abs(drag[8:] - drag[:8])[1:].max() < 1e-3 * drag.max()
+    assert drag[9] == pytest.approx(-drag[13], rel=1e-6)
+    second = path.steps[8:]
+    friction = sum(step.work.friction for step in second)
+    supports = sum(step.work.supports for step in second)
+    assert friction > 0.0
+    assert supports == pytest.approx(friction, rel=0.05)
+
+
+def ironing(cells: int):
+    """A round tool pressed into a block and drawn along it over four facets; the path's record."""
+    data = read(
+        indenter_on_block.build,
+        n_block=36 * cells,
+        layers_block=10 * cells,
+        n_indenter=8 * cells,
+        layers_indenter=5 * cells,
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, tool = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [
+        fm.dirichlet(V, data, "block/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "indenter/top", tool),
+    ]
+    pair = fm.ContactPair(data, "block/top", "indenter/arc", law=fm.Coulomb(0.3))
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)), u, [pair], bcs=bcs, petsc_options_prefix="test_"
+    )
+
+    def set_loads(time):
+        tool.value[:] = (max(time - 1.0, 0.0), -0.5 * min(time, 1.0))
+
+    fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), stop=1.5)
+    return fm.follow_path(problem, set_loads, fm.SteppingOptions(step=0.25), start=1.5, stop=2.5)
+
+
+@pytest.mark.serial
+def test_ironing_in_long_steps_balances_its_work():
+    """What contact takes up is the work of friction, but for what vanishes with the facets."""
+    defects = []
+    for cells in (1, 2):
+        path = ironing(cells)
+        assert path.num_cuts == 0
+        assert np.median([step.report.num_iterations for step in path.steps]) <= 5 + cells
+        contact, friction = (sum(getattr(s.work, k) for s in path.steps) for k in WORKS)
+        assert friction > 0.0
+        defects.append(abs(contact / friction - 1.0))
+    assert defects[0] < 0.02
+    assert defects[1] < 0.6 * defects[0]  # at first order it would be a half
+
+
+@pytest.mark.parametrize("pair", MEASURES)
+def test_rejected_step_leaves_no_trace(shared_path, pair):
+    """Restored in memory and from a file, the same step has the same answer.
+
+    On one rank to the last bit; on several, MUMPS adds up in any order.
+    """
+    last_bits = 0.0 if MPI.COMM_WORLD.size == 1 else 1e-12
+    scene = blocks(fm.Coulomb(0.3), pair=pair)
+    drive(scene, (0.0, -0.05), (0.03, -0.05))
+    start = scene.problem.state()
+    fm.save_state(scene.problem, str(shared_path / "state.npz"))
+    drive(scene, (0.08, -0.05))
+    z, u = scene.contact.z.copy(), nodal(scene.problem)
+    drive(scene, (-0.05, -0.04))
+    scene.problem.restore(start)
+    drive(scene, (0.08, -0.05))
+    for now, before in ((scene.contact.z, z), (nodal(scene.problem), u)):
+        assert np.abs(now - before).max() <= last_bits * np.abs(before).max()
+    other = blocks(fm.Coulomb(0.3), pair=pair)
+    fm.load_state(other.problem, str(shared_path / "state.npz"))
+    drive(other, (0.08, -0.05))
+    assert np.abs(other.contact.z - z).max() < 1e-12 * np.abs(z).max()
+
+
+@pytest.mark.parametrize("pair", MEASURES)
+def test_ranks_agree(pair):
+    """The same path on one rank: nodes stick and slide alike."""
+    path = (0.0, -0.05), (0.03, -0.05), (0.12, -0.05)
+    law = fm.Coulomb(0.3)
+    mine = pressed_blocks(pair={"law": law, **pair}, comm=MPI.COMM_SELF, **MESH)
+    ours = blocks(law, pair=pair)
+    drive(mine, *path[:2])
+    drive(ours, *path[:2])
+    assert np.array_equal(mine.contact.sticking, ours.contact.sticking)
+    assert 0 < ours.contact.sticking.sum() < ours.contact.active.sum()
+    first, second = drive(mine, path[2])[0], drive(ours, path[2])[0]
+    assert first.num_iterations == second.num_iterations
+    assert np.array_equal(mine.contact.branch, ours.contact.branch)
+    for quantity in ("z", "slip", "friction_work"):
+        one, all_ = (np.asarray(getattr(scene.contact, quantity)) for scene in (mine, ours))
+        assert np.abs(all_ - one).max() < 1e-11 * np.abs(one).max()
+
+
+@pytest.mark.serial
+def test_four_ranks_agree(tmp_path):
+    """The test above on more ranks than the others run on."""
+    test = f"{__file__}::test_ranks_agree[pair0]"
+    finished = run(tmp_path, 4, "-m", "pytest", "-q", "-p", "no:cacheprovider", test)
+    assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-2000:]

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: MIT
+"""Gaps and overlaps of the mesh: kept and told of, closed, or made an interference; ramped."""
+
+import numpy as np
+import pytest
+from scenes import (
+    TIGHT,
+    internal,
+    lame,
+    linear_elastic,
+    neo_hookean,
+    pair_options,
+    pressed_blocks,
+    read,
+)
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from meshes import rings
+
+E, NU = 100.0, 0.3
+
+
+def press_fit(material=neo_hookean, n_inner=16, n_outer=12, fixed=(), **pair):
+    """Rings between the radii 1, 2 and 3; the outer one fixed at its outside, the inner one free.
+
+    Free, the inner polygon turns until it fits best, and there are several such places.
+    """
+    data = read(rings.build, n_inner=n_inner, n_outer=n_outer, layers_inner=3, layers_outer=3)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("outer/outside", *fixed)]
+    contact = fm.ContactPair(data, "inner/outside", "outer/inside", **pair_options(pair))
+    residual = internal(u, material(u, E, NU))
+    return fm.ContactProblem(
+        residual, u, [contact], bcs=bcs, newton=TIGHT, petsc_options_prefix="fit_"
+    )
+
+
+def lame_pressure(interference):
+    """Pressure of an elastic ring in one fixed at its outside, plane strain (Lame)."""
+    a, b, c = 1.0, 2.0, 3.0
+    mu, lmbda = lame(E, NU)
+    # u = A r + B / r, stress_rr = 2 (lmbda + mu) A - 2 mu B / r^2; unit pressure at r = b.
+    stress = np.array([[1.0, -mu / (lmbda + mu) / a**2], [1.0, -mu / (lmbda + mu) / b**2]])
+    inner = np.linalg.solve(stress, [0.0, -0.5 / (lmbda + mu)])
+    outer = np.linalg.solve(
+        [[c, 1.0 / c], [1.0, -mu / (lmbda + mu) / b**2]], [0.0, -0.5 / (lmbda + mu)]
+    )
+    per_pressure = (outer - inner) @ [b, 1.0 / b]
+    return interference / per_pressure
+
+
+def test_overlap_of_polygons_is_interference_and_is_told():
+    problem = press_fit()
+    report = problem.solve()
+    assert "overlap by up to" in report.table() and "initial_gap=0" in report.table()
+    assert problem.equations.contacts[0].pressure.max() > 1e-3 * E
+    assert "overlap" not in problem.solve().table()
+
+
+def test_pair_that_never_faces_is_told():
+    """The inside of the inner ring looks at its hollow: no part of the outer ring is in its way."""
+    data = read(rings.build, n_inner=16, n_outer=12, layers_inner=3, layers_outer=3)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("outer/outside", "inner/outside")]
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, NU)), u,
+        [fm.ContactPair(data, "inner/inside", "outer/outside", search_radius=0.5)],
+        bcs=bcs, petsc_options_prefix="away_",
+    )  # fmt: skip
+    table = problem.solve().table()
+    assert "no node of 'inner/inside' faced 'outer/outside'" in table and "within 0.5" in table
+    assert "faced" not in problem.solve().table()
+
+
+def test_closed_gaps_leave_polygons_without_stress():
+    problem = press_fit(initial_gap=0.0)
+    assert np.abs(problem.equations.contacts[0].gap).max() < 1e-15
+    report = problem.solve()
+    assert not any("overlap" in note for note in report.notes)
+    assert np.abs(problem.equations.bulk.u.x.array).max(initial=0.0) < 1e-13
+    assert np.abs(problem.equations.contacts[0].z).max() < 1e-12 * E
+
+
+@pytest.mark.parametrize("n, uneven", [(24, 0.003), (48, 0.001)])
+def test_interference_of_polygons_gives_the_pressure_of_circles(n, uneven):
+    """Three layers of cells cost 0.6 % on either mesh; what is uneven are the facets alone."""
+    problem = press_fit(linear_elastic, n, n + n // 3, initial_gap=-1e-4)
+    problem.solve()
+    pressure = problem.equations.contacts[0].pressure
+    assert pressure.mean() == pytest.approx(lame_pressure(1e-4), rel=0.01)
+    assert np.ptp(pressure) < uneven * pressure.mean()
+
+
+def test_ramped_overlap_ends_in_the_same_state():
+    direct, ramped = (press_fit(fixed=("inner/inside",)) for _ in range(2))
+    direct.solve()
+    contact = ramped.equations.contacts[0]
+    overlap = np.nan_to_num(contact.gap).clip(max=0.0)
+
+    def set_loads(time):
+        contact.offset = (1.0 - time) * overlap
+
+    path = fm.follow_path(ramped, set_loads, fm.SteppingOptions(step=0.25))
+    assert len(path.steps) == 4
+    z, exact = contact.z, direct.equations.contacts[0].z
+    assert np.abs(z - exact).max() < 1e-12 * np.abs(exact).max()  # both to rounding
+
+
+@pytest.mark.parametrize("basis", ["dual", "standard"])
+def test_derivatives_with_an_offset(basis):
+    """Blocks that stand off their edges, so that facets are partly covered, too."""
+    scene = pressed_blocks(
+        n_upper=5, n_lower=7, layers_upper=2, layers_lower=2, slave="lower", pair={"basis": basis}
+    )
+    scene.loads["push"].value[:] = (0.02, -0.03)
+    scene.problem.solve()
+    random = np.random.default_rng(2)
+    scene.contact.offset = random.uniform(-0.01, 0.01, scene.contact.slave.num_nodes)
+    check = scene.problem.check_tangent(print_table=False)
+    assert all(slope > 1.9 for slope in check.slopes.values()), check.table()
+
+
+def test_offset_moves_the_surface_by_as_much():
+    """An offset of -d is a block that starts higher by d, but for the arm of tilted facets."""
+    mesh = {"n_upper": 5, "n_lower": 7, "layers_upper": 3, "layers_lower": 3}
+    shifted = pressed_blocks(pair={"initial_gap": 0.02}, **mesh)
+    opened = pressed_blocks(gap=0.02, **mesh)
+    for scene in (shifted, opened):
+        scene.loads["push"].value[:] = (0.0, -0.06)
+        scene.problem.solve()
+    z, exact = shifted.contact.z, opened.contact.z
+    assert np.abs(z - exact).max() < 1e-3 * np.abs(exact).max()

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: MIT
+"""Which slave nodes carry a multiplier where a surface is hardly covered."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fenics_mortar.contact.multiplier_nodes import HAND_OVER, MultiplierNodes
+
+COUNT = 4
+
+
+def line():
+    """Nodes in a row, as a surface of straight facets."""
+
+    def along(nodes, steps):
+        places = nodes[:, None] + np.array(list(steps))
+        return np.where((places >= 0) & (places < COUNT), places, -1)
+
+    return SimpleNamespace(num_nodes=COUNT, degree=1, along=along)
+
+
+@pytest.mark.parametrize("cover, carry", [
+    ([0.0, 0.99, 1.01, 0.0], [1, 1, 1, 1]),  # alike: rounding does not choose
+    ([0.0, 0.5, 1.5, 0.0], [1, 1, 1, 1]),
+    ([0.0, 0.99, 3.0, 20.0], [1, 0, 1, 1]),
+    ([0.99, 20.0, 20.0, 0.99], [0, 1, 1, 0]),
+    ([1.01, 20.0, 20.0, 1.01], [1, 1, 1, 1]),
+])  # fmt: skip
+def test_function_is_handed_over_to_a_neighbour_that_is_covered_well(cover, carry):
+    """Covers are in units of the limit below which a function is handed over."""
+    nodes = MultiplierNodes(
+        line(), np.tile([0.0, 1.0], (COUNT, 1)), np.ones((COUNT, 2)), at_vertices=False
+    )
+    found = nodes.update(np.ones(COUNT, bool), HAND_OVER * np.array(cover))
+    used = np.array(cover) > 0.0
+    assert (found[used] == np.array(carry, bool)[used]).all()

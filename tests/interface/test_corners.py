@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: MIT
+"""Corners inside a slave surface: which facet's normal they take, and the sets that follow."""
+
+import numpy as np
+import pytest
+from test_sight import Scene, at, whole
+
+import fenics_mortar as fm
+from fenics_mortar.interface.corners import choose_facets, corners_of, one_sided
+from meshes.mapped_grids import block
+
+
+def arms(slave="left", mu=0.0, thickness=0.06, overlap=0.3, cells=9, **options):
+    """An arm upon another, both clamped at their far ends, with whole outlines."""
+    grids = [
+        whole("left", block(14, 2, width=1.0, height=thickness, corner=(-1.0, -thickness))),
+        whole("right", block(cells, 2, width=1.0, height=thickness, corner=(-overlap, 0.0))),
+    ]
+    pair = [slave, "right" if slave == "left" else "left"]
+    law = fm.Coulomb(mu) if mu else fm.Frictionless()
+    return Scene(
+        grids, [pair], [(at(0, -1.0), None), (at(0, 1.0 - overlap), None)], law=law, **options
+    )
+
+
+def chosen(scene, x=None):
+    """Facets of the corners of the slave by their places in the mesh, rounded."""
+    c = scene.contact
+    corners = corners_of(c.slave)
+    o = c.operators
+    facets = choose_facets(
+        c.slave, corners, o.x if x is None else x, o.m[c.master.facets[:, [0, -1]]]
+    )
+    return {tuple(np.round(c.slave.X[j], 6)): int(f) for j, f in zip(corners, facets, strict=True)}
+
+
+@pytest.mark.ranks
+def test_corners_that_lie_flat_take_the_normal_of_the_flat_facet():
+    """The outline goes counter-clockwise: the lower side comes after the left end's corner."""
+    scene = arms("right")
+    found = chosen(scene)
+    assert len(found) == 4
+    assert found[(-0.3, 0.0)] == 1
+    n = scene.contact.operators.n[np.isclose(scene.contact.slave.X, (-0.3, 0.0)).all(axis=1)]
+    assert n[0] == pytest.approx([0.0, -1.0], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "degrees, facet", [(0, 1), (15, 1), (30, 0), (45, 0), (60, 0), (75, -1), (90, -1)]
+)
+def test_the_nearest_of_three_normals_is_taken(degrees, facet):
+    """A square corner above a flat, turned about it."""
+    scene = arms("right")
+    c, X = scene.contact, scene.contact.slave.X
+    angle = np.radians(degrees)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    tip = np.array([-0.3, 0.0])
+    x = (X - tip) @ turn.T + tip + [0.0, 1e-3]
+    assert chosen(scene, x)[(-0.3, 0.0)] == facet
+    _, alone = one_sided(c.slave, corners_of(c.slave), np.array([0, 0, 0, 0]))
+    assert not alone.any()
+
+
+def test_a_corner_between_two_walls_keeps_its_averaged_normal():
+    """Both parts of the master are as near: neither facet is preferred."""
+    scene = arms("right")
+    c = scene.contact
+    x = c.operators.x
+    walls = np.array([[(1.0, 0.0), (-0.3, 0.0)], [(-0.3, 0.0), (-0.3, 1.0)]])
+    j = np.flatnonzero(np.isclose(c.slave.X, (-0.3, 0.0)).all(axis=1))
+    assert choose_facets(c.slave, j, x, walls)[0] == 0
+    assert choose_facets(c.slave, j, x, walls[:1])[0] == 1
+
+
+@pytest.mark.parametrize("slave", ["left", "right"])
+@pytest.mark.parametrize("mu", [0.0, 0.2])
+@pytest.mark.parametrize("cells", [9, 12])
+def test_arm_on_arm_goes_its_way_with_either_role(slave, mu, cells):
+    """The tips lie on the flats at first, then press on them at an angle: no step is cut."""
+    scene = arms(slave, mu, cells=cells)
+    path = scene.follow([(0.0, 0.0), (0.0, -0.12)], 6)
+    assert path.num_cuts == 0
+    assert path.steps[-1].report.certificate.violations() == []
+
+
+def test_the_tangent_at_a_corner_is_exact():
+    scene = arms("right", 0.2)
+    scene.move(1, 0.0, -0.01)
+    scene.problem.solve()
+    slopes = scene.problem.check_tangent().slopes
+    assert min(slopes.values()) > 1.9

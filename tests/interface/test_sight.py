@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: MIT
+"""What lies behind a slave surface: no partner is seen through the bodies, and no option needed."""
+
+import re
+
+import numpy as np
+import pytest
+from scenes import internal, linear_elastic, neo_hookean, nodal, pair_options, read, rotation
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.contact.words import describe_overlap
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block, mapped, sector
+
+SIDES = ("bottom", "right", "top", "left")
+E, NU = 100.0, 0.3
+
+
+def whole(name, x, **options):
+    """A body whose outline has one name, its own."""
+    return Grid(name, x, dict.fromkeys(SIDES, name), **options)
+
+
+def at(axis, value):
+    """Nodes where a coordinate has this value."""
+    return lambda X: np.isclose(X[axis], value)
+
+
+class Scene:
+    """Bodies, pairs, and conditions: pairs of a place and a component, or both if it is None."""
+
+    def __init__(self, grids, pairs, fixed, *, strain="finite", degree=1, tied=(), **options):
+        self.data = data = read(lambda: mapped_grids.build(grids, order=degree))
+        V = fm.vector_space(data.mesh, degree)
+        self.u = u = fem.Function(V)
+        self.moved = [fem.Function(V) for _ in fixed]
+        bcs = []
+        for function, (place, component) in zip(self.moved, fixed, strict=True):
+            if component is None:
+                dofs = fem.locate_dofs_geometrical(V, place)
+                bcs.append(fem.dirichletbc(function, dofs))
+            else:
+                part = V.sub(component)
+                dofs = fem.locate_dofs_geometrical((part, part.collapse()[0]), place)[0]
+                bcs.append(fem.dirichletbc(0.0, dofs, part))
+        stress = {"finite": neo_hookean, "linear": linear_elastic}[strain]
+        contacts = [fm.ContactPair(data, *pair, **pair_options(options)) for pair in pairs]
+        self.problem = fm.ContactProblem(
+            internal(u, stress(u, E, NU)), u,
+            [*contacts, *(fm.TiedPair(data, *pair) for pair in tied)], bcs=bcs,
+            petsc_options_prefix="test_",
+        )  # fmt: skip
+
+    def move(self, number, x, y):
+        """Prescribe the motion of the place of this number."""
+        self.moved[number].x.array.reshape(-1, 2)[:] = x, y
+
+    def follow(self, way, steps):
+        """Go along ``way``, places (k, 2) of the second condition at equal times."""
+        times = np.linspace(0.0, 1.0, len(way))
+
+        def set_loads(time):
+            self.move(1, *(np.interp(time, times, component) for component in np.transpose(way)))
+
+        return fm.follow_path(self.problem, set_loads, fm.SteppingOptions(1.0 / steps))
+
+    @property
+    def contact(self):
+        return self.problem.equations.contacts[0]
+
+
+def plates(outlines, slave="lower", height=0.1, degree=1, **options):
+    """A plate on a wider one, pressed by its top; with outlines or the two sides that meet."""
+    body, (a, b, rows) = whole if outlines else Grid, np.multiply(degree, (16, 9, 2))
+    grids = [
+        body("lower", block(a, rows, width=1.6, height=height, corner=(-0.8, -height))),
+        body("upper", block(b, rows, width=0.9, height=height, corner=(-0.45, 0.0))),
+    ]
+    names = {"lower": "lower/top", "upper": "upper/bottom"}
+    pair = [slave, "upper" if slave == "lower" else "lower"]
+    pair = pair if outlines else [names[name] for name in pair]
+    fixed = [(at(1, -height), None), (at(1, height), None)]
+    return Scene(grids, [pair], fixed, degree=degree, **options)
+
+
+@pytest.mark.parametrize("slave", ["lower", "upper"])
+@pytest.mark.parametrize("options", [
+    {}, {"strain": "linear"}, {"integration": "elements"}, {"integration": "nodes"},
+    {"sliding": "small"}, {"law": fm.Coulomb(0.3)},
+])  # fmt: skip
+def test_plates_with_whole_outlines_are_those_with_the_sides_that_meet(options, slave):
+    """Whichever is the slave: at corners that lie flat the normal is that of the flat facet."""
+    found = []
+    for outlines in (True, False):
+        scene = plates(outlines, slave, **options)
+        scene.move(1, 0.0, -0.01)
+        assert scene.problem.solve().certificate.violations() == []
+        found.append((nodal(scene.problem), scene.contact.total_force))
+    assert np.abs(found[0][0] - found[1][0]).max() < 1e-12
+    assert found[0][1] == pytest.approx(found[1][1], abs=1e-9)
+    assert abs(found[0][1][1]) > 1.0
+
+
+@pytest.mark.parametrize("slave", ["lower", "upper"])
+@pytest.mark.parametrize("degree, depths", [(1, [0.025, 0.05, 0.075, 0.1]), (2, [0.025, 0.05])])
+def test_thin_plates_are_pressed_deep(slave, degree, depths):
+    """To half their thickness, in steps of an eighth: about as with the sides that meet only."""
+    forces = []
+    for outlines in (True, False):
+        scene = plates(outlines, slave, degree=degree)
+        for depth in depths:
+            scene.move(1, 0.0, -depth)
+            assert scene.problem.solve().certificate.violations() == []
+        forces.append(scene.contact.total_force[1])
+    assert forces[0] == pytest.approx(forces[1], rel=1e-8)
+
+
+@pytest.mark.parametrize("slave", ["lower", "upper"])
+def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
+    """It goes into a thick block, from a distance: the nearer way out is that which it came."""
+    grids = [
+        Grid("lower", block(12, 6, width=1.2, height=1.0, corner=(-0.6, -1.0))),
+        Grid("upper", block(9, 1, width=0.9, height=0.05, corner=(-0.45, 0.01))),
+    ]
+    names = {"lower": "lower/top", "upper": "upper/bottom"}
+    pair = names[slave], names["upper" if slave == "lower" else "lower"]
+    scene = Scene(grids, [pair], [(at(1, -1.0), None), (at(1, 0.06), None)])
+    scene.move(1, 0.0, -0.09)
+    assert scene.problem.solve().certificate.violations() == []
+    assert abs(scene.contact.total_force[1]) > 1.0
+
+
+def test_a_radius_is_a_bound_behind_as_well():
+    """One below the overlap of two bodies finds nothing in it."""
+    data = read(lambda: mapped_grids.build([
+        Grid("lower", block(4, 4, width=1.0, height=1.0, corner=(0.0, -0.9))),
+        Grid("upper", block(5, 4, width=1.0, height=1.0, corner=(0.0, 0.0))),
+    ]))  # fmt: skip
+    V = fm.vector_space(data.mesh, 1)
+    for radius, found in ((None, True), (0.11, True), (0.09, False)):
+        u = fem.Function(V)
+        pair = fm.ContactPair(data, "lower/top", "upper/bottom", search_radius=radius)
+        bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("lower/bottom", "upper/top")]
+        problem = fm.ContactProblem(
+            internal(u, linear_elastic(u, E, NU)), u, [pair], bcs=bcs, petsc_options_prefix="test_"
+        )
+        assert problem.equations.contacts[0].covered.any() == found
+
+
+@pytest.mark.parametrize("coated", ["slave", "master"])
+def test_tied_bodies_are_as_thick_as_both_together(coated):
+    """Pressed in one step by more than the coating is thick."""
+    thin, thick = 0.01, 0.5
+    low = thin if coated == "slave" else 0.0
+    high = thin if coated == "master" else 0.0
+    grids = [
+        Grid("base", block(8, 4, width=1.0, height=thick, corner=(-0.5, -thick - low))),
+        Grid("cap", block(7, 4, width=0.9, height=thick, corner=(-0.45, 0.005 + high))),
+    ]
+    if coated == "slave":
+        grids.append(Grid("coat", block(12, 1, width=1.0, height=thin, corner=(-0.5, -thin))))
+        pair, tie = ("coat/top", "cap/bottom"), ("coat/bottom", "base/top")
+    else:
+        grids.append(Grid("coat", block(12, 1, width=0.9, height=thin, corner=(-0.45, 0.005))))
+        pair, tie = ("base/top", "coat/bottom"), ("coat/top", "cap/bottom")
+    fixed = [(at(1, -thick - low), None), (at(1, thick + 0.005 + high), None)]
+    scene = Scene(grids, [pair], fixed, tied=[tie])
+    scene.move(1, 0.0, -0.05)
+    assert scene.problem.solve().certificate.violations() == []
+    assert abs(scene.contact.total_force[1]) > 1.0
+
+
+@pytest.mark.parametrize("slave", ["left", "right"])
+@pytest.mark.parametrize("outlines", [False, True])
+def test_beam_goes_past_a_beam(slave, outlines):
+    """Aside, down and back by little more than both are thick: it rests below, unloaded."""
+    body = whole if outlines else Grid
+    grids = [
+        body("left", block(10, 1, width=1.0, height=0.1, corner=(-1.0, -0.1))),
+        body("right", block(10, 1, width=1.0, height=0.1, corner=(-0.05, 0.0))),
+    ]
+    names = {"left": "left/top", "right": "right/bottom"}
+    pair = [slave, "right" if slave == "left" else "left"]
+    pair = pair if outlines else [names[name] for name in pair]
+    scene = Scene(grids, [pair], [(at(0, -1.0), None), (at(0, 0.95), None)])
+    report = scene.follow([(0, 0), (0.2, 0.1), (0.2, -0.23), (-0.3, -0.23)], 12)
+    assert report.num_cuts == 0 and not scene.contact.active.any()
+    # and up again: now its top meets the other's bottom
+    if outlines:
+        report = scene.follow([(-0.3, -0.23), (-0.3, -0.17)], 3)
+        assert report.num_cuts == 0 and scene.contact.active.any()
+        assert scene.contact.total_force[1] * (1 if slave == "left" else -1) > 1e-6
+
+
+def bump(x, middle, width):
+    """A smooth bump of height one."""
+    t = np.clip((x - middle) / width, -1.0, 1.0)
+    return np.cos(0.5 * np.pi * t) ** 2
+
+
+@pytest.mark.parametrize(
+    "slave, barb, wide",
+    [
+        ("catch", 0.1, 0.35),
+        *(
+            pytest.param(*each, marks=pytest.mark.serial)
+            for each in (
+                ("hook", 0.1, 0.35),
+                ("catch", 0.15, 0.2),
+                ("hook", 0.1, 0.12),  # a barb of five facets
+                ("catch", 0.1, 0.12),
+            )
+        ),
+    ],
+)
+def test_hook_snaps_behind_a_catch(slave, barb, wide):
+    """A barb on an arm is pushed over a ridge, with whole outlines, and rests behind it."""
+
+    def arm(s, t):
+        x, low = 2.0 * s, -barb * bump(2.0 * s, wide, wide)
+        return x, low + (0.12 - low) * t
+
+    def ridge(s, t):
+        x, high = -1.7 + 1.5 * s, 0.1 * bump(-1.7 + 1.5 * s, -0.6, wide + 0.05)
+        return x, -0.2 - barb + (0.2 + high) * t
+
+    grids = [whole("hook", mapped(40, 2, arm)), whole("catch", mapped(36, 3, ridge))]
+    pair = [slave, "catch" if slave == "hook" else "hook"]
+    fixed = [(at(1, -0.2 - barb), None), (at(0, 2.0), None)]
+    scene = Scene(grids, [pair], fixed)
+    seen = []
+    fm.follow_path(
+        scene.problem,
+        lambda time: scene.move(1, -1.5 * time, 0.03),
+        fm.SteppingOptions(0.05, smallest=1e-3),
+        on_step=lambda time, report: seen.append((time, *scene.contact.total_force)),
+    )
+    time, force, _ = np.transpose(seen)
+    first = (0.6 - wide - 0.05) / 1.5  # until then the bumps are beside each other
+    assert np.abs(force[time < first]).max(initial=0.0) == 0.0
+    push = force * (1.0 if slave == "hook" else -1.0)
+    assert push.max() > 1e-4 and push.min() < -1e-5  # up the ridge and down
+    assert not scene.contact.active.any()
+
+
+def on_its_corner(tilt, reach, wall):
+    """A block, tilted by ``tilt`` [degree], on a corner; the floor ends ``reach`` beyond it."""
+    names = dict.fromkeys(SIDES, "rest")
+    turn = rotation(np.radians(tilt))
+
+    def tilted(s, t):
+        return tuple((s - 1.0) * row[0] + t * row[1] for row in turn)
+
+    grids = [
+        whole("block", mapped(6, 6, tilted)),
+        Grid("floor", block(12, 4, width=1.5 + reach, height=0.5, corner=(-1.5, -0.5)), names),
+    ]
+    if wall:
+        grids.append(Grid("wall", block(3, 14, width=0.3, height=2.0, corner=(0.6, -0.2)), names))
+    fixed = [
+        (lambda X: np.isclose(X[1], -0.5) | (X[0] > 0.6 - 1e-6), None),
+        (lambda X: turn[:, 1] @ X[:2] > 1.0 - 1e-6, None),
+    ]
+    scene = Scene(grids, [("block", "rest")], fixed)
+    scene.move(1, 0.0, -0.02)
+    scene.problem.solve()
+    return scene.contact
+
+
+@pytest.mark.parametrize("tilt, reach", [(-10.0, 0.1), (-25.0, 0.1), (-10.0, 0.3)])
+def test_corner_that_touches_does_not_feel_a_wall_that_its_other_side_sees(tilt, reach):
+    """The wall is on the same facet as the floor beneath the corner, 3 to 4 facets away."""
+    forces = []
+    for wall in (False, True):
+        contact = on_its_corner(tilt, reach, wall)
+        assert contact.active.sum() == 1
+        forces.append(contact.total_force)
+    assert forces[0] == pytest.approx(forces[1], rel=1e-8)
+
+
+def tubes(outlines, slave="inner", degree=1, **options):
+    """A tube in one that it is too wide for."""
+    body = whole if outlines else Grid
+    count = 24 * degree
+    grids = [
+        body("inner", sector(count, 2 * degree, radii=(0.9, 1.004)), closed=True),
+        body("outer", sector(count, 2 * degree, radii=(1.0, 1.1)), closed=True),
+    ]
+    names = {"inner": "inner/bottom", "outer": "outer/top"}
+    pair = [slave, "outer" if slave == "inner" else "inner"]
+    pair = pair if outlines else [names[name] for name in pair]
+    axes = [lambda X: np.isclose(X[1], 0.0), lambda X: np.isclose(X[0], 0.0)]
+    return Scene(grids, [pair], [(axes[0], 1), (axes[1], 0)], degree=degree, **options)
+
+
+@pytest.mark.parametrize("slave", ["inner", "outer"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_tube_in_a_tube_with_whole_outlines_is_that_with_the_sides_that_meet(slave, degree):
+    found = []
+    for outlines in (True, False):
+        scene = tubes(outlines, slave, degree)
+        assert scene.problem.solve().certificate.violations() == []
+        contact = scene.contact
+        found.append((nodal(scene.problem), contact.pressure[contact.active].mean()))
+    assert np.abs(found[0][0] - found[1][0]).max() < 1e-11
+    assert found[0][1] == pytest.approx(found[1][1], rel=1e-8)
+    assert found[0][1] > 1e-4 * E
+
+
+@pytest.mark.parametrize("slave", ["spiral", pytest.param("wall", marks=pytest.mark.serial)])
+def test_spiral_is_touched_by_a_wall_at_its_outer_winding_only(slave):
+    """Two windings, and a wall whose back faces the inner ones through both of them."""
+
+    def spiral(s, t):
+        angle = 4.0 * np.pi * s
+        r = 0.5 + 0.3 * angle / (2.0 * np.pi) + 0.1 * (1.0 - t)
+        return r * np.cos(angle), r * np.sin(angle)
+
+    x = mapped(64, 1, spiral)
+    left = x[:, :, 0].min()
+    wall = block(2, 12, width=0.1, height=1.2, corner=(left - 0.11, -0.57))
+    pair = [slave, "wall" if slave == "spiral" else "spiral"]
+    ends = [lambda X: np.hypot(X[0] - 0.55, X[1]) < 0.06, at(0, left - 0.11)]
+    forces = []
+    for radius in (None, 0.15):
+        grids = [whole("spiral", x), whole("wall", wall)]
+        fixed = [(ends[0], None), (ends[1], None)]
+        scene = Scene(grids, [pair], fixed, search_radius=radius)
+        assert scene.follow([(0, 0), (0.1, 0)], 5).num_cuts == 0
+        contact = scene.contact
+        assert (contact.slave.X[contact.active, 0] < left + 0.05).all()
+        forces.append(contact.total_force)
+    assert np.abs(forces[0]).max() > 1e-4
+    assert forces[0] == pytest.approx(forces[1], rel=1e-8)
+
+
+def test_deep_overlap_of_an_active_node_is_named_with_the_reach():
+    """Bodies that are meshed in one another: what Newton could not do is said."""
+    grids = [
+        Grid("lower", block(16, 8, width=1.0, height=1.0, corner=(0.0, -1.0))),
+        Grid("upper", block(12, 8, width=1.0, height=1.0, corner=(0.0, -0.45))),
+    ]
+    fixed = [(at(1, -1.0), None), (at(1, 0.55), None)]
+    pair = "lower/top", "upper/bottom"
+    scene = Scene(grids, [pair], fixed)
+    scene.problem.newton = fm.NewtonOptions(max_iterations=1)
+    words = r"'lower/top' overlaps 'upper/bottom' by \d+\.\d facets; .* up to .* thick"
+    try:
+        scene.problem.solve()
+    except fm.NotConvergedError:
+        pass
+    scene.u.x.array[:] = 0.0
+    contact = scene.contact
+    contact.evaluate(scene.u.x.array, scene.problem.equations.linearization)
+    contact.change(active=contact.covered)
+    assert re.search(words, describe_overlap(contact))
+    assert re.search(words, scene.problem.equations.diagnose())
+    (certificate,) = scene.problem.certificate().pairs
+    (said,) = (v for v in certificate.violations() if "overlap" in v)
+    assert re.search(r"at \(.*\), in facets; partners are searched up to", said)

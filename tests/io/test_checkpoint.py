@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: MIT
+"""Checkpoints: whole or not there, of this problem or refused, and all that a run depends on."""
+
+import resource
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
+from test_climbing import climbing
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.utils.files import write_whole
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 6, "n_lower": 9, "layers_upper": 3, "layers_lower": 3}
+
+
+# Whole files
+
+
+def test_a_file_is_replaced_when_it_is_whole(tmp_path):
+    path = tmp_path / "file.txt"
+    path.write_text("old")
+
+    def write(beside):
+        beside.write_text("half")
+        assert path.read_text() == "old" and beside.suffix == path.suffix
+        raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        write_whole(path, write)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+    write_whole(path, lambda beside: beside.write_text("new"))
+    assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.serial
+def test_a_full_disk_leaves_the_last_checkpoint(tmp_path):
+    """Files may be as long as half of what is to be written."""
+    scene = pressed_blocks(**MESH)
+    scene.loads["push"].value[1] = -0.02
+    scene.problem.solve()
+    fm.save_state(scene.problem, tmp_path / "state")
+    kept, u = (tmp_path / "state.npz").read_bytes(), scene.u.x.array.copy()
+    scene.loads["push"].value[1] = -0.04
+    scene.problem.solve()
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(kept) // 2, limit[1]))
+    try:
+        with pytest.raises(fm.MortarError, match=r"cannot write '.*state.npz'"):
+            fm.save_state(scene.problem, tmp_path / "state")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert (tmp_path / "state.npz").read_bytes() == kept
+    fm.load_state(scene.problem, tmp_path / "state")
+    assert np.array_equal(scene.u.x.array, u)
+
+
+@pytest.mark.serial
+def test_a_full_disk_leaves_the_list_of_steps(tmp_path):
+    scene = pressed_blocks(**MESH)
+    with fm.ResultsWriter(tmp_path / "blocks", scene.problem) as results:
+        for time in range(20):
+            results.write(time)
+        index = (tmp_path / "blocks.pvd").read_bytes()
+        limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(index) // 2, limit[1]))
+        try:
+            with pytest.raises(fm.MortarError, match="cannot write"):
+                results._bulk.write(20.0, _Nothing)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert (tmp_path / "blocks.pvd").read_bytes() == index
+
+
+class _Nothing:
+    """A piece that takes no room."""
+
+    def write(self, path):
+        path.write_text("")
+
+
+# Of this problem
+
+
+def altered(shared_path, change):
+    """A checkpoint with some arrays changed, and a problem like the one that wrote it."""
+    fm.save_state(pressed_blocks(**MESH).problem, shared_path / "state")
+    if comm.rank == 0:
+        with np.load(shared_path / "state.npz") as arrays:
+            data = dict(arrays)
+        change(data)
+        np.savez(shared_path / "state.npz", **data)
+    comm.barrier()
+    return pressed_blocks(**MESH).problem
+
+
+@pytest.mark.parametrize(
+    "name", ["u", "nodes", "x", "cells", "pairs", "places", "z0", "active0", "c_n0", "offset0"]
+)
+@pytest.mark.parametrize("what", ["missing", "short"])
+def test_an_array_that_is_missing_or_short_is_refused_by_all_ranks(shared_path, name, what):
+    def change(data):
+        array = data.pop(name)
+        if what == "short":
+            data[name] = array.ravel()[: array.size // 2] if array.ndim else np.empty(0)
+
+    if name == "places" and what == "short":
+        return  # there are no obstacles
+    problem = altered(shared_path, change)
+    u = problem.equations.bulk.u.x.array.copy()
+    with pytest.raises(fm.MortarError, match=f"'{name}'" if what == "missing" else "other|missing"):
+        fm.load_state(problem, shared_path / "state")
+    assert np.array_equal(problem.equations.bulk.u.x.array, u)
+
+
+def test_numbers_that_are_not_finite_are_refused(shared_path):
+    def change(data):
+        data["z0"][0] = np.nan
+
+    with pytest.raises(fm.MortarError, match="'z0' is not finite"):
+        fm.load_state(altered(shared_path, change), shared_path / "state")
+
+
+@pytest.mark.parametrize(
+    "mesh, message",
+    [
+        ({"width_upper": 1.01}, "away in it"),
+        ({"height_lower": 1.01}, "away in it"),
+    ],
+)
+def test_a_mesh_with_as_many_nodes_in_other_places_is_refused(shared_path, mesh, message):
+    fm.save_state(pressed_blocks(**MESH).problem, shared_path / "state")
+    with pytest.raises(fm.MortarError, match=message):
+        fm.load_state(pressed_blocks(**MESH, **mesh).problem, shared_path / "state")
+
+
+def test_cells_that_join_other_nodes_are_refused(shared_path):
+    def change(data):
+        data["cells"] = data["cells"][::-1]
+
+    with pytest.raises(fm.MortarError, match="its cells have other nodes"):
+        fm.load_state(altered(shared_path, change), shared_path / "state")
+
+
+# All that a run depends on
+
+
+def test_weight_of_gaps_and_offsets_are_kept(shared_path):
+    scene = pressed_blocks(**MESH)
+    scene.contact.c_n = 1e-3  # as after a cycle of sets
+    scene.contact.offset = np.linspace(0.0, 0.01, scene.contact.slave.num_nodes)
+    scene.loads["push"].value[1] = -0.02
+    scene.problem.solve()
+    fm.save_state(scene.problem, shared_path / "state")
+    again = pressed_blocks(**MESH)
+    fm.load_state(again.problem, shared_path / "state")
+    assert again.contact.c_n == 1e-3
+    assert np.array_equal(again.contact.offset, scene.contact.offset)
+    for one in (scene, again):
+        one.loads["push"].value[:] = (0.02, -0.04)
+    residuals = [one.problem.solve().residuals for one in (scene, again)]
+    assert residuals[0] == pytest.approx(residuals[1], rel=1e-6)
+    u, w = nodal(scene.problem), nodal(again.problem)
+    assert np.abs(u - w).max() < 1e-14
+
+
+@pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
+@pytest.mark.parametrize(
+    "check",
+    [
+        {"tolerance": 0.05},  # linear strain and small sliding is enough
+        {"tolerance": 0.02, "discretisation": 0.02},  # not for the second step
+        {"tolerance": 1e-6, "discretisation": 1e-6},  # never
+    ],
+)
+def test_restart_of_a_climb_is_the_uninterrupted_run(shared_path, law, check):
+    """The same models are tried, and slip counts from what those that were enough have faced."""
+    path = [(0.0, -0.02), (0.05, -0.03), (0.1, -0.05), (0.15, -0.05)]
+    whole, push, steps = climbing(law, **check)
+    for load in path[:2]:
+        push[:] = load
+        whole.solve()
+    fm.save_state(whole, shared_path / "state")
+    again, same_push, same_steps = climbing(law, **check)
+    fm.load_state(again, shared_path / "state")
+    del steps[:], same_steps[:]
+    for load in path[2:]:
+        push[:] = same_push[:] = load
+        reports = whole.solve(), again.solve()
+        assumptions = [[a.name for a in report.adequacy.assumptions] for report in reports]
+        assert assumptions[0] == assumptions[1]
+        assert reports[0].num_iterations == reports[1].num_iterations
+        assert len(steps) == len(same_steps)
+        u, w = nodal(whole), nodal(again)
+        assert np.abs(u - w).max() < 1e-14  # rounding
+        z, w = whole.equations.contacts[0].z, again.equations.contacts[0].z
+        assert np.abs(z - w).max() < 1e-12 * np.abs(z).max()
+
+
+def on_a_circle(x):
+    """A block fixed at its top, with small sliding on a circle that was moved before the set-up."""
+    blocks = pressed_blocks(**MESH)
+    u = fem.Function(blocks.u.function_space)
+    circle = fm.Circle((1.1, -1.0), 2.02)
+    circle.move(x=x)
+    pair = fm.ContactPair(blocks.data, "upper/bottom", circle, sliding="small")
+    names = ("upper/top", "lower/bottom")
+    bcs = [fm.dirichlet(u.function_space, blocks.data, name, (0.0, 0.0)) for name in names]
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    options = {"bcs": bcs, "petsc_options_prefix": "test_", "newton": TIGHT}
+    return fm.ContactProblem(residual, u, [pair], **options), circle
+
+
+def test_small_sliding_goes_on_by_the_operators_that_it_began_with(shared_path):
+    """Those of the obstacle where it was when the first run was set up."""
+    problem, circle = on_a_circle(0.0)
+    problem.solve()
+    fm.save_state(problem, shared_path / "state")
+    again, moved = on_a_circle(0.3)
+    fm.load_state(again, shared_path / "state")
+    for obstacle in (circle, moved):
+        obstacle.move(x=0.1, y=0.01)
+    problem.solve()
+    again.solve()
+    z, w = problem.equations.contacts[0].z, again.equations.contacts[0].z
+    assert np.abs(z).max() > 0.1 and np.abs(z - w).max() < 1e-11 * np.abs(z).max()  # Newton's

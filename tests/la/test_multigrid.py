@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: MIT
+"""The iterative solver: results of the direct one, iterations that do not grow with the mesh."""
+
+from itertools import pairwise
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import gmsh
+import numpy as np
+import pytest
+from scenes import linear_elastic, neo_hookean, nodal, pair_options, pressed_blocks, read
+from test_obstacles import block_under
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.la.multigrid import TouchingBodies
+from fenics_mortar.la.options import ITERATIVE
+from meshes import half_cylinder_on_block, two_blocks
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 5, "layers_lower": 5}
+ROUGH = {"basis": "standard", "law": fm.Coulomb(0.3)}
+
+
+def largest(values):
+    return comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize(
+    "degree, pair",
+    [(1, {}), (2, {}), (1, {"basis": "standard"}), (2, {"basis": "standard"}), (1, ROUGH)],
+)
+def test_results_are_those_of_the_direct_solver(slave, degree, pair):
+    """A corner of the upper block lies beyond the edge of the lower one."""
+    u, z, iterations = [], [], []
+    for solver in ("direct", "iterative"):
+        options = {"solver": solver, "newton": fm.NewtonOptions()}
+        scene = pressed_blocks(
+            slave=slave, degree=degree, pair=pair, problem=options, offset=1.4, **MESH
+        )
+        for push in ((0.02, -0.05), (0.08, -0.1)):
+            scene.loads["push"].value[:] = push
+            iterations.append(scene.problem.solve().num_iterations)
+        u.append(nodal(scene.problem))
+        z.append(scene.contact.z)
+    assert iterations[:2] == iterations[2:]
+    assert largest(u[0] - u[1]) < 1e-8 * largest(u[0])
+    assert largest(z[0] - z[1]) < 1e-8 * largest(z[0])
+
+
+def pressed(k, upper, lower, inclination, basis="dual"):
+    """Linear iterations for eight digits, mean of three; k facets to the length of the slave."""
+    mesh = {"n_upper": k, "n_lower": 2 * k, "layers_upper": k, "layers_lower": k}
+    data = read(two_blocks.build, inclination=np.radians(inclination), **mesh)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": 2})
+    residual = sum(
+        E * ufl.inner(linear_elastic(u, 1.0, 0.3), ufl.grad(v)) * dx(data.bodies[name])
+        for name, E in (("upper", upper), ("lower", lower))
+    )
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", **pair_options(basis=basis))
+    problem = fm.ContactProblem(
+        residual, u, [pair],
+        bcs=[
+            fm.dirichlet(V, data, "lower/bottom", np.zeros(2)),
+            fm.dirichlet(V, data, "upper/top", np.array([0.01, -0.01])),
+        ],
+        petsc_options_prefix="test_", solver="iterative", linear_bulk=False,
+    )  # fmt: skip
+    left, count, digits = [], 0, 0.0
+    problem.equations.system.ksp.setMonitor(lambda ksp, iteration, residual: left.append(residual))
+    problem.equations.evaluate(start=True)
+    for _ in range(3):
+        left.clear()
+        problem.equations.advance()
+        problem.equations.evaluate(start=False)
+        count, digits = count + len(left) - 1, digits + np.log10(left[0] / left[-1])
+    return 8.0 * count / digits
+
+
+@pytest.mark.parametrize(
+    "upper, lower, inclination, basis",
+    [
+        (1, 1, 0.0, "dual"),
+        (1, 1000, 0.0, "dual"),
+        (1000, 1, 0.0, "standard"),
+        (1, 1, 20.0, "standard"),
+        (1000, 1, 20.0, "dual"),
+    ],
+)
+def test_iterations_do_not_grow_with_the_mesh(upper, lower, inclination, basis):
+    """By a fifth at the most each time that the mesh is refined, whichever body is the stiffer."""
+    counts = [pressed(k, upper, lower, inclination, basis) for k in (8, 16, 32)]
+    assert max(counts) <= 12.5
+    assert all(fine <= 1.2 * coarse for coarse, fine in pairwise(counts))
+
+
+@pytest.mark.skipif(comm.size == 1, reason="on one rank PETSc has no such algorithm")
+def test_components_are_coarsened_apart_also_after_products_of_large_matrices():
+    """On several ranks PETSc multiplies them by an algorithm that forgets the block size."""
+    name, counts = "mattransposematmult_via", []
+    for algorithm in ("nonscalable", "scalable"):
+        PETSc.Options().setValue(name, algorithm)
+        counts.append(pressed(16, 1, 1, 0.0))
+        PETSc.Options().delValue(name)
+    assert counts[0] == pytest.approx(counts[1], rel=0.1)  # rounding costs 4 %, else 100 %
+
+
+def refined_cylinder(refinements):
+    """A half cylinder on a block, all cells halved so many times."""
+    model = half_cylinder_on_block.build(
+        radius=8.0, width=48.0, height=24.0, h=0.16, fine=1.0, growth=0.2
+    )
+    for _ in range(refinements):
+        gmsh.model.mesh.refine()
+    return model
+
+
+def pressed_cylinder(refinements, cylinder, block):
+    """Linear iterations for eight digits, mean of all, while a half cylinder sinks into a block."""
+    data = read(refined_cylinder, refinements=refinements)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.dx(subdomain_data=data.cell_tags, metadata={"quadrature_degree": 1})
+    residual = sum(
+        E * ufl.inner(neo_hookean(u, 1.0, 0.3), ufl.grad(v)) * dx(data.bodies[name])
+        for name, E in (("cylinder", cylinder), ("block", block))
+    )
+    push = fem.Constant(data.mesh, (0.0, 0.0))
+    problem = fm.ContactProblem(
+        residual, u, [fm.ContactPair(data, "cylinder/arc", "block/top")],
+        bcs=[
+            fm.dirichlet(V, data, "block/bottom", np.zeros(2)),
+            fm.dirichlet(V, data, "cylinder/top", push),
+        ],
+        petsc_options_prefix="test_", solver="iterative",
+    )  # fmt: skip
+    seen = []
+    problem.equations.system.ksp.setMonitor(lambda ksp, *now: seen.append(now))
+    for depth in (0.05, 0.15):
+        push.value[1] = -depth
+        problem.solve()
+    iteration, left = np.array(seen).T
+    first = np.flatnonzero(iteration == 0)
+    last = np.append(first[1:], iteration.size) - 1
+    return 8.0 * iteration[last].sum() / np.log10(left[first] / left[last]).sum()
+
+
+@pytest.mark.parametrize(
+    "cylinder, block, most",
+    [
+        (1, 1, 13),
+        *(
+            pytest.param(*each, marks=pytest.mark.serial)
+            for each in ((1000, 1, 11.5), (1, 1000, 13))
+        ),
+    ],
+)
+def test_iterations_do_not_grow_where_the_contact_is_curved(cylinder, block, most):
+    """From nothing, so that the active set moves all the time: by a fifth at the most, too.
+
+    On several ranks rounding scatters the counts by 4 % from run to run.
+    """
+    coarse, fine = (pressed_cylinder(refinements, cylinder, block) for refinements in range(2))
+    assert max(coarse, fine) <= most
+    assert fine <= 1.2 * coarse
+
+
+@pytest.mark.parametrize("options", [{"solver": "iterative"}, {"linear_bulk": True}])
+def test_rigid_obstacle_is_pressed_into_a_block(options):
+    """An obstacle has no dofs: there is nothing that the nodes upon it would follow."""
+    results = []
+    for choice in ({"linear_bulk": False}, options):
+        circle = fm.Circle((0.5, 2.02), 1.0)
+        problem = block_under(circle, material=linear_elastic, **choice)
+        for step in range(1, 4):
+            circle.move(x=0.01 * step, y=-0.02 * step)
+            report = problem.solve()
+            assert not any("reduced iteration" in note for note in report.notes)
+        results.append((nodal(problem), problem.equations.contacts[0].z, report))
+    (u, z, one), (w, y, other) = results
+    assert one.num_iterations == other.num_iterations
+    assert largest(u - w) < 1e-8 * largest(u) and largest(z - y) < 1e-8 * largest(z)
+    assert largest(z) > 0.0
+
+
+def test_what_it_cannot_do_is_said():
+    with pytest.raises(ValueError, match="expected one of auto, direct, iterative"):
+        pressed_blocks(problem={"solver": "guess"}, **MESH)
+
+
+def solver_of(problem):
+    return {"gmres": "iterative", "preonly": "direct"}[problem.equations.system.ksp.getType()]
+
+
+@pytest.mark.parametrize(
+    "many, options, expected",
+    [
+        (0, {}, "iterative"),
+        (10**9, {}, "direct"),
+        (0, {"solver": "direct"}, "direct"),
+        (0, {"algorithm": "saddle"}, "iterative"),
+        (0, {"petsc_options": {"pc_type": "lu"}}, "direct"),
+        (0, {"material": linear_elastic}, "direct"),
+        (0, {"material": linear_elastic, "linear_bulk": False}, "iterative"),
+        (0, {"pair": {"basis": "standard"}}, "iterative"),
+    ],
+)
+def test_size_and_system_decide_how_to_solve(monkeypatch, many, options, expected):
+    monkeypatch.setattr("fenics_mortar.la.choice.MANY", many)
+    scene = {name: options[name] for name in ("material", "pair") if name in options}
+    problem = {name: value for name, value in options.items() if name not in scene}
+    assert solver_of(pressed_blocks(problem=problem, **scene, **MESH).problem) == expected
+
+
+def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypatch):
+    options = {"newton": fm.NewtonOptions()}
+    u, reports = [], []
+    for many in (10**9, 0):
+        monkeypatch.setattr("fenics_mortar.la.choice.MANY", many)
+        monkeypatch.setitem(ITERATIVE, "ksp_max_it", 1)
+        scene = pressed_blocks(problem=options, **MESH)
+        for push in (-0.05, -0.1):
+            scene.loads["push"].value[1] = push
+            reports.append(scene.problem.solve())
+        u.append(nodal(scene.problem))
+    told = [any("iterative solver failed" in note for note in r.notes) for r in reports]
+    assert told == [False, False, True, False]
+    assert largest(u[0] - u[1]) < 1e-12 * largest(u[0])
+    with pytest.raises(fm.NotConvergedError, match="linear system was not solved"):
+        scene = pressed_blocks(problem={"solver": "iterative"}, **MESH)
+        scene.loads["push"].value[1] = -0.05
+        scene.problem.solve()
+
+
+def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monkeypatch):
+    """PETSc knows no such factors: an error, not a solve that diverged."""
+    monkeypatch.setattr("fenics_mortar.la.choice.MANY", 0)
+    monkeypatch.setitem(ITERATIVE, "strip_redundant_pc_factor_mat_solver_type", "nobody")
+    scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
+    scene.loads["push"].value[1] = -0.05
+    report = scene.problem.solve()
+    assert solver_of(scene.problem) == "direct"
+    assert any("iterative solver failed: PETSc's error" in note for note in report.notes)
+    scene = pressed_blocks(problem={"solver": "iterative"}, **MESH)
+    scene.loads["push"].value[1] = -0.05
+    with pytest.raises(fm.NotConvergedError, match="linear system was not solved.*PETSc's error"):
+        scene.problem.solve()
+
+
+def test_an_error_of_petsc_in_an_iteration_leaves_nothing_locked(monkeypatch):
+    """Right-hand side and matrix are filled anew afterwards."""
+
+    def fail(*_):
+        raise PETSc.Error(76)
+
+    monkeypatch.setattr("fenics_mortar.la.choice.MANY", 0)
+    monkeypatch.setattr(TouchingBodies, "apply", fail)
+    scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
+    scene.loads["push"].value[1] = -0.05
+    report = scene.problem.solve()
+    assert solver_of(scene.problem) == "direct"
+    assert any("iterative solver failed: PETSc's error" in note for note in report.notes)
+    assert report.num_iterations > 1

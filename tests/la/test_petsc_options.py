@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: MIT
+"""Options of PETSc: read, told where they are misspelt, refused in words."""
+
+import subprocess
+import sys
+
+from petsc4py import PETSc
+
+import pytest
+from refusal import refused
+from scenes import linear_elastic, pressed_blocks
+from small_scenes import small_blocks
+
+import fenics_mortar as fm
+
+
+def solved_with(options, **more):
+    scene = small_blocks(problem={"petsc_options": options, **more})
+    scene.loads["push"].value[1] = -0.02
+    return scene.problem
+
+
+def test_misspelt_option_of_petsc_is_told_once():
+    problem = solved_with({"ksp_rtoll": 1e-3, "mat_mumps_icntl_7": 2})
+    words = "did not use the option 'test_ksp_rtoll': misspelt"
+    assert sum(words in note for note in problem.solve().notes) == 1
+    assert not any("did not use" in note for note in problem.solve().notes)
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_misspelt_option_is_told_where_the_linear_bulk_is_factored_once(sliding):
+    """The solver of the whole system never runs there."""
+    options = {"ksp_rtoll": 1e-3, "ksp_type": "preonly"}
+    on_line = PETSc.Options("test_")
+    on_line["compliance_mat_mumps_icntl_144"] = 1
+    try:
+        scene = pressed_blocks(
+            material=linear_elastic, pair={"sliding": sliding},
+            problem={"petsc_options": options, "linear_bulk": True},
+        )  # fmt: skip
+        scene.loads["push"].value[1] = -0.02
+        notes = scene.problem.solve().notes
+    finally:
+        on_line.delValue("compliance_mat_mumps_icntl_144")
+    names = "'test_compliance_mat_mumps_icntl_144', 'test_ksp_rtoll': misspelt"
+    assert sum(f"did not use the option {names}" in note for note in notes) == 1
+    assert not any("did not use" in note for note in scene.problem.solve().notes)
+
+
+def test_options_that_petsc_uses_are_not_told_of():
+    problem = solved_with({"ksp_type": "gmres", "ksp_rtol": 1e-9, "pc_type": "lu"})
+    assert not any("PETSc" in note for note in problem.solve().notes)
+    problem = solved_with({"ksp_rtol": 1e-9}, solver="iterative")
+    assert not any("PETSc" in note for note in problem.solve().notes)
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"ksp_type": "gmress"}, "KSP type gmress"),
+        ({"ksp_type": "gmres", "ksp_rtol": "tiny"}, "tiny has no numeric"),
+    ],
+)
+def test_value_that_petsc_refuses_is_told_in_words(options, words):
+    with refused(fm.MortarError, f"PETSc rejected an option 'test_...': .*{words}"):
+        solved_with(options)
+
+
+def test_linear_solver_that_stops_too_early_is_not_called_singular():
+    problem = solved_with({"ksp_type": "gmres", "pc_type": "jacobi", "ksp_rtol": 1e-3})
+    words = (
+        r"stopped too early: PETSc's reason 2 \(CONVERGED_RTOL\), reduce the tolerance .*ksp_rtol"
+    )
+    with refused(fm.NotConvergedError, f"^(?!.*singular).*{words}"):
+        problem.solve()
+
+
+def test_linear_solver_that_does_not_converge_is_not_called_singular():
+    problem = solved_with({"ksp_type": "gmres", "pc_type": "jacobi", "ksp_max_it": 3})
+    words = r"did not converge: PETSc's reason -3 \(DIVERGED_MAX_IT\)"
+    with refused(fm.NotConvergedError, f"^(?!.*singular).*{words}"):
+        problem.solve()
+
+
+SCRIPT = """
+import sys
+import petsc4py
+petsc4py.init(sys.argv)
+from test_petsc_options import solved_with
+problem = solved_with({})
+report = problem.solve()
+print(problem.equations.system.ksp.getType(), *report.notes)
+"""
+
+
+@pytest.mark.serial
+def test_options_of_the_command_line_are_read():
+    given = ["-test_ksp_type", "gmres", "-test_ksp_rtoll", "1e-3"]
+    code = f"import sys; sys.path[:0] = {sys.path!r}\n{SCRIPT}"
+    run = subprocess.run(
+        [sys.executable, "-c", code, *given], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.startswith("gmres")
+    assert "did not use the option 'test_ksp_rtoll'" in run.stdout

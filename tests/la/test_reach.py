@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: MIT
+"""Room in the pattern of the system: enough for sliding, made again where contact goes further."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from scenes import internal, neo_hookean, pressed_blocks, read
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.bulk.residual import MAX_GROWTHS
+from fenics_mortar.la.reach import MARGIN, Reach
+from meshes import half_cylinder_on_block
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 8, "n_lower": 40, "layers_upper": 2, "layers_lower": 2, "width_lower": 4.0}
+MASTER_FACET = 0.1
+
+
+def entries(scene):
+    return scene.problem.equations.system.matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
+
+
+def slide(scene, facets):
+    scene.loads["push"].value[0] += facets * MASTER_FACET
+    assert scene.problem.solve().converged
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_pattern_stays_while_contact_slides_over_fewer_facets_than_the_margin(degree, algorithm):
+    scene = pressed_blocks(degree=degree, problem={"algorithm": algorithm}, **MESH)
+    scene.loads["push"].value[1] = -0.01
+    scene.problem.solve()
+    before, matrix = entries(scene), scene.problem.equations.system.matrix
+    for _ in range(3):
+        slide(scene, 0.3 * MARGIN)
+        assert entries(scene) == before and scene.problem.equations.system.matrix is matrix
+    slide(scene, 0.5 * MARGIN)
+    assert entries(scene) > before
+
+
+def test_zeros_that_contact_left_behind_go():
+    scene = pressed_blocks(**MESH)
+    scene.loads["push"].value[:] = (-1.2, -0.01)
+    scene.problem.solve()
+    matrices, sizes = scene.problem.equations.bulk.num_patterns, []
+    for _ in range(2 * MAX_GROWTHS):
+        slide(scene, 0.6 * MARGIN)
+        sizes.append(entries(scene))
+    assert scene.problem.equations.bulk.num_patterns == matrices + 1
+    assert np.diff(sizes).min() < 0.0 and sizes[-1] < 1.2 * sizes[0]
+
+
+def test_pattern_stays_where_other_nodes_come_to_carry_multipliers():
+    """A short block slides along a long one, the slave: by facets, others are covered each step."""
+    scene = pressed_blocks(slave="lower", **MESH)
+    scene.loads["push"].value[1] = -0.01
+    scene.problem.solve()
+    before, matrix = entries(scene), scene.problem.equations.system.matrix
+    carry = scene.contact.multiplier_nodes
+    for _ in range(3):
+        slide(scene, 0.3 * MARGIN)
+        assert entries(scene) == before and scene.problem.equations.system.matrix is matrix
+    assert (scene.contact.multiplier_nodes != carry).any()
+
+
+def pressed_cylinder(degree, algorithm):
+    """A half cylinder on a block that it touches, and what moves its flat side."""
+    h = 0.2 * degree
+    data = read(
+        half_cylinder_on_block.build, radius=8.0, width=12.0, height=12.0, h=h, fine=1.0, growth=0.2
+    )
+    V = fm.vector_space(data.mesh, degree)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [
+        fm.dirichlet(V, data, "block/bottom", np.zeros(2)),
+        fm.dirichlet(V, data, "cylinder/top", push),
+    ]
+    pair = fm.ContactPair(data, "cylinder/arc", "block/top")
+    residual, options = internal(u, neo_hookean(u, 100.0, 0.3)), {"algorithm": algorithm}
+    problem = fm.ContactProblem(
+        residual, u, [pair], bcs=bcs, petsc_options_prefix="test_", **options
+    )
+    return problem, push
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_pattern_is_made_once_while_contact_grows(degree, algorithm, monkeypatch):
+    """Where it is open the arc turns: it meets other facets, and comes to the block's ends."""
+    problem, push = pressed_cylinder(degree, algorithm)
+    made, make_room = [], type(problem.equations.system)._make_room
+    monkeypatch.setattr(
+        type(problem.equations.system), "_make_room", lambda *args: made.append(make_room(*args))
+    )
+    num_active = []
+    for depth in (0.1, 0.4, 0.9):
+        push.value[1] = -depth
+        assert problem.solve().converged
+        num_active.append(problem.equations.contacts[0].active.sum())
+    assert num_active[-1] > 2 * num_active[0]
+    assert len(made) == 1

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: MIT
+"""Few unknowns: factors without pivoting, and MUMPS where these fail."""
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from scenes import pressed_blocks
+
+from fenics_mortar.la.options import DIRECT, SMALL
+from fenics_mortar.la.solver import LinearSolver
+from fenics_mortar.utils.errors import MortarError
+
+pytestmark = pytest.mark.serial
+MESH = {"n_upper": 4, "n_lower": 5, "layers_upper": 2, "layers_lower": 2}
+
+
+def solver_of(**options):
+    scene = pressed_blocks(problem=options, **MESH)
+    return scene.problem.equations.system.ksp.getPC().getFactorSolverType()
+
+
+def test_few_unknowns_are_factored_without_pivoting():
+    assert solver_of(algorithm="condensed") == "petsc"
+
+
+@pytest.mark.parametrize(
+    "options", [{"algorithm": "saddle"}, {"petsc_options": {"mat_mumps_icntl_14": 80}}]
+)
+def test_saddle_points_and_chosen_options_are_for_mumps(options):
+    assert solver_of(**options) == "mumps"
+
+
+def solver(options, *, may_factor=True):
+    made = LinearSolver(MPI.COMM_SELF, "few_", options, lambda: None)
+    made.may_factor = may_factor
+    return made
+
+
+def matrix(values):
+    rows = np.arange(0, values.size + 1, values.shape[1], dtype=PETSc.IntType)
+    columns = np.tile(np.arange(values.shape[1], dtype=PETSc.IntType), len(values))
+    return PETSc.Mat().createAIJ(
+        values.shape, csr=(rows, columns, values.ravel()), comm=MPI.COMM_SELF
+    )
+
+
+@pytest.mark.parametrize("corner", [0.0, 1e-25], ids=["zero", "growing"])
+@pytest.mark.parametrize("transpose", [False, True])
+def test_pivots_that_fail_are_left_to_mumps(corner, transpose):
+    A = np.array([[corner, 1.0, 2.0], [3.0, corner, 4.0], [5.0, 6.0, corner]])
+    b, few = np.array([1.0, 2.0, 3.0]), solver(SMALL)
+    x = few.solve(matrix(A), b, transpose=transpose)
+    assert np.allclose((A.T if transpose else A) @ x, b, rtol=1e-12)
+    assert "without pivoting failed" in few.remark and "MUMPS" in few.remark
+    assert few.ksp.getPC().getFactorSolverType() == DIRECT["pc_factor_mat_solver_type"]
+
+
+def test_a_singular_matrix_is_refused_by_both():
+    with pytest.raises(MortarError, match="singular"):
+        solver(SMALL).solve(matrix(np.ones((3, 3))), np.array([1.0, 2.0, 3.0]))
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
+def test_pivots_have_no_unit(unit):
+    A, b = np.diag([2.0, 3.0, 4.0]) + 0.1, np.array([1.0, 2.0, 3.0])
+    few = solver(SMALL, may_factor=False)
+    x = few.solve(matrix(1e-12 * unit * A), b)
+    assert np.allclose(1e-12 * unit * A @ x, b, rtol=1e-13)
+    assert not few.remark

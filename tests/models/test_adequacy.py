@@ -1,0 +1,327 @@
+# SPDX-License-Identifier: MIT
+"""Was the model rich enough? Estimates beside true errors, and what a check leaves behind."""
+
+import numpy as np
+import pytest
+from adequacy_scenes import MESH, blocks
+from scenes import internal, linear_elastic, neo_hookean, nodal, pressed_blocks, read, rotation
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.contact.laws import Stick
+from fenics_mortar.models.model_error import (
+    ENERGY,
+    PEAK,
+    QUANTITIES,
+    Snapshot,
+    differences,
+    estimate_wider,
+    largest_strain,
+    shear_demand,
+    strained,
+)
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block, sector
+
+RUNGS = [("linear", "finite"), ("finite", "small"), ("linear", "small")]
+
+
+@pytest.mark.parametrize("strain, sliding", RUNGS)
+@pytest.mark.parametrize("push", [(0.0, -0.02), (0.0, -0.15), (0.1, -0.1)])
+def test_estimates_are_within_a_factor_of_the_true_error(push, strain, sliding):
+    """One Newton step is right to first order; at strains of 15 % the rest is below a half."""
+    problem, report = blocks(push, strain=strain, sliding=sliding)
+    full, _ = blocks(push, strain="finite")
+    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
+    found = report.adequacy.assumptions[-1].errors
+    for name in QUANTITIES:
+        if true[name] > 1e-5:  # below, the cheap model is as good as rounding of other kinds
+            assert true[name] / 2.0 < found[name] < 2.0 * true[name], (name, true, found)
+    assert true[ENERGY] > 1e-5
+
+
+def test_a_check_leaves_the_state_and_later_steps_as_they_are():
+    problem, _ = blocks((0.05, -0.1), sliding="small")
+    alone, _ = blocks((0.05, -0.1), sliding="small")
+    alone._adequacy = None
+    before = problem.state()
+    problem._adequacy.assess(problem)
+    after = problem.state()
+    assert np.array_equal(before.u, after.u) and np.array_equal(
+        before.interfaces[0].z, after.interfaces[0].z
+    )
+    assert np.array_equal(before.interfaces[0].active, after.interfaces[0].active)
+    assert problem.equations.contacts[0].operators.linearization.frozen
+    one, other = problem.solve(), alone.solve()
+    assert other.adequacy is None and one.num_iterations == other.num_iterations
+    u, w = nodal(problem), nodal(alone)
+    assert np.abs(u - w).max() < 1e-10 * np.abs(u).max()  # MUMPS on ranks rounds as it likes
+
+
+def test_the_table_says_enough_and_not_enough():
+    """One row per assumption and their sum; slip and rotation are what the scene makes."""
+    _, report = blocks((0.1, -0.1), sliding="small")
+    adequacy = report.adequacy
+    names = [assumption.name for assumption in adequacy.assumptions]
+    assert names == ["linear strain", "small sliding", "linear strain and small sliding"]
+    assert [adequacy.verdict(a) for a in adequacy.assumptions] == ["not enough"] * 3
+    assert not adequacy.suffices and "not enough" in str(adequacy) and "facets" in str(adequacy)
+    _, report = blocks((0.0, -0.001), sliding="small")
+    assert report.adequacy.suffices
+    _, report = blocks((0.1, -0.1), sliding="small", discretisation=0.5)
+    assert report.adequacy.verdict(report.adequacy.assumptions[1]) == "refine the mesh first"
+
+
+def test_the_full_model_assumes_nothing():
+    _, report = blocks((0.0, -0.05), strain="finite")
+    assert report.adequacy.assumptions == [] and report.adequacy.suffices
+
+
+@pytest.mark.parametrize("ratio, verdict", [(None, "unknown"), (0.001, "enough"), (0.5, "not en")])
+def test_rigid_obstacles_follow_the_rule_of_stiffness(ratio, verdict):
+    scene = pressed_blocks(**MESH)
+    u = fem.Function(scene.u.function_space)
+    plane = fm.Plane((0.0, 0.99), (0.0, 1.0))
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u,
+        [fm.ContactPair(scene.data, "upper/bottom", plane)],
+        bcs=scene.problem.equations.bulk.bcs, petsc_options_prefix="test_",
+        adequacy=fm.AdequacyCheck(stiffness_ratio=ratio),
+    )  # fmt: skip
+    scene.loads["push"].value[1] = -0.05
+    adequacy = problem.solve().adequacy
+    (assumption,) = adequacy.assumptions
+    assert adequacy.verdict(assumption).startswith(verdict)
+    assert adequacy.suffices == (verdict == "enough")
+
+
+SOFT = Grid("soft", block(12, 5, width=1.0, height=0.5))
+TOOL = block(16, 6, width=1.6, height=0.8, corner=(-0.3, -0.8))
+STIFFER = 20.0
+
+
+def soft_on(tool, *, angle=0.0):
+    """A soft block on a stiffer one, both as meshes, or on a plane that was made turned."""
+    turn = rotation(angle)
+    shape = Grid("tool", TOOL @ turn.T)
+    grids = [SOFT, shape] if tool == "meshed" else [SOFT]
+    data, alone = (read(lambda g=g: mapped_grids.build(g)) for g in (grids, [shape]))
+    u, w = (fem.Function(fm.vector_space(d.mesh, 1)) for d in (data, alone))
+    dx, v = ufl.dx(subdomain_data=data.cell_tags), ufl.TestFunction(u.function_space)
+    residual = sum(
+        ufl.inner(neo_hookean(u, E, 0.3), ufl.grad(v)) * dx(data.bodies[name])
+        for name, E in (("soft", 100.0), ("tool", 100.0 * STIFFER)) if name in data.bodies
+    )  # fmt: skip
+    rise = np.array([0.02, 0.03])
+    plane = fm.Plane((0.0, 0.0), turn @ [0.0, 1.0])
+    plane.move(x=rise[0], y=rise[1], angle=-angle)
+    fixed = [fm.dirichlet(u.function_space, data, "soft/top", (0.0, 0.0))]
+    if tool == "meshed":
+        fixed.append(fm.dirichlet(u.function_space, data, "tool/bottom", rise))
+    pair = fm.ContactPair(data, "soft/bottom", "tool/top" if tool == "meshed" else plane)
+    problem = fm.ContactProblem(residual, u, [pair], bcs=fixed, petsc_options_prefix="test_")
+    problem.solve()
+    elastic = internal(w, linear_elastic(w, 100.0 * STIFFER, 0.3))
+    grip = [fm.dirichlet(w.function_space, alone, "tool/bottom", (0.0, 0.0))]
+    return problem, lambda bcs=grip: fm.ElasticObstacle(
+        plane, elastic, w, alone, "tool/top", bcs=bcs
+    )
+
+
+def test_a_meshed_tool_says_what_it_is_worth_that_an_obstacle_is_rigid():
+    """Right up to second order, a tenth here, in whatever frame the tool was meshed."""
+    full, _ = soft_on("meshed")
+    found = []
+    for angle in (0.0, 0.7):
+        problem, tool = soft_on("rigid", angle=angle)
+        before, offset = problem.state(), problem.equations.contacts[0].offset
+        (assumption,) = fm.AdequacyCheck(elastic_obstacles=[tool()]).assess(problem).assumptions
+        assert np.array_equal(problem.state().u, before.u)
+        assert (
+            problem.equations.contacts[0].offset is offset and "would yield" in assumption.indicator
+        )
+        found.append(assumption.errors)
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+    other, (nodes, u) = Snapshot.of(full), full.equations.bulk.by_input_node()
+    here = Snapshot.of(problem)
+    problem.equations.bulk.set_by_input_node(
+        nodes[: SOFT.x[:, :, 0].size], u[: SOFT.x[:, :, 0].size]
+    )
+    other.u = problem.equations.bulk.u.x.array[: problem.equations.bulk.num_owned].copy()
+    true = differences(problem, here, other)
+    for name in QUANTITIES:
+        assert 0.85 < found[0][name] / true[name] < 1.15, (name, true, found[0])
+
+
+def ring_on(tool, data):
+    """A quarter of a ring around a stiffer one that is too large for it, or around a circle."""
+    V = fm.vector_space(data.mesh, 1)
+    u, circle = fem.Function(V), fm.Circle((0.0, 0.0), 1.01)
+    bodies = {"meshed": ("soft", "tool"), "circle": ("soft",), "alone": ("tool",)}[tool]
+    dx, v = ufl.dx(subdomain_data=data.cell_tags), ufl.TestFunction(V)
+    forms = [
+        ufl.inner(linear_elastic(u, {"soft": 100.0, "tool": 1000.0}[name], 0.3), ufl.grad(v))
+        * dx(data.bodies[name])
+        for name in bodies
+    ]
+    sides = (("left", 1), ("right", 0))
+    bcs = [fm.dirichlet(V, data, f"{b}/{side}", 0.0, i) for b in bodies for side, i in sides]
+    if tool == "alone":
+        return lambda of: fm.ElasticObstacle(of, forms[0], u, data, "tool/bottom", bcs=bcs)
+    pair = fm.ContactPair(data, "soft/top", "tool/bottom" if tool == "meshed" else circle)
+    problem = fm.ContactProblem(sum(forms), u, [pair], bcs=bcs, petsc_options_prefix="test_")
+    problem.solve()
+    return problem
+
+
+def test_facets_of_a_meshed_tool_stand_beside_its_elasticity():
+    """Of 9 facets on a quarter circle: they are off by (pi / 18)^2 / 8 = 3.8e-3 at the most.
+
+    Both together are the difference from the meshed tool but for second order, about the square of
+    their sum: that of the overlap is 10 to 30 %.
+    """
+    quarter = (0.0, np.pi / 2)
+    soft = Grid("soft", sector(6, 4, radii=(1.0, 1.5), angles=quarter))
+    tool = Grid("tool", sector(9, 4, radii=(0.5, 1.01), angles=quarter))
+    meshes = {"circle": [soft], "meshed": [soft, tool], "alone": [tool]}
+    rigid, full, alone = (
+        ring_on(name, read(lambda g=grids: mapped_grids.build(g))) for name, grids in meshes.items()
+    )
+    (contact,) = rigid.equations.contacts
+    elastic = alone(contact.obstacle)
+    give, flatness = elastic.displacements([contact])[0], elastic.flatness([contact])[0]
+    on = contact.active
+    assert 0.5 * 3.8e-3 < flatness[on].mean() < 0.8 * 3.8e-3  # two thirds of the largest
+    found = estimate_wider(rigid, [contact], [give + flatness])
+    forces = [problem.equations.contacts[0].total_force for problem in (rigid, full)]
+    true = np.linalg.norm(forces[0] - forces[1]) / np.linalg.norm(forces[1])
+    assert 0.85 < found["total force"] / true < 1.15
+    peaks = [problem.equations.contacts[0].pressure.max() for problem in (rigid, full)]
+    assert 0.7 < found[PEAK] / (abs(peaks[0] / peaks[1] - 1)) < 1.3
+    check = fm.AdequacyCheck(1e-3, elastic_obstacles=[elastic]).assess(rigid)
+    assert check.verdict(check.assumptions[0]) == "refine the mesh first"
+    assert "facets deviate" in str(check)
+
+
+def test_a_tool_has_to_be_fixed():
+    _, tool = soft_on("rigid")
+    with pytest.raises(ValueError, match="body of plane can move"):
+        tool([])
+
+
+def test_small_sliding_on_an_obstacle_that_has_moved():
+    """A richer model is set up where the obstacle is now, and yet counts from where it was."""
+    scene = pressed_blocks(**MESH)
+    found = {}
+    for strain in ("linear", "finite"):
+        u = fem.Function(scene.u.function_space)
+        laws = {"linear": linear_elastic, "finite": neo_hookean}
+        forms = {name: internal(u, law(u, 100.0, 0.3)) for name, law in laws.items()}
+        tool = fm.Circle((1.1, -1.0), 2.0)
+        pair = fm.ContactPair(scene.data, "upper/bottom", tool, sliding="small")
+        check = fm.AdequacyCheck(finite_strain=forms["finite"], stiffness_ratio=0.001)
+        problem = fm.ContactProblem(
+            forms[strain], u, [pair], bcs=scene.problem.equations.bulk.bcs,
+            petsc_options_prefix="test_", adequacy=check if strain == "linear" else None,
+        )  # fmt: skip
+        tool.move(x=0.3, y=0.05)
+        found[strain] = problem, problem.solve().adequacy
+    problem, adequacy = found["linear"]
+    true = differences(problem, Snapshot.of(problem), Snapshot.of(found["finite"][0]))
+    errors = adequacy.assumptions[0].errors
+    assert all(0.5 < errors[name] / true[name] < 2.0 for name in QUANTITIES), (errors, true)
+
+
+def test_strain_and_rotation_of_a_known_state():
+    """A turn by 0.1 radian after a stretch by 3 %, in every cell."""
+    problem, _ = blocks((0.0, 0.0), strain="finite", solve=False)
+    turn = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
+    H = turn @ np.diag([1.03, 1.0]) - np.eye(2)
+    problem.equations.bulk.u.interpolate(lambda X: H @ X[:2])
+    assert largest_strain(problem) == pytest.approx((0.1, 0.03), rel=1e-10)
+
+
+def test_rigid_motions_of_the_bodies_are_no_strain():
+    """Both are stretched by 2 % and turned by 0.4 radian; what is left is the stretch, turned."""
+    problem, _ = blocks((0.0, 0.0), strain="finite", solve=False)
+    bulk = problem.equations.bulk
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    bulk.u.interpolate(lambda X: turn @ np.diag([1.02, 1.0]) @ X[:2] - X[:2])
+    rest = strained(problem, bulk.u.x.array[: bulk.num_owned])[bulk.space.owned_dofs] @ turn
+    X = bulk.V.tabulate_dof_coordinates()[: len(rest), 0]
+    assert rest[:, 0] == pytest.approx(0.02 * (X - 1.1), abs=1e-12)  # 1.1: the middle of both
+    assert np.abs(rest[:, 1]).max(initial=0.0) < 1e-12
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"quantity": "stress"}, "quantity='stress': expected one of energy norm"),
+        ({"tolerance": 0.0}, "tolerance=0.0: expected a positive number"),
+        ({"stiffness_ratio": -1.0}, "stiffness_ratio=-1.0: expected a positive number"),
+    ],
+)
+def test_options_are_checked(options, message):
+    with pytest.raises(ValueError, match=message):
+        fm.AdequacyCheck(**options)
+
+
+@pytest.mark.parametrize(
+    "width, push, friction, verdict",
+    [
+        (1.0, (0.0, -0.05), 0.3, "enough"),  # equal blocks: neither of the two wants to slip
+        (2.2, (0.0, -0.05), 0.01, "enough"),
+        (2.2, (0.0, -0.05), 0.3, "not enough"),
+        (2.2, (0.1, -0.1), 0.05, "not enough"),
+    ],
+)
+def test_frictionless_against_stick(width, push, friction, verdict):
+    """Stick and its demand foretell what Coulomb's law does, with a true error of the same side."""
+    found = {}
+    for law in (fm.Frictionless(), fm.Coulomb(friction)):
+        scene = pressed_blocks(**MESH, width_upper=1.0, width_lower=width, pair={"law": law})
+        scene.loads["push"].value[:] = push
+        scene.problem.solve()
+        found[type(law)] = scene.problem
+    problem, rough = found.values()
+    before = problem.state()
+    check = fm.AdequacyCheck(0.02, friction=friction)
+    (assumption,) = (adequacy := check.assess(problem)).assumptions
+    assert np.array_equal(problem.state().u, before.u)
+    assert adequacy.verdict(assumption) == verdict and "sticking needs" in assumption.indicator
+    true = differences(problem, Snapshot.of(problem), Snapshot.of(rough))
+    assert (true[ENERGY] <= 0.02) == (verdict == "enough")
+    for name in QUANTITIES:
+        assert 0.8 < assumption.errors[name] / true[name] < 1.25, (name, true, assumption.errors)
+
+
+def test_only_a_pair_whose_law_is_to_stick_asks_for_friction():
+    for law, asks in ((fm.Coulomb(0.3), False), (Stick(), True)):
+        scene = pressed_blocks(**MESH, pair={"law": law})
+        scene.loads["push"].value[:] = (0.02, -0.05)
+        scene.problem.solve()
+        assert np.abs(scene.contact.shear_force).max() > 0.0
+        assert (shear_demand(scene.problem) > 0.0) == asks
+
+
+def test_friction_counts_the_slip_of_all_steps():
+    """Shear of four steps, of which the last makes a quarter."""
+    found = []
+    for law, check in (
+        (fm.Frictionless(), fm.AdequacyCheck(friction=0.3)),
+        (fm.Coulomb(0.3), None),
+    ):
+        scene = pressed_blocks(
+            **MESH, width_upper=1.0, width_lower=2.2, pair={"law": law}, problem={"adequacy": check}
+        )
+        for depth in (0.02, 0.04, 0.06, 0.08):
+            scene.loads["push"].value[1] = -depth
+            report = scene.problem.solve()
+        found.append((scene.problem, report))
+    (problem, report), (rough, _) = found
+    true = differences(problem, Snapshot.of(problem), Snapshot.of(rough))
+    (assumption,) = report.adequacy.assumptions
+    for name in QUANTITIES:
+        assert 0.8 < assumption.errors[name] / true[name] < 1.25, (name, true, assumption.errors)

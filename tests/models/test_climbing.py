@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: MIT
+"""Solves that climb the hierarchy of models: where they end, and what remains."""
+
+import numpy as np
+import pytest
+from adequacy_scenes import MESH
+from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.models.model_error import ENERGY, QUANTITIES, Snapshot, differences
+
+STRICT = {"tolerance": 1e-6, "discretisation": 1e-6}
+PATH = [(0.0, -0.02), (0.05, -0.1), (0.1, -0.1)]
+
+
+def climbing(law=None, **check):
+    """Blocks of the full model, alone or with a climb, and how often K is factored for them."""
+    scene = pressed_blocks(**MESH)
+    u = fem.Function(scene.u.function_space)
+    pair = fm.ContactPair(scene.data, "upper/bottom", "lower/top", law=law)
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u, [pair], bcs=scene.problem.equations.bulk.bcs,
+        petsc_options_prefix="test_", newton=TIGHT,
+        adequacy=fm.AdequacyCheck(hierarchy=True, **check) if check else None,
+    )  # fmt: skip
+    steps, advance = [], problem.equations.advance
+    problem.equations.advance = lambda: steps.append(1) or advance()
+    return problem, scene.loads["push"].value, steps
+
+
+@pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
+def test_climb_reaches_the_full_model_where_it_is_needed(law):
+    """Slip counts from the accepted states, whatever models were tried in between."""
+    (full, push, _), (problem, same_push, _) = climbing(law), climbing(law, **STRICT)
+    for step in PATH:
+        push[:] = same_push[:] = step
+        full.solve()
+        report = problem.solve()
+        assert report.certificate.violations() == []
+        assert report.adequacy.suffices and not report.adequacy.assumptions
+        u, w = nodal(full), nodal(problem)
+        assert np.abs(u - w).max() < 1e-9 * np.abs(u).max()
+        z, w = full.equations.contacts[0].z, problem.equations.contacts[0].z
+        assert np.abs(z - w).max() < 1e-8 * np.abs(z).max()
+
+
+def test_climb_stays_where_it_is_enough():
+    """A step of the full model for a load instead of all; the answer is the cheap model's.
+
+    For the second load there is none: it is by a tenth more than what was checked before.
+    """
+    (full, push, steps), (problem, same_push, few) = climbing(), climbing(tolerance=0.05)
+    for depth in (0.005, 0.0055, 0.02):
+        push[1] = same_push[1] = -depth
+        full.solve()
+        report = problem.solve()
+        (assumption,) = report.adequacy.assumptions
+        assert assumption.name == "linear strain and small sliding" and report.adequacy.suffices
+        assert report.certificate.violations() == []
+        true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
+        for name in QUANTITIES:  # of the rung's own forces, not of its pressures on moved segments
+            assert 0.9 < assumption.errors[name] / true[name] < 1.1, (name, true)
+    assert len(few) == 2 and len(steps) >= 8
+
+
+def test_climb_ends_on_a_rung_between():
+    """Slip of a facet, hardly any strain: linear, but sliding as it is."""
+    problem, push, steps = climbing(tolerance=0.02)
+    full, same_push, _ = climbing()
+    push[:] = same_push[:] = (0.3, -0.003)
+    names = [a.name for a in problem.solve().adequacy.assumptions]
+    assert names == ["linear strain"]
+    full.solve()
+    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
+    assert 1e-5 < true[ENERGY] < 0.02
+    del steps[:]
+    problem.solve()
+    assert not steps  # the rung below is not tried again, nor this one checked where it was
+
+
+def test_climb_stops_at_the_error_of_the_mesh():
+    """Known or estimated; the table says so."""
+    for known in ({}, {"discretisation": 0.5}):
+        problem, push, _ = climbing(tolerance=1e-4, **known)
+        push[1] = -0.02
+        adequacy = problem.solve().adequacy
+        (assumption,) = adequacy.assumptions
+        assert not adequacy.suffices and adequacy.discretisation > adequacy.error
+        assert adequacy.verdict(assumption) == "refine the mesh first"
+
+
+def test_the_error_of_the_mesh_is_not_that_of_the_model():
+    """Slip of facets with small sliding leaves residuals that are no fault of the mesh."""
+    problem, push, _ = climbing(tolerance=1e-4)
+    (full, same_push, _) = climbing()
+    push[:] = same_push[:] = (0.4, -0.03)
+    adequacy = problem.solve().adequacy
+    full.solve()
+    assert adequacy.discretisation == pytest.approx(full.estimate().relative, rel=0.2)
+    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))[ENERGY]
+    assert true < adequacy.discretisation
+
+
+def test_climb_goes_on_where_a_rung_fails(monkeypatch):
+    """A cheap model that has no solution leaves no trace."""
+    (full, push, _), (problem, same_push, _) = climbing(), climbing(tolerance=0.5)
+    hierarchy = problem._adequacy._hierarchy
+    models = [hierarchy._model, *hierarchy._models]
+    hierarchy._models = iter(models[1:])
+    assert len(models) == 2
+    for model in models:
+
+        def fail(rung=model.problem):
+            rung.equations.bulk.u.x.array[:] = 0.01
+            raise fm.MortarError("no")
+
+        monkeypatch.setattr(model.problem, "solve", fail)
+    push[:] = same_push[:] = PATH[1]
+    full.solve()
+    problem.solve()
+    u, w = nodal(full), nodal(problem)
+    assert np.abs(u - w).max() < 1e-9 * np.abs(u).max()

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: MIT
+"""Newton on small equations without contact: order, tests of convergence, record."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fenics_mortar as fm
+from fenics_mortar.newton.loop import LOOSEST, Status, Step, forcing, period_of, solve
+from fenics_mortar.newton.report import Iteration, NewtonReport, once
+from fenics_mortar.rigid import proximal
+
+
+class Root:
+    """x^2 = 2 by Newton's method, or by a method with a wrong derivative."""
+
+    def __init__(self, x=1.0, factor=1.0, changes=()):
+        self.x, self.factor, self.changes = x, factor, list(changes)
+
+    def evaluate(self, *, start):
+        changed = self.changes.pop(0) if self.changes else 0
+        return Status(abs(self.x**2 - 2), 2.0, 0.0, 1, changed, 1e-15)
+
+    def advance(self):
+        dx = -(self.x**2 - 2) / (2 * self.x * self.factor)
+        self.x += dx
+        return Step(abs(dx / self.x), 1.0)
+
+    def merge_sets(self, period):
+        self.merged = period
+        return f"a cycle of {period}"
+
+    def seconds(self):
+        return {"solve": 1.0}
+
+    def diagnose(self):
+        return "x is not finite"
+
+    def drifts(self):
+        return ""
+
+
+def test_newton_converges_quadratically():
+    report = solve(Root(), fm.NewtonOptions())
+    r = np.array(report.residuals)
+    assert report.converged and report.num_iterations <= 6
+    assert (r[1:4] <= r[:3] ** 2).all()
+
+
+def test_set_that_changes_keeps_newton_going():
+    report = solve(Root(changes=[0] * 7 + [1]), fm.NewtonOptions())
+    assert report.num_iterations == 5
+    report = solve(Root(changes=[0, 1, 1, 1, 1, 1, 1, 1]), fm.NewtonOptions())
+    assert report.num_iterations == 8
+
+
+@pytest.mark.parametrize(
+    "sets, period",
+    [
+        ("", 0),
+        ("ABC", 0),
+        ("ABA", 0),  # a set may come back on the way
+        ("ABAB", 2),
+        ("XABAB", 2),
+        ("ABCABC", 3),
+        ("AAAA", 0),  # unchanged sets are no cycle
+        ("ABABAAAA", 0),
+    ],
+)
+def test_cycle_of_sets_is_seen_after_two_rounds(sets, period):
+    assert period_of([letter.encode() for letter in sets]) == period
+
+
+def test_cycle_is_left_and_recorded():
+    class Chattering(Root):
+        """Sets that alternate until they are merged."""
+
+        merged = 0
+        count = 0
+
+        def evaluate(self, *, start):
+            self.count += 1
+            sets = b"C" if self.merged else (b"A", b"B")[self.count % 2]
+            status = super().evaluate(start=start)
+            return replace(status, sets=sets, num_changed=0 if self.merged else 1)
+
+    equations = Chattering()
+    report = solve(equations, fm.NewtonOptions())
+    assert equations.merged == 2
+    assert report.converged and report.notes == ["iteration 3: a cycle of 2"]
+    assert "a cycle of 2" in report.table()
+
+
+@pytest.mark.parametrize("factor, merged", [(2.0, False), (100.0, True)])
+def test_sets_that_change_for_long_are_merged_unless_the_residual_falls(factor, merged):
+    """The error is halved, or falls by a hundredth, in each of the 16 iterations that change."""
+    equations = Root(factor=factor, changes=[1] * 16)
+    with pytest.raises(fm.NotConvergedError) as failure:
+        solve(equations, fm.NewtonOptions(max_iterations=16))
+    assert any("a cycle of 12" in note for note in failure.value.report.notes) == merged
+
+
+@pytest.mark.parametrize("factor", [2.0, 4.0])
+def test_solve_ends_where_the_first_iteration_leaves_more_than_it_may(factor):
+    """Of x^2 - 2 at 3 it leaves 0.44 with half the step, 0.72 with a quarter; a whole one 0.1."""
+    assert solve(Root(x=3.0), fm.NewtonOptions(max_remaining=0.4)).converged
+    with pytest.raises(fm.NotConvergedError, match="hardly reduced the residual") as failure:
+        solve(Root(x=3.0, factor=factor), fm.NewtonOptions(max_remaining=0.4))
+    assert failure.value.report.num_iterations == 1
+
+
+def test_failure_keeps_the_record_and_says_what_is_missing():
+    with pytest.raises(fm.NotConvergedError, match="residual .* .allowed") as failure:
+        solve(Root(factor=3.0), fm.NewtonOptions(max_iterations=4))
+    assert len(failure.value.report.iterations) == 5
+    assert not failure.value.report.converged
+
+
+def test_state_that_is_not_finite_is_diagnosed():
+    with pytest.raises(fm.NotConvergedError, match="iteration 0: .* x is not finite"):
+        solve(Root(x=np.nan), fm.NewtonOptions())
+
+
+def test_error_in_a_step_is_kept_with_the_record():
+    class Broken(Root):
+        def advance(self):
+            raise fm.MortarError("singular")
+
+    with pytest.raises(fm.NotConvergedError, match="iteration 1: singular") as failure:
+        solve(Broken(), fm.NewtonOptions())
+    assert len(failure.value.report.iterations) == 1
+
+
+def test_shortened_step_is_not_convergence():
+    class Short(Root):
+        def advance(self):
+            return Step(super().advance().increment, 0.5)
+
+    with pytest.raises(fm.NotConvergedError, match="last step shortened to the fraction 5.0e-01"):
+        solve(Short(), fm.NewtonOptions(max_iterations=8))
+
+
+def test_table_is_markdown_with_a_row_per_iteration():
+    report = solve(Root(), fm.NewtonOptions())
+    lines = str(report).splitlines()
+    assert lines[0].count("|") == lines[2].count("|") == 8
+    assert sum(line.startswith("|") for line in lines) == 3 + len(report.iterations)
+    assert "converged in" in lines[-1]
+    assert report.total_seconds() == {"solve": float(len(report.iterations))}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("residuals", [[0.0], [0.0, 0.0], [1e-3, 0.0], [0.0, 1e-3], [1.0, 1e-3]])
+@pytest.mark.parametrize("goal", [0.0, 1e-12])
+def test_linear_solves_are_asked_for_something_whatever_the_residuals(residuals, goal):
+    """Without loads all is zero; between two iterations contact may begin."""
+    assert 0.0 < forcing(residuals, goal) <= LOOSEST
+
+
+class Springs:
+    """Equations with springs, in name only."""
+
+    def __init__(self):
+        self.springs = self
+
+    def state(self):
+        return None
+
+    def restore(self, state):
+        pass
+
+    def anchor(self, elongation):
+        pass
+
+    def remove_springs(self):
+        pass
+
+    def max_motion(self):
+        return 0.0
+
+
+def test_record_of_a_failed_solve_with_springs_has_all_iterations(monkeypatch):
+    """Tied by springs it converges, free it does not, nor tied again."""
+    iteration = Iteration(1.0, 0.0, 0.0, 1.0, 0, 0, {})
+    outcomes = iter([(5, True), (30, False), (7, False)])
+
+    def solve(equations, options):
+        count, converged = next(outcomes)
+        report = NewtonReport([iteration] * (1 + count))
+        if converged:
+            return report
+        raise fm.NotConvergedError("", report)
+
+    monkeypatch.setattr(proximal, "solve", solve)
+    first = fm.NotConvergedError("", NewtonReport([iteration] * 31))
+    with pytest.raises(fm.NotConvergedError) as error:
+        proximal.solve_with_springs(Springs(), fm.NewtonOptions(), first)
+    assert error.value.report.num_iterations == 30 + 5 + 30 + 7
+
+
+@pytest.mark.serial
+def test_notes_that_say_the_same_stand_once():
+    notes = ["iteration 1: a spring", "other", "iteration 3: a spring", "iteration 1: a spring"]
+    expected = ["iteration 1: a spring (3 times)", "other"]
+    assert once(notes) == expected
+    assert once([*expected, "iteration 7: a spring"])[0] == "iteration 1: a spring (4 times)"
+    one, two = (NewtonReport(notes=some) for some in (notes[:2], notes[2:]))
+    assert one.followed_by(two).notes == expected

@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: MIT
+"""Distances and obstacles of users: refused or told, on all ranks alike."""
+
+import numpy as np
+import pytest
+from array_meshes import bcs_of, blocks_of_arrays, problem_on
+from one_rank import LAST, raised_on_the_last_rank, several_ranks
+from refusal import refused
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.utils.errors import NotFiniteError
+
+
+def on_obstacle(obstacle, slave="slave", **options):
+    """The upper of two blocks, pressed on an obstacle at y = 1."""
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    bcs = bcs_of(data, u.function_space)
+    return problem_on(data, [fm.ContactPair(data, slave, obstacle)], bcs=bcs, u=u, **options)
+
+
+class Floor:
+    """Distance of y = 1 that a function spoils from some time on."""
+
+    def __init__(self, spoil, at_once=True):
+        self.spoil, self.on = spoil, at_once
+        self.obstacle = fm.SignedDistance(self, name="floor")
+
+    def __call__(self, x):
+        count = len(x)
+        fields = x[:, 1] - 1.0, np.tile((0.0, 1.0), (count, 1)), np.zeros((count, 2, 2))
+        return self.spoil(x, *fields) if self.on else fields
+
+
+NOT_FINITE = {
+    "phi": lambda x, phi, g, H: (phi * np.nan, g, H),
+    "phi somewhere": lambda x, phi, g, H: (np.where(x[:, 0] > 1.0, np.nan, phi), g, H),
+    "infinite phi": lambda x, phi, g, H: (phi + np.inf, g, H),
+    "gradient": lambda x, phi, g, H: (phi, g * np.nan, H),
+    "Hessian": lambda x, phi, g, H: (phi, g, H * np.nan),
+    "no gradient": lambda x, phi, g, H: (phi, 0.0 * g, H),
+}
+
+
+@pytest.mark.parametrize("what", NOT_FINITE)
+@pytest.mark.parametrize("at_once", [True, False])
+def test_distance_that_is_not_finite_is_refused_with_a_place(what, at_once):
+    floor = Floor(NOT_FINITE[what], at_once)
+    with refused(NotFiniteError, r"distance of 'floor'.* at [24] points, one at \("):
+        problem = on_obstacle(floor.obstacle)
+        problem.solve()
+        floor.on = True
+        problem.solve()
+    floor.on = False
+    assert on_obstacle(floor.obstacle).solve().converged
+
+
+@pytest.mark.parametrize(
+    "spoil, words",
+    [
+        (lambda x, phi, g, H: None, "returned NoneType; expected three arrays"),
+        (lambda x, phi, g, H: (phi, g), "returned tuple; expected three arrays"),
+        (lambda x, phi, g, H: (phi, g, H[0]), r"returned shapes .*; expected"),
+        (lambda x, phi, g, H: (phi + 1j, g, H), "expected real numbers"),
+        (lambda x, phi, g, H: (phi.astype(str), g, H), "expected real numbers"),
+    ],
+)
+def test_what_is_no_distance_is_refused(spoil, words):
+    with refused(ValueError, words):
+        on_obstacle(Floor(spoil).obstacle)
+
+
+@several_ranks
+def test_distance_that_is_not_finite_on_one_rank_is_refused_by_all():
+    floor = Floor(lambda x, phi, g, H: (phi * (np.nan if LAST else 1.0), g, H), at_once=False)
+    problem = on_obstacle(floor.obstacle)
+    floor.on = True
+    with refused(NotFiniteError, "distance of 'floor'.* is not finite"):
+        problem.solve()
+    floor.on = False
+    assert problem.solve().converged
+
+
+@several_ranks
+def test_distance_that_raises_at_nodes_on_one_rank_raises_on_all():
+    def fails(x, *fields):
+        if LAST:
+            raise ZeroDivisionError("no distance here")
+        return fields
+
+    floor = Floor(fails, at_once=False)
+    problem = on_obstacle(floor.obstacle)
+    floor.on = True
+    with raised_on_the_last_rank(ZeroDivisionError, "no distance here"):
+        problem.solve()
+    floor.on = False
+    assert problem.solve().converged
+
+
+@several_ranks
+@pytest.mark.parametrize("after", ["solve", "estimate"])
+def test_distance_that_raises_between_the_nodes_on_one_rank_raises_on_all(after, monkeypatch):
+    """Certificate and estimate look at points of their own, each rank at those of its share."""
+
+    def fails(x, *fields):
+        if LAST:
+            raise ZeroDivisionError("no distance here")
+        return fields
+
+    floor, sample = Floor(fails, at_once=False), ObstacleOperators.sample_gaps
+
+    def spoilt_sample(self, *arguments):
+        floor.on = True
+        try:
+            return sample(self, *arguments)
+        finally:
+            floor.on = False
+
+    problem = on_obstacle(floor.obstacle)
+    if after == "estimate":
+        problem.solve()
+    monkeypatch.setattr(ObstacleOperators, "sample_gaps", spoilt_sample)
+    with raised_on_the_last_rank(ZeroDivisionError, "no distance here"):
+        problem.solve() if after == "solve" else problem.estimate()
+
+
+@several_ranks
+def test_distance_that_differs_on_one_rank_is_refused():
+    floor = Floor(lambda x, phi, g, H: (phi + 1e-3 * LAST, g, H), at_once=False)
+    problem = on_obstacle(floor.obstacle)
+    floor.on = True
+    with refused(fm.MortarError, "distance of 'floor' is not the same on all ranks"):
+        problem.solve()
+
+
+def test_distance_that_is_not_finite_far_from_a_start_is_a_failure_that_holds_the_record():
+    """What the iterates reach may be cured by a smaller step, unlike what a solve begins with."""
+    deep = Floor(lambda x, phi, g, H: (np.where(x[:, 1] < 0.9, np.nan, phi), g, H))
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    # The block does not touch the floor at first: the prescribed push moves it through.
+    bcs = bcs_of(data, u.function_space, push=-0.3)
+    problem = problem_on(data, [fm.ContactPair(data, "slave", deep.obstacle)], bcs=bcs, u=u)
+    problem.equations.contacts[0].change(active=np.zeros_like(problem.equations.contacts[0].active))
+    problem.equations.last_converged = True
+    with refused(fm.NotConvergedError, "iteration 1: the distance of 'floor'.* is not finite"):
+        problem.solve()
+
+
+@pytest.mark.parametrize(
+    "what, value, words",
+    [
+        ("place", (0.0, np.nan, 0.0), r"place of obstacle 'plane' is \[.*nan.*3 finite numbers"),
+        ("place", (np.inf, 0.0, 0.0), "place of obstacle 'plane'.*3 finite numbers"),
+        (
+            "place",
+            (0.0, 0.0),
+            r"place of obstacle 'plane' is array\(\[0., 0.\]\): expected 3 finite",
+        ),
+        ("place", (0.0, 0.0, "a"), "place of obstacle 'plane'.*3 finite"),
+        ("load", (np.nan, np.inf, np.nan), "load of obstacle 'plane'.*3 finite numbers, or nan"),
+        ("load", (0.0, 0.0), "load of obstacle 'plane'.*3 finite numbers, or nan"),
+        ("pivot", (np.nan, 0.0), "pivot of obstacle 'plane'.*2 finite numbers"),
+    ],
+)
+def test_place_push_or_pivot_that_is_none_is_refused(what, value, words):
+    obstacle = fm.Plane((0.0, 1.0), (0.0, 1.0))
+    problem, kept = on_obstacle(obstacle), getattr(obstacle, what)
+    setattr(obstacle, what, np.array(value))
+    finite = np.array(value).dtype.kind == "f" and len(value) == len(kept)
+    with refused(NotFiniteError if finite else fm.MortarError, words):
+        problem.solve()
+    setattr(obstacle, what, kept)
+    assert problem.solve().converged
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        fm.Plane((0.0, 1.0), (0.0, -1.0)),
+        fm.Plane((0.0, 0.5), (0.0, -1.0)),
+        fm.Circle((0.9, -10.0), 11.0, inside=True),
+        fm.Spline([(-1.0, 1.0), (0.9, 1.0), (3.0, 1.0)], name="spline"),
+        Floor(lambda x, phi, g, H: (-phi, -g, H)).obstacle,
+    ],
+    ids=["plane", "plane far off", "circle", "spline", "distance"],
+)
+def test_obstacle_whose_solid_is_where_the_body_is_is_refused(obstacle):
+    """No facet faces it: a solve used to end without a force."""
+    problem = on_obstacle(obstacle)
+    with refused(fm.MortarError, "lies inside obstacle .*: the solid is on the side of the body"):
+        problem.solve()
+
+
+def test_obstacle_that_goes_deep_but_faces_the_body_is_an_interference():
+    assert on_obstacle(fm.Plane((0.0, 1.02), (0.0, 1.0))).solve().converged
+
+
+@pytest.mark.parametrize(
+    "points, words",
+    [
+        ([(0, 0), (1, 1), (1, 0), (0, 1)], r"intersects itself: edges from \(0, 0\) to \(1, 1\)"),
+        ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "intersects itself"),
+        ([(0, 0), (1, 0), (1, 1), (0, 0)], "intersects itself"),
+        ([(0, 0), (1, 0), (2, 0)], "two edges of the polygon overlap"),
+        ([(0, 0), (2, 0), (2, 2), (1, 0.01), (0, 2)], "less its rounding=0.02 intersects itself"),
+        ("abc", "points='abc': expected real numbers"),
+    ],
+)
+def test_polygon_that_meets_itself_is_refused(points, words):
+    with pytest.raises(ValueError, match=words):
+        fm.Polygon(points, 0.02)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_spline_that_meets_itself_is_refused(closed):
+    with pytest.raises(ValueError, match="the spline intersects itself"):
+        fm.Spline([(0, 0), (2, 1), (2, 0), (0, 1)], closed=closed)
+
+
+def test_spline_meets_itself_by_its_curve_and_not_by_a_coarse_picture_of_it():
+    """Four lines per interval cross in the first case only; by 64 and 512 it is the second one."""
+    fm.Spline([(0, 0), (1, 0), (1.01, 0.01), (0.995, -0.004), (0.67, 0.74)])
+    with pytest.raises(ValueError, match="the spline intersects itself"):
+        fm.Spline([(0, 0), (1, 0), (1.2476, 0.0874), (0.8229, -0.0159), (0.4728, 0.842)])
+
+
+def test_polygons_and_splines_that_do_not_meet_themselves_are_taken():
+    fm.Polygon([(0, 0), (3, 0), (3, 1), (2, 1), (2, 0.5), (1, 0.5), (1, 1), (0, 1)], 0.1)
+    angles = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    fm.Spline(np.stack([np.cos(angles), np.sin(angles)], axis=1), closed=True)
+    x = np.linspace(0.0, 1.0, 9)
+    fm.Spline(np.stack([x, 0.1 * np.sin(9.0 * x)], axis=1))
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: fm.Circle((0, 0), "1"), "radius='1': expected a positive length"),
+        (lambda: fm.Circle((0, 0), 1.0, inside="no"), "inside='no': expected True or False"),
+        (lambda: fm.Circle("ab", 1.0), "centre='ab': expected real numbers"),
+        (lambda: fm.Plane((0, 0), (0, 1j)), "normal=.*: expected real numbers"),
+        (lambda: fm.Plane((0, 0), (0, 1), name=None), "name=None: expected a text"),
+        (lambda: fm.Plane((0, 0), (0, 1)).move(y="up"), "y='up': expected a finite number"),
+        (lambda: fm.Plane((0, 0), (0, 1)).push(moment=1j), "moment=1j: expected a finite number"),
+        (
+            lambda: fm.Polygon([(0, 0), (1, 0), (1, 1)], None),
+            "rounding=None: expected a positive length",
+        ),
+        (lambda: fm.SignedDistance(3.0), "function=3.0: expected a function of points"),
+    ],
+)
+def test_what_is_no_obstacle_is_refused_in_words(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_distance_may_use_its_arrays_again():
+    store = np.zeros(1000)
+
+    def again(x, phi, g, H):
+        store[: len(x)] = phi
+        return store[: len(x)], g, H
+
+    usual, reused = (on_obstacle(Floor(f).obstacle) for f in (lambda x, *fields: fields, again))
+    for problem in (usual, reused):
+        assert problem.solve().certificate.violations() == []
+    z = [problem.equations.contacts[0].z for problem in (usual, reused)]
+    assert np.abs(z[0] - z[1]).max() < 1e-12 * np.abs(z[0]).max()

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: MIT
+"""Rigid obstacles: fields, derivatives, uniform pressure, theory, balance, bad input."""
+
+import numpy as np
+import pytest
+from scenes import TIGHT, internal, linear_elastic, neo_hookean, pair_options, read
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.interface.integrals import hand_over
+from fenics_mortar.interface.on_obstacle import integrate_facets, obstacle_normals
+from fenics_mortar.interface.options import MortarOptions
+from fenics_mortar.interface.segments import facet_rule
+from meshes import two_blocks
+
+E, NU = 100.0, 0.3
+
+
+def ellipse(x):
+    """A smooth function that is no distance: sqrt(x^2 / 4 + y^2) - 1, moved to (0.5, 2.01)."""
+    A, y = np.diag([0.25, 1.0]), x - [0.5, 2.01]
+    r = np.sqrt(np.einsum("ia,ab,ib->i", y, A, y))
+    e = y @ A / r[:, None]
+    hessian = (A - np.einsum("ia,ib->iab", e, e)) / r[:, None, None]
+    return r - 1.0, e, hessian
+
+
+ARC = np.linspace(np.pi, 2 * np.pi, 9)
+KINDS = {
+    "plane": lambda: fm.Plane((0.5, 1.01), (0.1, -1.0)),
+    "circle": lambda: fm.Circle((0.6, 2.0), 1.0),
+    "hole": lambda: fm.Circle((0.6, -1.0), 2.01, inside=True),
+    "open": lambda: fm.Spline([(-0.5, 1.2), (0.5, 1.0), (0.9, 1.05), (1.5, 1.3)]),
+    "closed": lambda: fm.Spline(
+        [*np.stack([0.6 + np.cos(ARC), 2 + np.sin(ARC)], 1).tolist(), (0.6, 3.0)], closed=True
+    ),
+    "polygon": lambda: fm.Polygon([(-0.2, 2.0), (0.4, 0.96), (0.7, 0.99), (1.2, 2.0)], 0.1),
+    "function": lambda: fm.SignedDistance(ellipse),
+}
+
+
+def block_under(obstacle, *, degree=1, pair=None, material=neo_hookean, **options):
+    """The lower block, fixed at its bottom, with its top against ``obstacle``."""
+    size = {"n_lower": 8, "layers_lower": 6} if degree == 1 else {"n_lower": 4, "layers_lower": 3}
+    data = read(two_blocks.build, width_lower=1.0, gap=3.0, **size)
+    V = fm.vector_space(data.mesh, degree)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("lower/bottom", "upper/top")]
+    options = {"petsc_options_prefix": "test_", "newton": TIGHT, **options}
+    return fm.ContactProblem(
+        internal(u, material(u, E, NU)), u,
+        [fm.ContactPair(data, "lower/top", obstacle, **pair_options(pair))], bcs=bcs, **options,
+    )  # fmt: skip
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("kind", KINDS)
+def test_fields_are_derivatives(kind):
+    """Central differences, after a motion, also beyond the ends of an open curve: straight there.
+
+    Their error is rounding over the step.
+    """
+    obstacle = KINDS[kind]()
+    obstacle.move(x=0.1, y=-0.2, angle=0.3)
+    left, right = (-1.5, 2.5) if kind == "open" else (0.1, 0.8)
+    x = np.random.default_rng(0).uniform((left, 0.6), (right, 0.9), (20, 2))
+    _, gradient, hessian = obstacle.evaluate(x)
+    for i, step in enumerate(1e-5 * np.eye(2)):
+        after, before = obstacle.evaluate(x + step), obstacle.evaluate(x - step)
+        assert np.allclose((after[0] - before[0]) / 2e-5, gradient[:, i], atol=1e-7)
+        assert np.allclose((after[1] - before[1]) / 2e-5, hessian[:, i], atol=1e-6)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("kind", ["plane", "circle", "hole"])
+@pytest.mark.parametrize("pair", ["dual", "standard", "petrov", "nodes"])
+def test_facets_and_normals_by_complex_step(kind, pair):
+    """Curved facets at random; their nodes and the motion of the obstacle take the steps."""
+    random = np.random.default_rng(3)
+    x = np.array([[0.0, 0.9], [0.2, 0.93], [0.4, 0.9]])[None] + random.uniform(0.0, 0.02, (4, 3, 2))
+    arm, h = 0.7, 1e-30
+    choice = {"basis": "dual", "gap_weights": "cover", "integration": "segments", **PAIRS[pair]}
+    options = MortarOptions(weighting="opposite", points=5, radius=1.0, min_cosine=0.0, **choice)
+    weights = hand_over(random.uniform(size=(4, 3)) > 0.3)
+    rule = facet_rule(options.integration, 3, options.points)
+
+    def evaluate(du, dq):
+        obstacle = KINDS[kind]()
+        obstacle.place = np.array([0.02, -0.03, 0.1]) + dq / [1.0, 1.0, arm]
+        D, dD, g, dg, dg_dq, _ = integrate_facets(obstacle, arm, x + du, weights, rule, options)
+        _, n, dn, dn_dq = obstacle_normals(obstacle, arm, (x + du)[:, 1], 2)
+        return (D, g, n), (dD, dg, dn), (dg_dq, dn_dq)
+
+    _, by_nodes, by_motions = evaluate(0.0, np.zeros(3))
+    for q in range(6):
+        du = h * 1j * np.eye(6)[q].reshape(3, 2)
+        D, g, n = (value.imag / h for value in evaluate(du, np.zeros(3))[0])
+        for found, exact in zip((D, g), by_nodes[:2], strict=True):
+            assert np.abs(exact[..., 4 + q] - found).max() < 1e-13
+        if q in (2, 3):  # the components of the node in the middle, whose normal it is
+            assert np.abs(by_nodes[2][:, :, 2 + q] - n).max() < 1e-12
+    for q in range(3):
+        _, g, n = (value.imag / h for value in evaluate(0.0, h * 1j * np.eye(3)[q])[0])
+        for found, exact in zip((g, n), by_motions, strict=True):
+            assert np.abs(exact[..., q] - found).max() < 1e-13
+
+
+@pytest.mark.serial
+def test_polygon_by_hand():
+    """An L, clockwise: beside an edge, off a rounded corner, in the inward one, deep inside."""
+    corners = [(0, 0), (0, 2), (1, 2), (1, 1), (2, 1), (2, 0)]
+    x = np.array([[0.5, -0.3], [2.3, -0.4], [1.2, 1.1], [0.9, 0.4], [0.8, 0.8]])
+    phi, gradient, hessian = fm.Polygon(corners, 0.1).evaluate(x)
+    corner = np.array([0.4, -0.5]) / np.hypot(0.4, 0.5)
+    deep = np.array([1.0, 1.0]) / np.sqrt(2.0)
+    far = np.hypot(0.4, 0.5), np.hypot(0.1, 0.1)
+    assert np.allclose(phi, [0.3, far[0] - 0.1, 0.1, -0.4, -far[1] - 0.1], atol=1e-14)
+    assert np.allclose(gradient, [(0, -1), corner, (0, 1), (0, -1), deep], atol=1e-14)
+    flat, edgewise = np.zeros((2, 2)), (np.eye(2) - np.outer(corner, corner)) / far[0]
+    inward = -(np.eye(2) - np.outer(deep, deep)) / far[1]
+    assert np.allclose(hessian, [flat, edgewise, flat, flat, inward], atol=1e-13)
+
+
+PAIRS = {
+    "dual": {},
+    "standard": {"basis": "standard"},
+    "vertices": {"basis": "vertices"},
+    "linear": {"basis": "linear"},
+    "petrov": {"gap_weights": "standard"},
+    "nodes": {"integration": "nodes"},
+}
+
+
+@pytest.mark.parametrize(
+    "kind, degree, pair",
+    [
+        *[(kind, 1, "dual") for kind in KINDS],
+        *[("circle", degree, pair) for degree in (1, 2) for pair in PAIRS],
+    ],
+)
+def test_tangent(kind, degree, pair):
+    """With friction where the choice is of obstacles, moved and turned."""
+    obstacle = KINDS[kind]()
+    rough = {"law": fm.Coulomb(0.3)} if pair == "dual" else {}
+    problem = block_under(obstacle, degree=degree, pair=PAIRS[pair] | rough)
+    obstacle.move(x=0.03, y=-0.02, angle=0.05)
+    contact = problem.equations.contacts[0]
+    contact.offset = np.random.default_rng(1).uniform(-0.01, 0.01, contact.slave.num_nodes)
+    contact.change(active=contact.covered)
+    check = problem.check_tangent(print_table=False)
+    assert all(slope > 1.9 for slope in check.slopes.values()), check.slopes
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_balance_and_algorithms(kind):
+    """Condensed and saddle agree to the solver's rounding; the certificate finds nothing."""
+    found = []
+    for algorithm in ("condensed", "saddle"):
+        obstacle = KINDS[kind]()
+        problem = block_under(obstacle, algorithm=algorithm)
+        obstacle.move(y=-0.05)
+        report = problem.solve()
+        assert problem.equations.contacts[0].active.any()
+        assert report.certificate.violations() == []
+        found.append((problem.equations.contacts[0].z, report.num_iterations))
+    assert np.allclose(found[0][0], found[1][0], atol=1e-9 * np.abs(found[0][0]).max())
+    assert found[0][1] == found[1][1]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: fm.Plane((0, 0), (0, 0)),
+        lambda: fm.Circle((0, 0), -1.0),
+        lambda: fm.Spline([(0, 0), (1, 0)]),
+        lambda: fm.Polygon([(0, 0), (1, 0), (0, 1)], 0.0),
+        lambda: fm.Polygon([(0, 0), (1, 0), (0, 1)], 0.5),
+        lambda: fm.Polygon([(0, 0), (0, 0), (0, 1)], 0.1),
+        lambda: fm.Spline([(0, 0), (0, 0), (1, 0)]),
+        lambda: fm.Plane((0, np.nan), (0, 1)),
+        lambda: fm.Plane((0, 0), (0, 1)).move(x=(1.0,)),
+        lambda: fm.Plane((0, 0), (0, 1)).move(angle=np.inf),
+        lambda: fm.SignedDistance(lambda x: (x, x, x)).evaluate(np.zeros((3, 2))),
+    ],
+)
+def test_bad_input(make):
+    with pytest.raises(ValueError):
+        make()
+
+
+def test_linear_bulk_with_an_obstacle():
+    """Newton on the contact dofs alone ends where that on all dofs does, also when driven."""
+    found = []
+    for reduced in (True, False):
+        obstacle = KINDS["circle"]()
+        problem = block_under(obstacle, material=linear_elastic, linear_bulk=reduced)
+        obstacle.move(x=0.02, y=-0.05)
+        problem.solve()
+        z = problem.equations.contacts[0].z.copy()
+        obstacle.push(y=-1.2 * obstacle.reaction[1])
+        problem.solve()
+        found.append((z, problem.equations.contacts[0].z))
+    for reduced, exact in zip(*found, strict=True):
+        assert np.abs(reduced - exact).max() < 1e-9 * np.abs(exact).max()

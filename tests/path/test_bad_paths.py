@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: MIT
+"""Paths that cannot be followed."""
+
+import numpy as np
+import pytest
+from refusal import refused
+from small_scenes import small_blocks
+
+import fenics_mortar as fm
+
+
+@pytest.mark.parametrize(
+    "options, more, words",
+    [
+        (
+            0.1,
+            {},
+            r"options=0.1: expected an instance of SteppingOptions, as SteppingOptions\(step=0.1\)",
+        ),
+        ({"step": 0.1}, {}, "options=.*: expected an instance of SteppingOptions"),
+        (None, {"start": 1.0, "stop": 0.0}, "start=1.0 is beyond stop=0.0: times increase"),
+        (None, {"stop": np.nan}, "stop=nan: expected a finite number"),
+        (None, {"stop": np.inf}, "stop=inf: expected a finite number"),
+        (None, {"start": "0"}, "start='0': expected a finite number"),
+        (None, {"on_step": 1}, "on_step=1: expected a function"),
+        (None, {"set_loads": 0.1}, "set_loads=0.1: expected a function of the time"),
+        (None, {"problem": None}, "problem=None: expected a ContactProblem"),
+    ],
+)
+def test_path_that_cannot_be_followed_is_refused(options, more, words):
+    given = {
+        "problem": small_blocks().problem,
+        "set_loads": lambda time: None,
+        "options": options or fm.SteppingOptions(0.5),
+        **more,
+    }
+    with refused(ValueError, words):
+        fm.follow_path(**given)
+
+
+def test_path_from_its_end_on_has_no_steps():
+    scene = small_blocks()
+    options = fm.SteppingOptions(0.5)
+    path = fm.follow_path(scene.problem, lambda time: None, options, start=1.0, stop=1.0)
+    assert path.finished and not path.steps

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: MIT
+"""Why paths end: surfaces that slip off each other, and friction that leaves no equilibrium."""
+
+from dataclasses import fields
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from demos.studies.stability import families
+from demos.studies.stability.model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
+from fenics_mortar.path.dead_end import why_path_ends
+
+# A little load beyond a state, as a part of the whole.
+ONWARD = 1e-4
+
+
+def posed(scene):
+    """A scene by the default method, on all ranks."""
+    return pose_problem(scene, MPI.COMM_WORLD, pair={}, problem={})
+
+
+def cantilevers(way):
+    """One is pushed past another: their tips part at 0.551 of the way down."""
+    left = block(8, 1, width=1.0, height=0.1, corner=(-1.0, -0.1))
+    right = block(7, 1, width=1.0, height=0.1, corner=(-0.05, 0.0))
+    return Scene(
+        bodies=[Body(Grid("left", left)), Body(Grid("right", right))],
+        pairs=[("left/top", "right/bottom")],
+        supports=[Support(["left/left"]), Support(["right/right"], way)],
+        steps=10,
+    )
+
+
+def ironing(mu):
+    """A round tool pressed into a block and drawn along it."""
+    tool = families.punch(8, 2, width=0.8, height=0.5, radius=0.5, middle=-1.0)
+    path = legs((3, (0.0, -0.15, 0.0)), (15, (1.5, -0.15, 0.0)))
+    return Scene(
+        bodies=[
+            families.ground(30, 4, width=4.0, height=0.8),
+            Body(Grid("tool", tool), E=10.0),
+        ],
+        pairs=[("ground/top", "tool/bottom")],
+        supports=[families.FIXED, Support(["tool/top"], path)],
+        steps=18,
+        pair={"law": fm.Coulomb(mu)},
+    )
+
+
+# Scene, its last equilibrium, words
+ENDS = {
+    "slip off": (
+        cantilevers(families.down(1.0)),
+        0.551,
+        "'left/top' and 'right/bottom' slip off each other",
+    ),
+    "friction": (
+        ironing(2.0),
+        8.25 / 18,
+        "stick and slip violates the law of friction",
+    ),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("end", ENDS)
+def test_path_says_why_it_ends(end):
+    scene, last, words = ENDS[end]
+    at = posed(scene)
+    steps = fm.SteppingOptions(1.0 / scene.steps)
+    assert fm.follow_path(at.problem, at.set_loads, steps, stop=last).dead_end == ""
+    short = fm.SteppingOptions(2e-3, smallest=2e-3)
+    with pytest.raises(fm.NotConvergedError, match=words) as error:
+        fm.follow_path(at.problem, at.set_loads, short, start=last)
+    assert words in error.value.report.dead_end
+    assert error.value.report.num_cuts == 1
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("end", ENDS)
+def test_no_end_is_seen_where_the_path_goes_on(end):
+    """The same scenes earlier; the question changes nothing."""
+    scene, *_ = ENDS[end]
+    at = posed(scene)
+    fm.follow_path(at.problem, at.set_loads, fm.SteppingOptions(1.0 / scene.steps), stop=7 / 18)
+    assert end == "slip off" or at.problem.equations.contacts[0].sliding.any()
+    before = at.problem.state()
+    at.set_loads(7 / 18 + ONWARD)
+    assert why_path_ends(at.problem) == ""
+    after = at.problem.state()
+    assert np.array_equal(before.u, after.u)
+    for one, other in zip(before.interfaces, after.interfaces, strict=True):
+        assert all(getattr(one, part.name) is getattr(other, part.name) for part in fields(one))
+
+
+@pytest.mark.serial
+def test_cantilevers_have_an_equilibrium_beyond_their_dead_end():
+    """Aside, down and back there is a way to such an end: unloaded, one below the other.
+
+    It goes down by a little more than both are thick.
+    """
+    around = legs((2, (0.2, 0.1, 0.0)), (8, (0.2, -0.21, 0.0)), (2, (0.0, -0.21, 0.0)))
+    at = posed(cantilevers(around))
+    fm.follow_path(at.problem, at.set_loads, fm.SteppingOptions(1 / 12))
+    assert not at.forces.any()
+    assert not at.problem.certificate().violations()

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: MIT
+"""A KeyboardInterrupt anywhere leaves the problem as it was before, and usable."""
+
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from scenes import linear_elastic, neo_hookean, pressed_blocks
+from test_climbing import climbing
+from test_driven import block_under
+from test_floating import falling_disk
+
+import fenics_mortar as fm
+from fenics_mortar.utils.clock import clock
+
+comm = MPI.COMM_WORLD
+MESH = {"n_upper": 5, "n_lower": 7, "layers_upper": 2, "layers_lower": 2}
+PACKAGE = str(Path(fm.__file__).parent)
+
+
+class Interrupt:
+    """Counts the lines of the package that are run, and raises at one of them."""
+
+    def __init__(self, at=None):
+        self.at, self.count = at, 0
+
+    def __call__(self, frame, event, argument):
+        if (
+            not frame.f_code.co_filename.startswith(PACKAGE)
+            or "kernels" in frame.f_code.co_filename
+        ):
+            return None
+        if event == "line":
+            self.count += 1
+            if self.count == self.at:
+                raise KeyboardInterrupt
+        return self
+
+    def run(self, work):
+        """Do the work; return whether it was interrupted."""
+        sys.settrace(self)
+        try:
+            work()
+        except KeyboardInterrupt:
+            return True
+        finally:
+            sys.settrace(None)
+        return False
+
+
+def everything(problem):
+    """All that a solve may change and an interruption has to leave, as copies."""
+    state = problem.state()
+    contacts = [c.operators for c in problem.equations.contacts]
+    options = PETSc.Options("test_").getAll()
+    of = problem.equations
+    springs = [id(each.springs) for each in (of.floating, of.motions)]  # frozen values
+    return state, contacts, options, problem.newton, springs, clock.depth
+
+
+def are_equal(one, other):
+    (a, b), rest = (one[0], other[0]), zip(one[1:], other[1:], strict=True)
+    same = np.array_equal(a.u, b.u) and np.array_equal(a.places, b.places)
+    same &= a.converged == b.converged
+    for p, q in zip(a.interfaces, b.interfaces, strict=True):
+        same &= all(getattr(p, part.name) is getattr(q, part.name) for part in fields(p))
+    (kept, now), *others = rest
+    same &= all(o is p for o, p in zip(kept, now, strict=True))
+    return same and all(x == y for x, y in others)
+
+
+def interrupt_at_random(problem, work, seed, *, times):
+    """Interrupt some work at random lines: each time the problem is as before, and usable.
+
+    Args:
+        problem: The problem.
+        work: What is interrupted; starts from the present state.
+        seed: Of the lines.
+        times: How often.
+    """
+    start = problem.state()
+    counter = Interrupt()
+    counter.run(work)
+    end = problem.state()
+    rng = np.random.default_rng(seed)
+    for at in rng.integers(1, counter.count + 1, times):
+        problem.restore(start)
+        before = everything(problem)
+        if not Interrupt(int(at)).run(work):
+            continue  # warm caches leave out some lines
+        assert are_equal(before, everything(problem)), at
+        work()
+        now = problem.state()
+        assert np.abs(now.u - end.u).max() < 1e-9 * np.abs(end.u).max(), at  # Newton's tolerance
+        for here, there in zip(now.interfaces, end.interfaces, strict=True):
+            assert np.abs(here.z - there.z).max() < 1e-8 * np.abs(here.z).max(), at
+
+
+SCENES = {
+    "friction": {"pair": {"law": fm.Coulomb(0.3)}},
+    "saddle": {"problem": {"algorithm": "saddle"}},
+    "iterative": {"problem": {"solver": "iterative"}},
+    "linear": {"material": linear_elastic, "problem": {"linear_bulk": True}},
+    "small": {
+        "material": linear_elastic,
+        "pair": {"sliding": "small"},
+        "problem": {"linear_bulk": True},
+    },
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", SCENES)
+def test_a_solve_may_be_interrupted_anywhere(name):
+    scene = pressed_blocks(**{"material": neo_hookean, **SCENES[name]}, **MESH)
+    push = scene.loads["push"].value
+    push[1] = -0.05
+    scene.problem.solve()
+    push[:] = (0.1, -0.1)
+    interrupt_at_random(scene.problem, scene.problem.solve, seed=len(name), times=12)
+
+
+@pytest.mark.serial
+def test_a_solve_with_springs_may_be_interrupted_anywhere():
+    """A disk that may roll, by the proximal point method with springs."""
+    problem = falling_disk(0.1)
+    interrupt_at_random(problem, problem.solve, seed=3, times=2)
+
+
+@pytest.mark.serial
+def test_a_driven_obstacle_may_be_interrupted_anywhere():
+    lid = fm.Plane((1.0, 1.02), (0.0, -1.0), name="lid")
+    problem = block_under(lid)
+    lid.push(y=-0.2, moment=0.0)
+    interrupt_at_random(problem, problem.solve, seed=4, times=8)
+
+
+@pytest.mark.serial
+def test_a_path_may_be_interrupted_anywhere():
+    """It goes on from the last accepted step, whose time is in a note at the error."""
+    scene = pressed_blocks(pair={"law": fm.Coulomb(0.3)}, **MESH)
+    times = [0.0]
+
+    def set_loads(time):
+        scene.loads["push"].value[:] = (0.1 * time, -0.1 * min(2.0 * time, 1.0))
+
+    def follow(start=0.0):
+        options = fm.SteppingOptions(step=0.25)
+        fm.follow_path(
+            scene.problem, set_loads, options, start=start, on_step=lambda t, _: times.append(t)
+        )
+
+    problem, start, rng = scene.problem, scene.problem.state(), np.random.default_rng(0)
+    counter = Interrupt()
+    counter.run(follow)
+    end = problem.state()
+    for at in rng.integers(1, counter.count + 1, 6):
+        problem.restore(start)
+        times[:] = [0.0]
+        try:
+            sys.settrace(Interrupt(int(at)))
+            follow()
+        except KeyboardInterrupt as error:
+            sys.settrace(None)
+            noted = getattr(error, "__notes__", [""])
+            assert f"time {times[-1]:.6g} " in noted[0] or len(times) == 1 or times[-1] == 1.0
+            if times[-1] < 1.0:
+                follow(times[-1])
+        finally:
+            sys.settrace(None)
+        assert np.abs(problem.state().u - end.u).max() < 1e-9 * np.abs(end.u).max(), at
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("check", [{"tolerance": 0.05}, {"tolerance": 0.02, "friction": 0.3}])
+def test_a_climb_may_be_interrupted_anywhere(check):
+    problem, push, _ = climbing(**check)
+    push[1] = -0.02
+    problem.solve()
+    push[:] = (0.02, -0.03)
+    start = problem.adequacy.remember()
+    interrupt_at_random(problem, lambda: (start(), problem.solve()), seed=1, times=6)
+
+
+def test_an_error_of_a_law_of_the_user_leaves_the_problem_as_it_was():
+    class Law(fm.Coulomb):
+        fails = False
+
+        def friction_limit(self, z_n):
+            if self.fails:
+                raise KeyError("no such speed")
+            return super().friction_limit(z_n)
+
+    law = Law(0.3)
+    scene = pressed_blocks(pair={"law": law}, **MESH)
+    scene.loads["push"].value[1] = -0.05
+    scene.problem.solve()
+    before = everything(scene.problem)
+    scene.loads["push"].value[:] = (0.1, -0.1)
+    law.fails = True
+    with pytest.raises((KeyError, fm.MortarError)):
+        scene.problem.solve()
+    law.fails = False
+    assert are_equal(before, everything(scene.problem))
+    assert scene.problem.solve().converged

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: MIT
+"""What differs between the ranks is refused by all."""
+
+import pytest
+from array_meshes import bcs_of, blocks_of_arrays, problem_on
+from one_rank import either, raised_on_the_last_rank, several_ranks
+from refusal import refused
+from scenes import neo_hookean, pair_options
+from small_scenes import small_blocks
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+
+
+@several_ranks
+@pytest.mark.parametrize(
+    "name, one, other",
+    [
+        ("sliding", "finite", "small"),
+        ("discretization", fm.Discretization(), fm.Discretization(basis="standard")),
+        ("discretization", "default", "other_codes"),
+        ("discretization", fm.Discretization(points=5), fm.Discretization(points=7)),
+        ("initial_gap", None, 0.0),
+        ("search_radius", 1.0, 0.01),
+        ("law", fm.Coulomb(0.3), fm.Coulomb(0.2)),
+        ("law", fm.Coulomb(0.3), None),
+    ],
+)
+def test_option_of_a_pair_that_differs_on_one_rank_is_refused(name, one, other):
+    data = blocks_of_arrays()
+    with refused(fm.MortarError, f"ContactPair: {name} is .* on rank 0 and .* on rank"):
+        fm.ContactPair(data, "slave", "master", **{name: either(one, other)})
+
+
+@several_ranks
+def test_option_that_one_rank_refuses_is_refused_by_all():
+    data = blocks_of_arrays()
+    with raised_on_the_last_rank(ValueError, "basis='cubic': expected one of"):
+        fm.ContactPair(data, "slave", "master", **pair_options(basis=either("dual", "cubic")))
+    with raised_on_the_last_rank(ValueError, "gap='open': expected one of"):
+        fm.TiedPair(data, "slave", "master", gap=either("kept", "open"))
+    with raised_on_the_last_rank(ValueError, "algorithm='dense': expected one of"):
+        problem_on(data, algorithm=either("saddle", "dense"))
+    with refused(fm.MeshError, "no boundary 'sleeve'"):
+        fm.ContactPair(data, either("slave", "sleeve"), "master")
+    V = fm.vector_space(data.mesh, 1)
+    with refused(fm.MeshError, "no boundary 'bass'"):
+        fm.dirichlet(V, data, either("base", "bass"), (0.0, 0.0))
+    with refused(fm.MortarError, "boundary is"):
+        fm.dirichlet(V, data, either("base", "top"), (0.0, 0.0))
+
+
+@several_ranks
+def test_sides_that_differ_on_one_rank_are_refused():
+    data = blocks_of_arrays()
+    with refused(fm.MortarError, "ContactPair: slave_name is 'slave' on rank 0 and 'top'"):
+        fm.ContactPair(data, either("slave", "top"), "master")
+
+
+@several_ranks
+@pytest.mark.parametrize(
+    "name, one, other",
+    [
+        ("algorithm", "condensed", "saddle"),
+        ("solver", "direct", "iterative"),
+        ("linearization", "full", "frozen"),
+        ("newton", fm.NewtonOptions(), fm.NewtonOptions(max_iterations=1)),
+        ("petsc_options_prefix", "a_", "b_"),
+        ("petsc_options", {}, {"ksp_type": "gmres"}),
+        ("linear_bulk", None, True),
+    ],
+)
+def test_option_of_a_problem_that_differs_on_one_rank_is_refused(name, one, other):
+    data = blocks_of_arrays()
+    with refused(fm.MortarError, f"ContactProblem: {name} is .* on rank 0 and .* on rank"):
+        problem_on(data, **{name: either(one, other)})
+
+
+@several_ranks
+def test_pairs_conditions_and_forms_that_differ_on_one_rank_are_refused():
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    pairs, bcs = [fm.ContactPair(data, "slave", "master")], bcs_of(data, u.function_space)
+    with refused(fm.MortarError, "pairs is 1 on rank 0 and 0 on rank"):
+        problem_on(data, either(pairs, []), u=u, bcs=bcs)
+    with refused(fm.MortarError, "bcs is 2 on rank 0 and 1 on rank"):
+        problem_on(data, pairs, u=u, bcs=either(bcs, bcs[:1]))
+
+    def material(u, E, nu):
+        return neo_hookean(u, either(E, 2.0 * E), nu)
+
+    with refused(fm.MortarError, "residual is .*a form with the signature"):
+        problem_on(data, pairs, u=u, bcs=bcs, material=material)
+
+
+@several_ranks
+@pytest.mark.parametrize("what", ["newton", "c_n"])
+def test_option_that_is_set_later_and_differs_on_one_rank_is_refused(what):
+    scene = small_blocks()
+    if what == "newton":
+        scene.problem.newton = fm.NewtonOptions(max_iterations=either(30, 1))
+    else:
+        scene.contact.c_n = either(1e-3, 1e-2)
+    with refused(fm.MortarError, f"{what}.* is .* on rank 0 and .* on rank"):
+        scene.problem.solve()
+
+
+@several_ranks
+def test_steps_that_differ_on_one_rank_are_refused():
+    scene = small_blocks()
+    options = fm.SteppingOptions(either(0.5, 0.25))
+    with refused(fm.MortarError, "follow_path: options is .*step=0.5.* and .*step=0.25"):
+        fm.follow_path(scene.problem, lambda t: None, options)
+    with refused(fm.MortarError, "follow_path: stop is 1.0 on rank 0 and 2.0 on rank"):
+        fm.follow_path(
+            scene.problem, lambda t: None, fm.SteppingOptions(0.5), stop=either(1.0, 2.0)
+        )

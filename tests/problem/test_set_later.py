@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: MIT
+"""Attributes that are set after the problem was made: checked by the next solve."""
+
+import numpy as np
+import pytest
+from array_meshes import blocks_of_arrays, problem_on
+from refusal import refused, refused_words
+from small_scenes import small_blocks
+from spoilt_law import rubbing_blocks
+
+import fenics_mortar as fm
+
+
+@pytest.mark.parametrize(
+    "name, value",
+    [
+        ("discretization", fm.Discretization(c_n=-1.0)),
+        ("search_radius", -3.0),
+        ("discretization", fm.Discretization(basis="standard")),
+        ("sliding", "small"),
+        ("discretization", "other_codes"),
+        ("initial_gap", 0.0),
+        ("slave_name", "upper/top"),
+    ],
+)
+def test_option_of_a_pair_that_is_set_after_the_problem_is_refused(name, value):
+    """It would have no effect, or half of one."""
+    scene = rubbing_blocks(fm.Coulomb(0.3))
+    setattr(scene.contact.pair, name, value)
+    with refused(fm.MortarError, f"{name} of ContactPair.* was set after .* new problem"):
+        scene.problem.solve()
+
+
+@pytest.mark.parametrize(
+    "name, value, words",
+    [
+        ("discretization", fm.Discretization(c_n=-1.0), "c_n=-1.0"),
+        ("discretization", fm.Discretization(basis="cubic"), "basis='cubic'"),
+        ("discretization", "other_codes", "discretization='other_codes': expected an instance of"),
+        ("law", None, "law=None"),
+    ],
+)
+def test_option_of_a_pair_that_is_set_before_the_problem_is_checked(name, value, words):
+    data = blocks_of_arrays()
+    pair = fm.ContactPair(data, "slave", "master")
+    setattr(pair, name, value)
+    with refused(ValueError, words):
+        problem_on(data, [pair])
+
+
+@pytest.mark.parametrize("value", [-1.0, np.nan, 0.0, "1"])
+def test_weight_of_the_gap_that_is_set_later_is_checked(value):
+    scene = small_blocks()
+    scene.contact.c_n = value
+    with refused(ValueError, "contact.c_n=.*: expected a positive number"):
+        scene.problem.solve()
+
+
+@pytest.mark.parametrize("name, shape", [("z", (2, 2)), ("active", (2,)), ("branch", (7,))])
+def test_state_of_a_contact_of_another_shape_is_refused(name, shape):
+    scene = small_blocks()
+    scene.contact.change(**{name: np.zeros(shape)})
+    with refused(fm.MortarError, f"{name} of ContactPair.* has shape"):
+        scene.problem.solve()
+
+
+@pytest.mark.parametrize("value", [[[0.0, 0.0]] * 5, np.zeros((5, 2), complex)])
+def test_multipliers_of_another_kind_are_refused(value):
+    scene = small_blocks()
+    scene.contact.change(z=value)
+    with pytest.raises((ValueError, fm.MortarError), match="z of ContactPair"):
+        scene.problem.solve()
+
+
+def test_state_of_another_problem_is_refused_and_nothing_changes():
+    scene, other = small_blocks(), small_blocks(degree=2)
+    before = scene.u.x.array.copy()
+    with refused(fm.MortarError, "the state belongs to another problem"):
+        scene.problem.restore(other.problem.state())
+    with refused(ValueError, r"state=None: expected what state\(\) of the same problem returned"):
+        scene.problem.restore(None)
+    assert np.array_equal(scene.u.x.array, before)
+
+
+def test_variant_by_an_unknown_option_is_refused():
+    with refused_words(ValueError, "slidin='small': expected one of .*sliding"):
+        small_blocks().problem.variant(slidin="small")
+
+
+@pytest.mark.parametrize("part", [0.0, 2.0, "half"])
+def test_part_of_the_error_to_mark_is_checked(part):
+    scene = small_blocks()
+    scene.loads["push"].value[1] = -0.02
+    scene.problem.solve()
+    with refused(ValueError, "fraction=.*: expected a number above 0 and up to 1"):
+        scene.problem.estimate().mark(part)
+
+
+@pytest.mark.parametrize("newton", [None, {"max_iterations": 3}, fm.NewtonOptions])
+def test_what_was_set_for_options_of_newton_and_is_none_is_refused(newton):
+    scene = small_blocks()
+    scene.problem.newton = newton
+    with refused(ValueError, "newton=.*: expected an instance of NewtonOptions"):
+        scene.problem.solve()

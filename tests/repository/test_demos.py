@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: MIT
+"""Every demo as its own process, in serial or on several ranks; each ends in assertions."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DEMOS = sorted((Path(__file__).resolve().parents[2] / "demos").glob("demo_*.py"))
+# two_blocks runs on two ranks in the set-up of each machine; many steps take long on busy cores
+ON_RANKS = {"demo_friction": 2, "demo_hertz": 2, "demo_tied": 3}
+# a demo promises a minute; a loaded machine gets four
+LIMIT = 240
+# what MPI leaves in the environment: a process that mpirun starts would take it for its own
+OF_THIS_RUN = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX")
+
+
+def run(folder, ranks, *arguments):
+    """Run python as a process of its own, or as one on each of several ranks."""
+    command = [sys.executable, *map(str, arguments)]
+    if ranks > 1:
+        command = ["mpirun", "-n", str(ranks), *command]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(OF_THIS_RUN)}
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LIMIT
+    )
+
+
+def _stem(demo):
+    return demo.stem
+
+
+def code_lines(demo):
+    lines = [line.strip() for line in demo.read_text().splitlines()]
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+@pytest.mark.serial
+@pytest.mark.demo
+@pytest.mark.slow
+@pytest.mark.parametrize("demo", DEMOS, ids=_stem)
+def test_demo_runs(demo, tmp_path):
+    finished = run(tmp_path, ON_RANKS.get(demo.stem, 1), demo)
+    assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-4000:]
+
+
+@pytest.mark.parametrize("demo", DEMOS, ids=_stem)
+def test_demo_is_short_and_ends_in_an_assertion(demo):
+    lines = code_lines(demo)
+    assert len(lines) < 60
+    assert lines[-1].startswith("assert")

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: MIT
+"""Bodies supported by contact alone: they are moved until it stops them, and no spring is left."""
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+import pytest
+import supported
+from scenes import internal, neo_hookean, read, rectangles
+from scipy.optimize import minimize
+from small_scenes import pushed_block
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.rigid.moves import closest_below
+
+comm = MPI.COMM_WORLD
+
+
+@pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
+@pytest.mark.parametrize("gap", [0.1, 3.0])
+def test_body_free_to_slide_falls_straight_and_leaves_no_trace_of_the_spring(gap, algorithm):
+    """No force drives it sideways: wherever it falls from, the pressure is that of one that lay."""
+    falling, lying = (pushed_block(gap=g, algorithm=algorithm) for g in (gap, 0.0))
+    report = falling.solve()
+    lying.solve()
+    pressure, exact = (problem.equations.contacts[0].pressure for problem in (falling, lying))
+    # Rounding, of about 1e-14 and, where the loose body tilts, 2e-12.
+    assert np.abs(pressure - exact).max() < 1e-12 * exact.max()
+    assert np.abs(pressure - pressure[::-1]).max() < 1e-10 * exact.max()
+    assert falling.equations.contacts[0].total_force == pytest.approx((0.0, 1.0), abs=1e-9)
+    assert report.num_iterations <= 5
+    assert any("spring" in note for note in report.notes)
+
+
+def test_pinned_body_turns_until_it_touches():
+    problem = pushed_block(gap=0.1, pin=(0, 1))
+    problem.solve()
+    assert problem.equations.contacts[0].active.sum() == 1
+    assert problem.certificate().pairs[0].violations() == []
+
+
+def test_block_between_two_plates_is_pressed_evenly():
+    """Three bodies one above the other; the middle one has no Dirichlet condition at all."""
+    scene = stack(gap=0.02)
+    for push in (-0.05, -0.1):
+        scene["push"].value[:] = (0.0, push)
+        scene["problem"].solve()
+    forces = [contact.total_force for contact in scene["problem"].contacts]
+    assert forces[0][1] > 0.0
+    assert np.allclose(forces[0], -forces[1], atol=1e-9 * forces[0][1])
+    assert all(not c.violations() for c in scene["problem"].certificate().pairs)
+
+
+def disk_in_ring():
+    """A disk of radius 0.65 with clearance in a ring, which has names outside and inside."""
+    model, occ = gmsh.model, gmsh.model.occ
+    model.add("disk in a ring")
+    whole, hole = (occ.addDisk(0.0, 0.0, 0.0, r, r) for r in (1.0, 0.7))
+    ring, _ = occ.cut([(2, whole)], [(2, hole)])
+    disk = occ.addDisk(0.0, 0.0, 0.0, 0.65, 0.65)
+    occ.synchronize()
+    for name, surface in (("ring", ring[0][1]), ("disk", disk)):
+        model.setPhysicalName(2, model.addPhysicalGroup(2, [surface]), name)
+    for _, curve in model.getEntities(1):
+        radius = model.getBoundingBox(1, curve)[3]
+        name = "outer" if radius > 0.9 else "inner" if radius > 0.68 else "rim"
+        model.setPhysicalName(1, model.addPhysicalGroup(1, [curve]), name)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.12)
+    model.mesh.generate(2)
+    return model
+
+
+def test_disk_falls_in_a_ring_to_where_newton_finds_its_rest():
+    """Moved rigidly it creeps there, each time by as little as its facets may overlap."""
+    data = read(disk_in_ring)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    dx = ufl.dx(metadata={"quadrature_degree": 2})
+    weight = ufl.inner(fem.Constant(data.mesh, (0.0, -1.0)), v) * dx
+    residual = internal(u, neo_hookean(u, 100.0, 0.3)) - weight
+    pair = fm.ContactPair(data, "rim", "inner", law=fm.Coulomb(0.4))
+    bcs = [fm.dirichlet(V, data, "outer", (0.0, 0.0))]
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="disk_")
+    problem.solve()
+    force = problem.equations.contacts[0].total_force
+    assert abs(force[0]) < 1e-8
+    assert force[1] == pytest.approx(np.pi * 0.65**2, rel=0.008)  # a polygon: 0.5 % smaller
+    assert problem.certificate().violations() == []
+
+
+def stack(*, gap):
+    """Plates fixed and pushed, a free block between them, slave in both pairs."""
+
+    data = read(
+        rectangles,
+        size=0.21,
+        lower=(-0.5, 0.0, 1.0, 1.0),
+        middle=(-0.5, 1.0 + gap, 1.0, 0.5),
+        upper=(-0.5, 1.5 + 2 * gap, 1.0, 1.0),
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [
+        fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)),
+        fm.dirichlet(V, data, "upper/top", push),
+    ]
+    pairs = [
+        fm.ContactPair(data, "middle/bottom", "lower/top"),
+        fm.ContactPair(data, "middle/top", "upper/bottom"),
+    ]
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="stack_")
+    return {"problem": problem, "push": push}
+
+
+def disk_on_block(size):
+    """A disk of radius 0.5, 0.05 above a block of 2 x 0.5 and off its middle."""
+    occ, model = gmsh.model.occ, gmsh.model
+    model.add("disk")
+    block, disk = (
+        occ.addRectangle(-1.0, -0.5, 0.0, 2.0, 0.5),
+        occ.addDisk(0.03, 0.55, 0.0, 0.5, 0.5),
+    )
+    occ.synchronize()
+    for name, surface in (("block", block), ("disk", disk)):
+        model.setPhysicalName(2, model.addPhysicalGroup(2, [surface]), name)
+        for _, curve in model.getBoundary([(2, surface)], oriented=False):
+            y = occ.getCenterOfMass(1, curve)[1]
+            side = {"disk": "edge"}.get(name) or {-0.5: "bottom", 0.0: "top"}.get(round(y, 6))
+            if side:
+                model.setPhysicalName(1, model.addPhysicalGroup(1, [curve]), f"{name}/{side}")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    model.mesh.generate(2)
+    return model
+
+
+def falling_disk(size):
+    data = read(disk_on_block, size=size)
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    options = {"subdomain_data": data.cell_tags, "metadata": {"quadrature_degree": 2}}
+    dx = ufl.Measure("dx", domain=data.mesh, **options)
+    density = ufl.inner(neo_hookean(u, 100.0, 0.3), ufl.grad(v))
+    weight = 0.5 * v[1] * dx(data.bodies["disk"])
+    residual = sum(density * dx(tag) for tag in data.bodies.values()) + weight
+    bcs = [fm.dirichlet(V, data, "block/bottom", (0.0, 0.0))]
+    pairs = [fm.ContactPair(data, "disk/edge", "block/top")]
+    return fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="disk_")
+
+
+@pytest.mark.parametrize(
+    "size", [0.1, *(pytest.param(s, marks=pytest.mark.serial) for s in (0.085, 0.06))]
+)
+def test_disk_that_may_roll_falls_in_one_solve(size):
+    """No Dirichlet condition on it: contact carries the weight, forces of springs are reported."""
+    problem = falling_disk(size)
+    report = problem.solve()
+    certificate = report.certificate
+    assert certificate.violations() == []
+    force = problem.equations.contacts[0].total_force
+    # The weight of a polygon: 0.64 % less than that of the disk on the coarsest mesh.
+    assert force[1] == pytest.approx(0.5 * np.pi * 0.25, rel=0.008)
+    told = any("springs carry" in note for note in report.notes)
+    assert told == (certificate.springs > 0.0)
+    assert problem.solve().certificate.violations() == []  # and on from there
+
+
+@pytest.mark.serial
+def test_disk_that_may_roll_needs_the_proximal_point_method(monkeypatch):
+    def give_up(equations, options, failed):
+        raise failed
+
+    monkeypatch.setattr("fenics_mortar.equations.solver.solve_with_springs", give_up)
+    failures = 0
+    for size in (0.1, 0.085, 0.06):
+        try:
+            falling_disk(size).solve()
+        except fm.NotConvergedError:
+            failures += 1
+    assert failures
+
+
+def test_closest_vector_below_planes():
+    """Against a general solver of quadratic programs, on random planes."""
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        wanted, rows = random.normal(size=3), random.normal(size=(6, 3))
+        room = random.uniform(0.0, 0.3, 6)
+        constraint = {"type": "ineq", "fun": lambda v, A=rows, b=room: b - A @ v}
+        exact = minimize(
+            lambda v, t=wanted: 0.5 * ((v - t) ** 2).sum(),
+            np.zeros(3),
+            constraints=[constraint],
+            method="SLSQP",
+            options={"ftol": 1e-14},
+        ).x
+        found = closest_below(wanted, rows, room)
+        assert (rows @ found <= room + 1e-10).all()
+        assert np.abs(found - exact).max() < 1e-7  # SLSQP's: it ends where the sum changes by 1e-14
+
+
+@pytest.mark.parametrize("base", ["plane", "body"])
+def test_block_that_friction_supports_stays_and_one_that_slides_keeps_its_friction(base):
+    """Limit analysis decides before the solve; see also ``test_supported``, in serial."""
+    for push, reaches in ((0.1, 0.0), (0.6, 0.1)):
+        scene = supported.block_and_wall(push, 0.5, base)
+        reports = list(scene.solve())
+        assert reports[-1].num_iterations <= 5
+        assert scene.motion("block")[0] == pytest.approx(0.3 if reaches else 0.0, abs=2e-3)
+        assert -scene.force(1)[0] == pytest.approx(reaches, abs=1e-3)

@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: MIT
+"""Bodies supported by friction or adhesion stay up to the load of limit analysis."""
+
+import numpy as np
+import pytest
+from supported import (
+    arch,
+    block_and_wall,
+    hanging,
+    incline,
+    jaws,
+    ladder,
+    pressed,
+    t_junction,
+    tower,
+    wall,
+    wheel,
+)
+from supported_problem import NU
+
+import fenics_mortar as fm
+
+E = 1e4
+# Newton iterations of a step of an assembly supported by contact alone.
+MOST = 10
+BASES = pytest.mark.parametrize("base", ["plane", "body"])
+
+
+def stays(scene, most=None):
+    """Solve all steps: sound states in which bodies moved as far as they are elastic."""
+    reports = []
+    for step, report in enumerate(scene.solve()):
+        assert scene.verdict(step)[0].feasible, "limit analysis"
+        assert report.certificate.violations() == []
+        assert scene.largest() <= scene.small, report.notes
+        assert not scene.wrong(scene)
+        assert most is None or report.num_iterations <= most, report.notes
+        reports.append(report)
+    return reports
+
+
+def gives_way(scene):
+    """The last step has no solution: limit analysis and the package say so, in words."""
+    last = len(scene.path) - 1
+    verdict, _ = scene.verdict(last)
+    assert not verdict.feasible or verdict.factor < 1.0
+    for loads in scene.path[:last]:
+        scene.set(**loads)
+        scene.problem.solve()
+    scene.set(**scene.path[last])
+    with pytest.raises(fm.MortarError) as error:
+        scene.problem.solve()
+    assert len(str(error.value)) > 20
+
+
+# One body
+
+
+@pytest.mark.parametrize("mu, base", [(0.2, "body"), (0.9, "plane")])
+def test_block_on_an_incline_sticks_up_to_the_angle_of_friction(mu, base):
+    """The contact force is the weight, upright; the shear strains the block a little downhill."""
+    for factor in (0.5, 0.95):
+        slope = np.arctan(factor * mu)
+        scene = incline(slope, mu, base)
+        stays(scene)
+        assert scene.force(0) == pytest.approx([-np.sin(slope), np.cos(slope)], abs=1e-8)
+        sheared = np.sin(slope) * 0.5 / (E / (2 * (1 + NU)))  # by all of the weight at its top
+        slid = scene.motion("block")[0]
+        assert 0.0 < slid < sheared if base == "plane" else 0.0 < slid < 20.0 * sheared
+    gives_way(incline(np.arctan(1.05 * mu), mu, base))
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, np.pi / 2])
+def test_incline_is_the_same_however_it_is_turned(turn):
+    scene, upright = incline(0.4, 0.5, turn=turn), incline(0.4, 0.5)
+    for each in (scene, upright):
+        stays(each)
+    assert np.abs(scene.moved - upright.moved).max() < 1e-6 * upright.largest()
+
+
+@BASES
+@pytest.mark.parametrize("push", [0.001, 0.1, 0.45])
+def test_block_is_not_slid_to_a_wall_by_less_than_friction_bears(push, base):
+    scene = block_and_wall(push, 0.5, base)
+    stays(scene)
+    sheared = push * 0.5 / (E / (2 * (1 + NU)))
+    assert scene.motion("block")[0] < (sheared if base == "plane" else 20.0 * sheared)
+    assert scene.force(1) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert scene.force(0) == pytest.approx([-push, 1.0], abs=1e-7)
+
+
+@BASES
+def test_block_in_one_step_under_weight_and_push_sticks(base):
+    stays(block_and_wall(0.1, 0.5, base, at_once=True))
+
+
+@BASES
+def test_block_pushed_by_more_than_friction_bears_ends_at_the_wall_if_anywhere(base):
+    """The wall bears what friction leaves: it acts against the slide, whatever moved the block."""
+    scene = block_and_wall(0.6, 0.5, base)
+    scene.set(**scene.path[0])
+    scene.problem.solve()
+    scene.set(**scene.path[1])
+    try:
+        report = scene.problem.solve()
+    except fm.MortarError:
+        return
+    assert report.certificate.violations() == []
+    assert scene.motion("block")[0] == pytest.approx(0.3, rel=0.01)
+    assert scene.force(1)[0] == pytest.approx(-0.1, rel=0.02)
+
+
+@pytest.mark.parametrize("groove", ["planes", "body"])
+def test_wheel_in_a_groove_sticks_under_less_than_the_torque_that_friction_bears(groove):
+    for part in (0.01, 0.9):
+        scene = wheel(part, groove=groove)
+        stays(scene)
+        assert abs(scene.motion("wheel")[2]) < 1e-3
+
+
+@BASES
+def test_ladder_stands_above_its_critical_angle(base):
+    """Of the thin ladder tan = 1 / (2 mu); limit analysis knows the thick one's."""
+    for factor in (1.03, 1.3):
+        scene = ladder(np.arctan(factor / 0.8), 0.4, base=base)
+        stays(scene)
+        thrust = -scene.force(1)[0]
+        assert thrust == pytest.approx(0.5 * 0.8 / factor, rel=0.1)
+        assert scene.force(0) == pytest.approx([thrust, 1.0], abs=1e-4)
+    gives_way(ladder(np.arctan(0.9 / 0.8), 0.4, base=base))
+
+
+def test_corner_that_sticks_beyond_the_cone_of_friction_is_a_wrong_state():
+    """The averaged normal of a slave's corner is half-way between floor and ladder."""
+    scene = ladder(np.arctan(0.7 / 0.8), 0.4, base="body", on_corner=True)
+    assert scene.verdict(0)[0].factor < 1.0
+    scene.set(weight=1.0)
+    words = r"a corner of the slave sticks at .* above the friction limit.* take 'ground/top' as"
+    with pytest.raises(fm.NotConvergedError, match=words) as caught:
+        scene.problem.solve()
+    (certificate, _) = caught.value.report.certificate.pairs
+    thrust, weight = scene.force(0)
+    assert certificate.excess_shear == pytest.approx(thrust / weight / 0.4 - 1.0, abs=0.01)
+
+
+def test_corner_that_sticks_within_the_cone_of_friction_is_told_of_only():
+    scene = ladder(np.arctan(1.3 / 0.8), 0.4, base="body", on_corner=True)
+    (report,) = stays(scene)
+    assert report.certificate.pairs[0].excess_shear == 0.0
+    assert any("act along the surface" in note for note in report.notes)
+
+
+@BASES
+def test_block_hangs_from_an_adhesive_ceiling_as_long_as_it_pulls_enough(base):
+    for weight in (0.1, 0.8):
+        scene = hanging(weight, 1.0, base)
+        stays(scene)
+        assert scene.force(0) == pytest.approx([0.0, weight], abs=1e-7)
+    gives_way(hanging(1.2, 1.0, base))
+
+
+@BASES
+def test_block_pressed_to_a_ceiling_stays_sideways_by_friction(base):
+    scene = hanging(-0.5, 1.0, base, push=0.1)
+    stays(scene)
+    assert scene.force(0) == pytest.approx([-0.1, -0.5], abs=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["planes", "bodies"])
+def test_block_between_jaws_is_supported_by_friction(kind):
+    """Two jaws bear 2 mu P."""
+    for weight in (0.0, 0.3, 0.9):
+        scene = jaws(weight, 1.0, 0.5, kind)
+        stays(scene)
+        forces = np.array([scene.force(i) for i in range(2)])
+        assert np.abs(forces[:, 0]) == pytest.approx([1.0, 1.0], abs=1e-6)
+        assert forces[:, 1].sum() == pytest.approx(weight, abs=1e-6)
+    gives_way(jaws(1.1, 1.0, 0.5, kind))
+
+
+@pytest.mark.parametrize("kind", ["planes", "bodies"])
+def test_row_of_three_blocks_between_jaws(kind):
+    stays(jaws(0.1, 2.0, 0.8, kind, blocks=3), most=MOST)
+
+
+@BASES
+def test_block_that_a_prescribed_motion_presses_moves_along_by_friction(base):
+    scene = pressed(0.0, base=base)
+    stays(without_judge(scene))
+    force = scene.force(0)[1]
+    most = 0.5 * force / scene.bodies[0].push
+    for part in (0.1, 0.9):
+        scene = pressed(part * most, base=base)
+        stays(without_judge(scene))
+        assert scene.force(0) == pytest.approx([-0.5 * part * force, force], rel=0.02)
+    scene = pressed(1.1 * most, base=base)
+    with pytest.raises(fm.MortarError):
+        list(scene.solve())
+
+
+def without_judge(scene):
+    """Motions that are prescribed press with forces that limit analysis does not know."""
+    scene.verdict = lambda step: (type("Verdict", (), {"feasible": True}), 0.0)
+    return scene
+
+
+# Several bodies
+
+
+def bears(scene, number):
+    """Both springings together bear the weight; half each, but for what their meshes differ."""
+    left, right = scene.force(number - 1), scene.force(number)
+    assert left + right == pytest.approx([0.0, 1.0], abs=1e-7)
+    assert left[1] == pytest.approx(0.5, rel=0.005)
+
+
+def test_arch_of_stiff_voussoirs_stands_if_it_is_thick_enough():
+    """Milankovitch: t/R = 0.1075 for many; for few limit analysis knows."""
+    scene = arch(0.15, 7)
+    stays(scene, most=MOST)
+    bears(scene, 7)
+    gives_way(arch(0.07, 7))
+
+
+@pytest.mark.parametrize(
+    "thickness, number, options",
+    [
+        (0.15, 5, {}),
+        (0.12, 5, {}),
+        (0.2, 3, {}),
+        (0.2, 4, {"mu": 0.6}),
+        (0.2, 5, {"n": 2}),
+        (0.15, 5, {"E": 1e4}),
+        (0.15, 9, {}),
+        (0.15, 11, {"mu": 0.5}),
+    ],
+    ids=str,
+)
+def test_arch_of_stiff_voussoirs_takes_few_iterations(thickness, number, options):
+    """No spring supports it: the sets are those of the linearized problem."""
+    scene = arch(thickness, number, **options)
+    (report,) = stays(scene, most=MOST)
+    assert report.certificate.springs == 0.0
+    bears(scene, number)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"rows": 3, "cols": 2, "mu": 1.0, "cells": (4, 6, 2)},
+        {"rows": 4, "cols": 2, "mu": 1.0, "cells": (3, 5), "base": "body"},
+        {"rows": 4, "cols": 3, "mu": 0.4, "cells": (3, 5), "push": 0.5, "E": 1e5},
+        {"rows": 3, "cols": 2, "mu": 0.8, "cells": (3, 5), "push": 0.5, "press": 3.0},
+    ],
+    ids=str,
+)
+def test_walls_whose_sets_would_go_in_circles(options):
+    stays(wall(**options), most=MOST)
+
+
+def test_bricks_that_tilt_on_their_edges_do_so_elastically():
+    """Half a brick at the end rocks on two nodes: by far, but in proportion to 1 / E."""
+    moved = {}
+    for E in (1e4, 1e6):
+        scene = wall(3, 2, 0.9, cells=(5, 4, 3), layers=1, push=0.7, E=E)
+        assert scene.verdict(1)[0].factor > 1.3
+        for report in scene.solve():
+            assert report.certificate.violations() == []
+            assert report.certificate.springs == 0.0
+        moved[E] = E * scene.largest()
+    assert moved[1e4] == pytest.approx(moved[1e6], rel=0.03)
+
+
+@pytest.mark.parametrize("slave", ["upper", "lower"])
+@pytest.mark.parametrize("cells", [(2, 2, 3), (3, 4, 5)])
+@pytest.mark.parametrize("side", [None, 0.0])
+def test_joint_of_two_blocks_under_a_third_passes_the_patch_test(side, cells, slave):
+    """All stick, and the exact state has no slip. ``test_redundancy``: a joint in the middle."""
+    scene = t_junction(cells, side=side, slave=slave)
+    scene.set()
+    report = scene.problem.solve()
+    assert report.certificate.violations() == []
+    assert scene.wrong(scene) == "", scene.note(scene)
+
+
+@pytest.mark.parametrize(
+    "rows, cols, mu, cells",
+    [
+        (2, 1, 0.2, (4,)),
+        (2, 1, 1.0, (4, 6, 2)),
+        (2, 2, 0.1, (4, 6, 2)),
+        (2, 2, 0.4, (4,)),
+        (2, 2, 1.0, (4, 6, 2)),
+        (3, 2, 0.2, (4, 6, 2)),
+        (3, 2, 1.0, (4,)),
+    ],
+)
+def test_brick_wall_bears_its_weight_and_a_quarter_of_what_friction_does(rows, cols, mu, cells):
+    scene = wall(rows, cols, mu, cells=cells)
+    stays(scene, most=MOST)
+    lowest = sum(scene.force(i) for i in range(cols))
+    count = sum(body.weight for body in scene.bodies)
+    assert lowest == pytest.approx([-0.25 * mu * count, count], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"friction": False, "push": 0.0},
+        {"base": "body"},
+        {"upright": False},
+        {"load": "top", "push": 0.5},
+        {"press": 2.0},
+    ],
+    ids=str,
+)
+def test_other_walls_of_five_bricks(options):
+    stays(wall(2, 2, 0.6, **options), most=MOST)
+
+
+@pytest.mark.slow
+def test_wall_pushed_by_more_than_friction_bears_gives_way():
+    gives_way(wall(2, 1, 0.4, push=1.2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rows, cols, mu", [(4, 3, 0.3), (3, 9, 0.5)])
+def test_large_wall(rows, cols, mu):
+    stays(wall(rows, cols, mu, cells=(4, 2)), most=MOST)
+
+
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_random_tower_bears_half_of_the_lateral_force_that_limit_analysis_allows(seed):
+    stays(tower(seed), most=MOST)
+
+
+def test_random_tower_gives_way_beyond_it():
+    gives_way(tower(1, part=1.2))
+
+
+@BASES
+def test_path_of_an_incline_ends_where_friction_does(base):
+    """It sticks up to the critical angle; what ends the path is said in words."""
+    mu = 0.5
+    scene = incline(0.3, mu, base, turn=0.0)
+
+    def tilt(time):
+        scene.gravity.value[:] = np.sin(time), -np.cos(time)
+
+    options = fm.SteppingOptions(step=0.1, smallest=1e-3)
+    with pytest.raises(fm.NotConvergedError, match="freely") as error:
+        fm.follow_path(scene.problem, tilt, options, start=0.2, stop=1.0)
+    end = error.value.report.steps[-1].time
+    # A soft base bears a little more, by the dent that the block presses into it.
+    assert np.arctan(mu) - 2e-3 < end < np.arctan(mu) + (1e-2 if base == "body" else 1e-9)

@@ -1,0 +1,371 @@
+# SPDX-License-Identifier: MIT
+"""Contact of bodies of revolution against exact solutions.
+
+Patch: u_r = (a - 1) r, u_z = (b - 1) z has constant strains. A cylinder under axial stretch b is
+free at its side where P_rr = mu (a - 1/a) + lambda ln(a^2 b) / a = 0; the pressure is -P_zz / a^2.
+"""
+
+from itertools import product
+
+import numpy as np
+import pytest
+import revolved
+from revolved import cylinders, graded, internal, on_axis
+from scenes import TIGHT, lame, pair_options, read
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+import fenics_mortar as fm
+from meshes.mapped_grids import Grid, block, build
+
+E, NU, STRETCH = 100.0, 0.3, 0.9
+MATERIALS = [revolved.neo_hookean, revolved.linear_elastic]
+# pressures are equal to round-off of the solution, some 1e-13, times the number of dofs' root
+EXACT = 1e-11
+
+
+def uniaxial(material):
+    """Radial stretch and contact pressure under the axial stretch ``STRETCH``."""
+    mu, lmbda = lame(E, NU)
+    b = STRETCH
+    if material is revolved.linear_elastic:
+        a = 1 - NU * (b - 1)
+        return a, -E * (b - 1) / a**2
+    a = brentq(lambda a: mu * (a - 1 / a) + lmbda * np.log(a * a * b) / a, 0.9, 1.3, xtol=1e-15)
+    return a, -(mu * (b - 1 / b) + lmbda * np.log(a * a * b) / b) / a**2
+
+
+def homogeneous(material, stretches, names, data, sides, degree=1, pair=None, tie=False):
+    """A problem with u = (stretches - 1) X prescribed on some boundaries, and that."""
+    V = fm.vector_space(data.mesh, degree)
+    u, exact = fem.Function(V), fem.Function(V)
+    exact.interpolate(lambda X: np.stack([(s - 1) * x for s, x in zip(stretches, X)]))
+    bcs = [fm.dirichlet(V, data, name, exact) for name in names]
+    if "lower/left" not in names:
+        bcs.append(on_axis(V, data, ["lower/left", "upper/left"]))
+    contact = (fm.TiedPair if tie else fm.ContactPair)(data, *sides, **pair_options(pair))
+    problem = fm.ContactProblem(
+        internal(u, material(u, E, NU)), u, [contact], bcs=bcs, geometry="axisymmetric",
+        newton=TIGHT, petsc_options_prefix="patch_",
+    )  # fmt: skip
+    return problem, exact
+
+
+SLAVES = [["upper/bottom", "lower/top"], ["lower/top", "upper/bottom"]]
+ENDS = ["lower/bottom", "upper/top"]
+
+
+@pytest.mark.parametrize("degree, cell", product([1, 2], ["triangle", "quadrilateral"]))
+@pytest.mark.parametrize("material", MATERIALS)
+def test_axial_pressure_is_uniform(material, degree, cell):
+    a, pressure = uniaxial(material)
+    data = cylinders((5, 7), widths=(1.0, 1.0), bulge=False, cell=cell)
+    choices = [{"basis": "dual"}, {"basis": "standard"}]
+    if degree == 2:
+        choices += [{"basis": "vertices"}, {"basis": "linear"}]
+    for sides, choice in product(SLAVES, choices):
+        problem, exact = homogeneous(material, (a, STRETCH), ENDS, data, sides, degree, choice)
+        problem.solve()
+        contact = problem.contacts[0]
+        assert np.abs(contact.pressure / pressure - 1).max() < EXACT
+        size = np.pi * a**2 * pressure * (1 if sides[0] == "upper/bottom" else -1)
+        assert contact.total_force[1] == pytest.approx(size, rel=EXACT)
+        u = problem.equations.bulk.u
+        assert np.abs(u.x.array - exact.x.array).max() < 1e-12
+
+
+def test_all_round_pressure_passes_a_conical_interface():
+    mu, lmbda = lame(E, NU)
+    a = 0.95
+    pressure = -(mu * (a - 1 / a) + 3 * lmbda * np.log(a) / a) / a**2
+    grids = []
+    for name, columns, start, stop in (("lower", 7, 0.0, 1.0), ("upper", 5, 1.0, 2.0)):
+        r, t = np.meshgrid(np.linspace(0.4, 1.4, columns + 1), np.linspace(0, 1, 4), indexing="ij")
+        slope = 0.3 * r * (t if name == "lower" else 1 - t)
+        grids.append(Grid(name, np.stack([r, start + (stop - start) * t + slope], axis=2)))
+    data = read(build, grids=grids, cell="triangle")
+    names = [f"{body}/{side}" for body in ("upper", "lower") for side in ("left", "right")]
+    for sides in SLAVES:
+        problem, _ = homogeneous(revolved.neo_hookean, (a, a), [*names, *ENDS], data, sides)
+        problem.solve()
+        contact = problem.equations.contacts[0]
+        z = contact.pressure[contact.multiplier_nodes]
+        assert np.abs(z / pressure - 1).max() < EXACT
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_tied_cylinders_are_one(degree):
+    a, _ = uniaxial(revolved.neo_hookean)
+    data = cylinders((5, 7), widths=(1.0, 1.0), bulge=False)
+    for sides in SLAVES:
+        problem, exact = homogeneous(
+            revolved.neo_hookean, (a, STRETCH), ENDS, data, sides, degree, tie=True
+        )
+        problem.solve()
+        assert np.abs(problem.equations.bulk.u.x.array - exact.x.array).max() < 1e-12
+
+
+# Press fit of tubes a < b < c in plane strain
+
+A, B, C, INTERFERENCE = 1.0, 2.0, 3.0, 0.05
+ELASTIC = {"inner": (300.0, 0.25), "outer": (100.0, 0.3)}
+
+
+def pressed_on(count, material, *, overlap, sliding="finite"):
+    """Pressure between two tubes with ``count`` quadratic cells over each wall.
+
+    The overlap is in the mesh or, without ``overlap``, in the initial gap.
+    """
+    radii = {"inner": (A, B + INTERFERENCE * overlap), "outer": (B, C)}
+    grids = [
+        Grid(name, block(count, rows, width=R - r, height=0.1, corner=(r, 0.0)))
+        for (name, (r, R)), rows in zip(radii.items(), (1, 2))
+    ]
+    data = read(build, grids=grids)
+    V = fm.vector_space(data.mesh, 2)
+    u, residual = fem.Function(V), 0
+    dx = ufl.Measure("dx", subdomain_data=data.cell_tags, metadata={"quadrature_degree": 5})
+    for name, values in ELASTIC.items():
+        residual += internal(u, material(u, *values), dx(data.body_tag(name)))
+    names = [f"{body}/{side}" for body in radii for side in ("bottom", "top")]
+    gap = None if overlap else -INTERFERENCE
+    pair = fm.ContactPair(data, "inner/right", "outer/left", initial_gap=gap, sliding=sliding)
+    problem = fm.ContactProblem(
+        residual, u, [pair], bcs=[fm.dirichlet(V, data, names, 0.0, component=1)],
+        geometry="axisymmetric", newton=TIGHT, petsc_options_prefix="fit_",
+    )  # fmt: skip
+    # an overlap of many cells, beside ends of both bodies on one line: taken for a crossing
+    problem.solve(accept_violations=overlap and count > 32)
+    pressure = problem.contacts[0].pressure
+    assert np.ptp(pressure) < 1e-8 * pressure.mean()
+    return float(pressure.mean())
+
+
+def lame_pressure():
+    """Pressure of the press fit by linear elasticity, small against the radii."""
+    compliance = 0.0
+    for (E_, nu), sign, (r, R) in zip(ELASTIC.values(), (-1, 1), ((A, B), (B, C))):
+        E_, nu = E_ / (1 - nu**2), nu / (1 - nu)
+        compliance += ((R**2 + r**2) / (R**2 - r**2) + sign * nu) / E_
+    return INTERFERENCE / (B * compliance)
+
+
+def exact_pressure():
+    """Pressure of the press fit at finite strain: radial equilibrium of both tubes, by shooting.
+
+    With stretches p = r', q = r / R: P_rr' = (P_tt - P_rr) / R.
+    """
+    inner, outer = ELASTIC.values()
+
+    def stresses(p, q, values):
+        mu, lmbda = lame(*values)
+        log = lmbda * np.log(p * q)
+        return mu * (p - 1 / p) + log / p, mu * (q - 1 / q) + log / q
+
+    def stretch(q, radial, values):
+        """p for a radial stress."""
+        return brentq(lambda p: stresses(p, q, values)[0] - radial, 0.3, 3.0, xtol=1e-15)
+
+    def wall(r, p, radii, values):
+        """r and p outside of a wall by those inside."""
+
+        def slope(R, y):
+            q, (mu, lmbda) = y[0] / R, lame(*values)
+            P_r, P_t = stresses(y[1], q, values)
+            by_p = mu * (1 + 1 / y[1] ** 2) + lmbda * (1 - np.log(y[1] * q)) / y[1] ** 2
+            by_q = lmbda / (y[1] * q)
+            return y[1], ((P_t - P_r) / R - by_q * (y[1] - q) / R) / by_p
+
+        found = solve_ivp(slope, radii, (r, p), method="DOP853", rtol=3e-14, atol=1e-15)
+        return found.y[:, -1]
+
+    def fit(q):
+        """Pressure, and the stress left outside, by the hoop stretch inside."""
+        r, p = wall(q * A, stretch(q, 0.0, inner), (A, B + INTERFERENCE), inner)
+        R = B + INTERFERENCE
+        cauchy = stresses(p, r / R, inner)[0] * R / r
+        start = r, stretch(r / B, cauchy * r / B, outer)
+        r, p = wall(*start, (B, C), outer)
+        return -cauchy, stresses(p, r / C, outer)[0]
+
+    return fit(brentq(lambda q: fit(q)[1], 0.97, 1.0, xtol=1e-15))[0]
+
+
+def test_press_fit_of_tubes_is_that_of_lame():
+    """The error of displacements of degree 2 is of fourth order in nodal forces."""
+    counts, exact = np.array([4, 8, 256]), lame_pressure()
+    options = {"overlap": False, "sliding": "small"}
+    errors = [pressed_on(n, revolved.linear_elastic, **options) / exact - 1 for n in counts]
+    assert np.log2(errors[0] / errors[1]) > 3.7
+    assert abs(errors[2]) < 2e-11
+
+
+def test_press_fit_of_tubes_at_finite_strain():
+    counts, exact = np.array([4, 8, 256]), exact_pressure()
+    errors = [pressed_on(n, revolved.neo_hookean, overlap=True) / exact - 1 for n in counts]
+    assert np.log2(errors[0] / errors[1]) > 3.7
+    assert abs(errors[2]) < 2e-11
+
+
+# Hertz and Sneddon: a half space z < 0 with E* = 1 under bodies that it touches for r < 1
+
+NU_SPACE = 0.3
+SLOPE = 1e-3  # of the bodies at r = 1, so that the theory of small slopes holds
+PRESSED, FAR, AXIS = 1, 2, 3
+
+
+def point_load(force):
+    """Displacement by Boussinesq of the half space under a force at the origin, as a function."""
+    G = (1 - NU_SPACE) / 2  # of E* = 1
+
+    def field(X):
+        r, depth = X[0], -X[1]
+        rho = np.maximum(np.hypot(r, depth), 1e-9)
+        radial = r * depth / rho**3 - (1 - 2 * NU_SPACE) * r / (rho * (rho + depth))
+        down = depth**2 / rho**3 + 2 * (1 - NU_SPACE) / rho
+        return force / (4 * np.pi * G) * np.stack([radial, -down])
+
+    return field
+
+
+def pressed_space(count, body, force, *, reach, degree=1, size=30.0):
+    """A half space under a rigid ``body``; far away it has the displacement by a point load.
+
+    Args:
+        count: Facets over a length of 1.
+        body: The obstacle.
+        force: The point load.
+        reach: Part of the surface that may touch, r < reach.
+        degree: Degree of displacements.
+        size: Extent of the mesh.
+    """
+    x = graded(1.0 / count, round(reach * count), 0.2, size)
+    grid = np.stack(np.meshgrid(x, -x[::-1], indexing="ij"), axis=2)
+    mesh = read(build, grids=[Grid("space", grid)]).mesh
+    edge = size * (1 - 1e-9)
+    places = {
+        PRESSED: lambda X: np.isclose(X[1], 0.0) & (X[0] < reach * (1 + 1e-9)),
+        FAR: lambda X: (X[0] > edge) | (X[1] < -edge),
+        AXIS: lambda X: np.isclose(X[0], 0.0),
+    }
+    found = [dmesh.locate_entities_boundary(mesh, 1, at) for at in places.values()]
+    facets, tags = np.concatenate(found), np.repeat(list(places), [len(f) for f in found])
+    order = np.argsort(facets)
+    tags = dmesh.meshtags(mesh, 1, facets[order], tags[order].astype(np.int32))
+    data = fm.MeshData(mesh, None, tags)
+    V = fm.vector_space(mesh, degree)
+    u, far = fem.Function(V), fem.Function(V)
+    far.interpolate(point_load(force))
+    problem = fm.ContactProblem(
+        internal(u, revolved.linear_elastic(u, 1 - NU_SPACE**2, NU_SPACE)), u,
+        [fm.ContactPair(data, PRESSED, body)],
+        bcs=[fm.dirichlet(V, data, FAR, far), on_axis(V, data, AXIS)],
+        geometry="axisymmetric", petsc_options_prefix="space_",
+    )  # fmt: skip
+    problem.solve()
+    contact = problem.equations.contacts[0]
+    return contact.operators.x[:, 0], contact.pressure, contact.operators.weight, problem
+
+
+def elastic_ball(count):
+    """A ball on a half space of the same material, E* = 1/2, by far fields of point loads."""
+    force, size = 2 / 3 * SLOPE, 30.0
+    grids = []
+    for name, n in (("ball", count), ("space", round(0.7 * count))):
+        x = graded(1.0 / n, round(1.5 * n), 0.2, size)
+        r, depth = np.meshgrid(x, -x[::-1], indexing="ij")
+        sphere = 1 / SLOPE - np.sqrt(1 / SLOPE**2 - r**2)
+        z = depth if name == "space" else sphere - depth * (1 - sphere / size)
+        grids.append(Grid(name, np.stack([r, z], axis=2)))
+    data = read(build, grids=grids)
+    V = fm.vector_space(data.mesh, 1)
+    u, below, above = fem.Function(V), fem.Function(V), fem.Function(V)
+    field = point_load(force)
+    below.interpolate(lambda X: field(X))
+    above.interpolate(lambda X: [[1], [-1]] * field([[1], [-1], [1]] * X) - [[0], [SLOPE]])
+    # in the grid of the ball depth runs down: its bottom is the side at the space
+    problem = fm.ContactProblem(
+        internal(u, revolved.linear_elastic(u, 1 - NU_SPACE**2, NU_SPACE)), u,
+        [fm.ContactPair(data, "ball/top", "space/top")],
+        bcs=[
+            fm.dirichlet(V, data, ["space/bottom", "space/right"], below),
+            fm.dirichlet(V, data, ["ball/bottom", "ball/right"], above),
+            on_axis(V, data, ["ball/left", "space/left"]),
+        ],
+        geometry="axisymmetric", petsc_options_prefix="ball_",
+    )  # fmt: skip
+    problem.solve()
+    contact = problem.equations.contacts[0]
+    return contact.operators.x[:, 0], contact.pressure, contact.operators.weight
+
+
+def second_moment(r, p, w):
+    """Mean of r^2 weighted by the forces p w of the nodes."""
+    return (p * w) @ r**2 / (p @ w)
+
+
+def error_of_hertz(r, p, w, force):
+    """Error of the pressure in L2 (D), relative to Hertz with the radius 1."""
+    exact = 1.5 * force / np.pi * np.sqrt(np.maximum(1 - r**2, 0.0))
+    return np.sqrt((p - exact) ** 2 @ w / (exact**2 @ w))
+
+
+def test_rigid_sphere_on_a_half_space():
+    """a^3 = 3 F R / (4 E*), p0 = 1.5 F / (pi a^2); at the edge p is of class C^1/2: first order."""
+    force, errors = 4 / 3 * SLOPE, []
+    for count in (10, 20):
+        sphere = fm.Circle((0.0, 1 / SLOPE - SLOPE), 1 / SLOPE)
+        r, p, w, _ = pressed_space(count, sphere, force, reach=1.5)
+        errors.append(error_of_hertz(r, p, w, force))
+    assert errors[1] < 0.03 and 0.9 < np.log2(errors[0] / errors[1]) < 1.2
+    assert p @ w == pytest.approx(force, rel=0.004)
+    assert np.sqrt(2.5 * second_moment(r, p, w)) == pytest.approx(1.0, rel=0.002)
+    assert p[r.argmin()] == pytest.approx(1.5 * (p @ w) / np.pi, rel=0.01)
+
+
+def test_rigid_sphere_with_displacements_of_degree_2():
+    force, sphere = 4 / 3 * SLOPE, fm.Circle((0.0, 1 / SLOPE - SLOPE), 1 / SLOPE)
+    r, p, w, _ = pressed_space(10, sphere, force, reach=1.5, degree=2)
+    assert error_of_hertz(r, p, w, force) < 0.015
+    assert p @ w == pytest.approx(force, rel=5e-4)
+    assert np.sqrt(2.5 * second_moment(r, p, w)) == pytest.approx(1.0, rel=5e-4)
+    assert p[r.argmin()] == pytest.approx(1.5 * (p @ w) / np.pi, rel=0.003)
+
+
+def test_elastic_ball_on_a_half_space():
+    force, errors = 2 / 3 * SLOPE, []
+    for count in (10, 20):
+        r, p, w = elastic_ball(count)
+        errors.append(error_of_hertz(r, p, w, force))
+    assert errors[1] < 0.03 and 0.9 < np.log2(errors[0] / errors[1]) < 1.2
+    assert p @ w == pytest.approx(force, rel=0.005)
+    assert np.sqrt(2.5 * second_moment(r, p, w)) == pytest.approx(1.0, rel=0.003)
+    assert p[r.argmin()] == pytest.approx(1.5 * (p @ w) / np.pi, rel=0.01)
+
+
+def test_rigid_cone_on_a_half_space():
+    """Sneddon: F = pi / 2 E* a^2 s for the slope s, p = E* s / 2 arcosh(a / r)."""
+    force = np.pi / 2 * SLOPE
+    cone = fm.Plane((0.0, -np.pi / 2 * SLOPE), (SLOPE, -1.0))
+    r, p, w, _ = pressed_space(20, cone, force, reach=1.5)
+    assert p @ w == pytest.approx(force, rel=0.004)
+    assert np.sqrt(3 * second_moment(r, p, w)) == pytest.approx(1.0, rel=0.002)
+    between = (r > 0.15) & (r < 0.85)
+    assert p[between] == pytest.approx(SLOPE / 2 * np.arccosh(1 / r[between]), rel=0.03)
+
+
+def test_flat_punch_on_a_half_space():
+    """Boussinesq: F = 2 E* a d, p = F / (2 pi a sqrt(a^2 - r^2)); singular: first order in F."""
+    force, errors = 2 * SLOPE, []
+    for count in (10, 20):
+        punch = fm.Plane((0.0, -SLOPE), (0.0, -1.0))
+        r, p, w, _ = pressed_space(count, punch, force, reach=1.0)
+        errors.append(p @ w / force - 1)
+    assert errors[1] < 0.02 and 1.7 < errors[0] / errors[1] < 2.3
+    inside = r < 0.7
+    exact = (p @ w) / (2 * np.pi * np.sqrt(1 - r[inside] ** 2))
+    assert p[inside] == pytest.approx(exact, rel=0.03)

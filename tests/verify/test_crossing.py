@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: MIT
+"""Surfaces that crossed, in a state or in a step, are told of."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from crossing_scenes import DX, is_silent, problem_of, told
+from scenes import nodal, pair_options, read, rectangles
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from fenics_mortar.verify.certificate import Certificate
+from fenics_mortar.verify.crossing import Crossing
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid
+
+
+def c_ring(push, *, degree=1, cell="quadrilateral", comm=MPI.COMM_WORLD):
+    """A C, fixed at its back, with its two paired ends 0.37 apart, and forces on its right half."""
+    shape = mapped_grids.sector(40, 3, radii=(0.8, 1.0), angles=(0.2, 2.0 * np.pi - 0.2))
+    data = read(mapped_grids.build, comm=comm, grids=[Grid("ring", shape)], cell=cell)
+    V = fm.vector_space(data.mesh, degree)
+    u, v, X = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(data.mesh)
+    force = fem.Constant(data.mesh, push)
+    load = ufl.conditional(ufl.gt(X[0], 0.5), -force * ufl.sign(X[1]), 0.0) * v[1] * DX
+    back = fem.locate_dofs_geometrical(V, lambda X: X[0] < -0.9)
+    bcs = [fem.dirichletbc(np.zeros(2), back, V)]
+    pair = fm.ContactPair(data, "ring/left", "ring/right")
+    return force, problem_of(data, [pair], bcs, u, load)
+
+
+@pytest.mark.parametrize(("degree", "cell"), [(1, "quadrilateral"), (2, "triangle")])
+def test_ends_of_a_ring_that_went_past_each_other_are_told(degree, cell):
+    _, problem = c_ring(1.0, degree=degree, cell=cell)
+    report = problem.solve(accept_violations=True)
+    assert np.abs(problem.equations.contacts[0].total_force).max() == 0.0  # contact saw nothing
+    (crossing,) = report.certificate.crossings
+    assert crossing.facets > 3.0 and crossing.depth > 0.5
+    assert told(report, "body 'ring' crosses itself at (") and told(report, "deep (")
+    assert told(report, "went through body 'ring'")
+    assert any("VIOLATED: body 'ring' crosses itself" in note for note in report.notes)
+    assert problem.certificate().crossings == report.certificate.crossings
+    assert not problem.certificate().passages  # of a solve, not of a state
+
+
+def test_result_is_that_of_one_rank():
+    """Outlines, their bodies and order do not depend on who owns what."""
+    reports, outlines = [], []
+    for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        _, problem = c_ring(1.0, comm=comm)
+        reports.append(problem.solve(accept_violations=True))
+        outlines.append(problem.equations.crossings.outline)
+    for name in ("X", "segments", "ends"):
+        assert np.allclose(*(getattr(outline, name) for outline in outlines))
+    assert np.array_equal(*(outline.neighbours() for outline in outlines))
+    (mine,), (alone,) = (report.certificate.crossings for report in reports)
+    assert mine.depth == pytest.approx(alone.depth) and mine.facets == pytest.approx(alone.facets)
+    assert set(mine.sides) == set(alone.sides)
+    assert len(reports[0].certificate.passages) == len(reports[1].certificate.passages) == 1
+    everywhere = MPI.COMM_WORLD.allgather(str(reports[0].certificate))
+    assert len(set(everywhere)) == 1
+
+
+@pytest.mark.serial
+def test_path_of_a_ring_ends_with_its_ends_in_contact():
+    force, problem = c_ring(0.0)
+
+    def load(time):
+        force.value = 0.4 * time
+
+    path = fm.follow_path(problem, load, fm.SteppingOptions(step=1.0, smallest=1e-3))
+    assert path.finished and is_silent(path.steps[-1].report)
+    o = problem.equations.contacts[0].operators
+    assert abs(o.x.mean(axis=0)[1]) < 0.05 and problem.equations.contacts[0].total_force[1] != 0.0
+
+
+def test_unpaired_part_of_a_body_that_crosses_itself_is_told():
+    """A U whose legs are bent through each other; what is paired is below."""
+    arc = mapped_grids.sector(16, 2, radii=(0.4, 0.6), angles=(np.pi, 2.0 * np.pi))
+    legs = [mapped_grids.block(2, 12, width=0.2, height=1.5, corner=(x, 0.0)) for x in (-0.6, 0.4)]
+    legs[0] = legs[0][::-1][:, ::-1].swapaxes(0, 1)[:, ::-1]
+    shape = np.concatenate([
+        np.stack([np.linspace((-0.6, 1.5), (-0.6, 0.0), 12, endpoint=False),
+                  np.linspace((-0.5, 1.5), (-0.5, 0.0), 12, endpoint=False),
+                  np.linspace((-0.4, 1.5), (-0.4, 0.0), 12, endpoint=False)], axis=1),
+        arc,
+        np.stack([np.linspace((0.6, 0.0), (0.6, 1.5), 13)[1:],
+                  np.linspace((0.5, 0.0), (0.5, 1.5), 13)[1:],
+                  np.linspace((0.4, 0.0), (0.4, 1.5), 13)[1:]], axis=1),
+    ])  # fmt: skip
+    floor = mapped_grids.block(6, 2, width=2.0, height=0.3, corner=(-1.0, -0.92))
+    data = read(mapped_grids.build, grids=[Grid("clip", shape), Grid("floor", floor)])
+    V = fm.vector_space(data.mesh, 1)
+    u, apart = fem.Function(V), [fem.Constant(data.mesh, (x, 0.0)) for x in (0.2, -0.2)]
+    bcs = [fm.dirichlet(V, data, "floor/bottom", (0.0, 0.0))]
+    bcs += [fm.dirichlet(V, data, f"clip/{e}", c) for e, c in zip(("left", "right"), apart)]
+    problem = problem_of(data, [fm.ContactPair(data, "clip/bottom", "floor/top")], bcs, u)
+    assert is_silent(problem.solve(accept_violations=True))
+    for value, constant in zip((0.9, -0.9), apart, strict=True):
+        constant.value[0] = value
+    report = problem.solve(accept_violations=True)
+    assert told(report, "body 'clip' crosses itself") or told(report, "'clip/bottom'")
+    assert report.certificate.crossings[0].facets > 0.5
+
+
+@pytest.mark.parametrize("facets, remarked, violated", [(0.1, 0, 0), (0.44, 1, 0), (0.6, 1, 1)])
+def test_shallow_crossing_is_remarked_on(facets, remarked, violated):
+    """As a penetration of that depth: also where no pair covers the surfaces."""
+    crossing = Crossing(("'strip/end'", "body 'strip'"), "(0, 0)", 0.1, facets)
+    certificate = Certificate([], 0.0, 0, crossings=[crossing])
+    assert (len(certificate.remarks()), len(certificate.violations())) == (remarked, violated)
+
+
+# A step
+
+
+def block_over_plate(thickness=0.3, size=0.15, *, height=0.4, **options):
+    """A plate, fixed at its sides, and a block above it, moved at its top."""
+    data = read(
+        rectangles,
+        size=size,
+        plate=(-1.0, -thickness, 2.0, thickness),
+        block=(-0.31, 0.1, 0.6, height),
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    bcs = [fm.dirichlet(V, data, f"plate/{side}", (0.0, 0.0)) for side in ("left", "right")]
+    bcs.append(fm.dirichlet(V, data, "block/top", push))
+    pair = fm.ContactPair(data, "block/bottom", "plate/top", **pair_options(options))
+    return push, problem_of(data, [pair], bcs, u)
+
+
+@pytest.mark.parametrize(("thickness", "size"), [(0.3, 0.15), (0.04, 0.2)])
+def test_block_that_jumps_through_a_plate_is_told(thickness, size):
+    push, problem = block_over_plate(thickness, size)
+    push.value[:] = 0.05, -1.5
+    report = problem.solve(accept_violations=True)
+    assert not report.certificate.crossings
+    (violation, *others) = told(report, "went through body")
+    assert "nodes of 'block/" in violation + "".join(others)
+    assert "in by 'plate/top' and out by" in violation + "".join(others)
+    report = problem.solve()  # it is beyond; nothing goes on
+    assert report.certificate.violations() == []
+    push.value[:] = 0.0, 0.0
+    assert told(problem.solve(accept_violations=True), "went through body")
+
+
+def test_path_of_a_block_through_a_plate_is_cut_and_ends_in_contact():
+    """One step takes a low block beyond a thin plate; step by step it bends the plate."""
+    push, problem = block_over_plate(0.1, 0.1, height=0.2, search_radius=0.15)
+
+    def load(time):
+        push.value[:] = 0.0, -0.5 * time
+
+    path = fm.follow_path(problem, load, fm.SteppingOptions(step=1.0, smallest=1e-3))
+    assert path.finished and is_silent(path.steps[-1].report)
+    assert "went through body" in path.steps[0].failures[0].reason
+    assert problem.equations.contacts[0].total_force[1] > 0.1
+
+
+def test_path_that_only_leads_through_a_plate_ends_where_it_began():
+    push, problem = block_over_plate()
+
+    def load(time):
+        push.value[:] = 0.0, -1.5 * time
+
+    with pytest.raises(fm.NotConvergedError, match="went through body"):
+        fm.follow_path(problem, load, fm.SteppingOptions(step=1.0, smallest=0.9))
+    assert np.abs(nodal(problem)).max() == 0.0
+
+
+def test_falling_body_that_is_moved_through_another_is_told():
+    """The plate is between the block and the floor it is paired with; the plate has a pair, too."""
+    data = read(
+        rectangles,
+        size=0.2,
+        floor=(-1.0, -2.0, 2.0, 0.4),
+        plate=(-1.0, -0.2, 2.0, 0.2),
+        block=(-0.31, 0.1, 0.6, 0.4),
+    )
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    load = fem.Constant(data.mesh, -1.0) * v[1] * DX
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("floor/bottom", "plate/left")]
+    pairs = [
+        fm.ContactPair(data, "block/bottom", "floor/top", search_radius=5.0),
+        fm.ContactPair(data, "plate/bottom", "floor/top", search_radius=0.1),
+    ]
+    report = problem_of(data, pairs, bcs, u, load).solve(accept_violations=True)
+    assert told(report, "went through body 'plate'")
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        lambda: fm.Polygon([(-1, -0.2), (1, -0.2), (1, 0.0), (-1, 0.0)], 0.02, name="sheet"),
+        lambda: fm.Polygon([(-1, -0.004), (1, -0.004), (1, 0), (-1, 0)], 0.001, name="sheet"),
+        lambda: fm.Circle((0.0, -0.4), 0.4, name="sheet"),
+    ],
+)
+@pytest.mark.parametrize("moves", ["block", "obstacle"])
+def test_obstacle_that_is_gone_through_is_told(obstacle, moves):
+    sheet = obstacle()
+    data = read(rectangles, size=0.2, block=(-0.31, 0.1, 0.6, 0.4))
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+    pair = fm.ContactPair(data, "block/bottom", sheet)
+    problem = problem_of(data, [pair], [fm.dirichlet(V, data, "block/top", push)], u)
+    assert is_silent(problem.solve(accept_violations=True))
+
+    def go(x, y):
+        if moves == "block":
+            push.value[:] = x, y
+        else:
+            sheet.move(x=-x, y=-y)
+
+    go(0.3, 0.2)
+    assert is_silent(problem.solve(accept_violations=True))
+    go(0.05, -2.0)
+    assert told(problem.solve(accept_violations=True), "went through obstacle 'sheet'")
+    go(0.0, -2.5)
+    assert is_silent(problem.solve(accept_violations=True))

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: MIT
+"""Ways of bodies in a step, at random: nothing that slides is told of, all that goes through is."""
+
+import numpy as np
+import pytest
+from scenes import rotation
+from test_crossing_kernels import circle, outline, rectangle
+
+import fenics_mortar as fm
+from fenics_mortar.kernels import passage
+from fenics_mortar.verify.ways import Motions, own_frame, passed_through
+
+
+def count_passages(x0, x1, segments, after, before, bodies):
+    """Ways that went through, looked for as in ``Crossings.passages``."""
+    motions, of_segments = Motions(x0, x1, bodies), bodies[segments[:, 0]]
+    everything = np.ones(len(segments), bool)
+    looks = [
+        (np.array([x0, x1]), passage.OTHERS, everything),
+        (np.array([motions.carried(), x1]), passage.OWN, everything),
+    ]
+    if not motions.are_small:
+        looks = [
+            (Motions(motions.seen_from(i), x1, bodies).ways(), passage.ALL, of_segments == body)
+            for i, body in enumerate(motions.labels)
+        ]
+    lengths, count = np.hypot(*(x1[segments[:, 1]] - x1[segments[:, 0]]).T), 0
+    for along, which, marked in looks:
+        at, events = np.flatnonzero(marked), []
+        for k in range(len(along) - 1):
+            rows = passage.find_events(
+                along[k], along[k + 1], segments[at], of_segments[at], bodies, which
+            )
+            rows[:, 1], rows[:, 2] = at[rows[:, 1].astype(int)], rows[:, 2] + k
+            events.append(rows)
+        every = np.concatenate(events)
+        body = of_segments[every[:, 1].astype(int)]
+        every = every[np.lexsort((every[:, 2], body, every[:, 0]))]
+        rows = passage.find_passages(
+            along[0], x1, segments, after, before, lengths, of_segments, every
+        )
+        count += int((rows[:, 2] >= 0).sum())
+    return count
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", range(100))
+def test_block_that_slides_while_both_turn_does_not_go_through(seed):
+    """In contact within 1e-12 to 0.15 facets, by up to its width and more, and by up to 180 deg."""
+    random = np.random.default_rng(seed)
+    sizes, width = random.uniform(0.05, 0.3, 2), random.uniform(0.3, 1.5)
+    plate = rectangle(-3.0, -1.0, 6.0, 1.0, sizes[0])
+    block = rectangle(-width / 2, 0.0, width, random.uniform(0.2, 1.0), sizes[1])
+    rough = 10 ** random.uniform(-12.0, -0.8) * sizes.min() * random.normal(size=(2, *block.shape))
+    turn = rotation(random.uniform(-np.pi, np.pi) * (seed % 2)).T
+    x0, *topology = outline(plate, block + rough[0])
+    x1, *_ = outline(plate @ turn, (block + rough[1] + [random.uniform(-2.0, 2.0), 0.0]) @ turn)
+    assert count_passages(x0, x1, *topology) == 0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", range(100))
+def test_block_that_is_moved_through_a_plate_is_seen_however_both_turn(seed):
+    random = np.random.default_rng(seed)
+    sizes, thickness = random.uniform(0.05, 0.3, 2), 10 ** random.uniform(-2.0, 0.0)
+    width, height = random.uniform(0.3, 1.5), random.uniform(0.2, 1.0)
+    plate = rectangle(-3.0, -thickness, 6.0, thickness, sizes[0])
+    block = rectangle(-width / 2, random.choice([0.0, 1e-9, 0.1, 0.5]), width, height, sizes[1])
+    down = [random.uniform(-0.5, 0.5), thickness + height + random.uniform(1.0, 3.0)]
+    turn = rotation(random.uniform(-0.8, 0.8) * np.pi * (seed % 2)).T
+    x0, *topology = outline(plate, block)
+    x1, *_ = outline(plate @ turn, (block - down) @ turn)
+    assert count_passages(x0, x1, *topology) > 0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", range(60))
+def test_ring_and_shaft_that_turn_do_not_go_through_each_other(seed):
+    """Of one radius, with facets that do not match, each by its own angle."""
+    random = np.random.default_rng(seed)
+    counts, angles = random.integers(12, 80, 2), random.uniform(-3.1, 3.1, 2)
+    loops = [circle(0.0, 0.0, 1.0, counts[0], random.uniform(0.0, 6.0))]
+    hole, rim = circle(0.0, 0.0, 1.0, counts[1])[::-1], circle(0.0, 0.0, 1.5, counts[1])
+    x0, segments, after, before, bodies = outline(*loops, hole, rim)
+    bodies = np.minimum(bodies, 1)
+    turns = [rotation(angle).T for angle in angles]
+    x1 = np.concatenate([x0[bodies == body] @ turns[body] for body in (0, 1)])
+    assert count_passages(x0, x1, segments, after, before, bodies) == 0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", range(30))
+def test_nodes_on_an_obstacle_that_turns_with_them_do_not_go_through(seed):
+    random = np.random.default_rng(seed)
+    sheet = fm.Polygon([(-3, -0.1), (3, -0.1), (3, 0.0), (-3, 0.0)], 0.02, pivot=(5.0, 2.0))
+    angle, shift = random.uniform(-3.0, 3.0), random.uniform(-1.0, 1.0, 2)
+    block = rectangle(-0.5, 1e-3 * random.normal(), 1.0, 0.5, 0.1)
+    for down, through in ((0.0, False), (1.0, True), (-1.0, False)):
+        moved = block - [random.uniform(-1.5, 1.5), down]
+        end = (moved - sheet.pivot) @ rotation(angle).T + sheet.pivot + shift
+        x0, x1 = (
+            own_frame(sheet, x, np.array(place))
+            for x, place in ((block, (0.0, 0.0, 0.0)), (end, (*shift, angle)))
+        )
+        knots = Motions(x0, x1, np.zeros(len(x0), np.int64)).ways()
+        depth = passed_through(sheet, knots, np.zeros(len(x0)), np.full(len(x0), 0.1))
+        assert (depth > 0.0).any() == through
