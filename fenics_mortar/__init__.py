@@ -7,6 +7,7 @@ if __name__ != "fenics_mortar":
         "itself, not the folder above it, on PYTHONPATH (. .ci/env.sh in the clone)"
     )
 
+from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair
@@ -26,6 +27,8 @@ from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
 from fenics_mortar.obstacles.shapes import Circle, Plane, Polygon, Spline
+from fenics_mortar.path.dynamics import Dynamics
+from fenics_mortar.path.dynamics_report import DynamicsReport
 from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.report import PathReport
 from fenics_mortar.path.stepping import follow_path
@@ -48,6 +51,8 @@ __all__ = [
     "ContactProblem",
     "Coulomb",
     "Discretization",
+    "Dynamics",
+    "DynamicsReport",
     "ElasticObstacle",
     "ErrorEstimate",
     "Frictionless",
@@ -72,6 +77,7 @@ __all__ = [
     "TangentCheck",
     "TiedPair",
     "Tresca",
+    "Velocity",
     "contact_table",
     "dirichlet",
     "follow_path",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -22,6 +23,7 @@ from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.arguments import check_arguments, check_options
+from fenics_mortar.equations.continuation import Continuation
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.inputs import Inputs, check_roles
 from fenics_mortar.equations.line_of_sight import show_outlines
@@ -37,10 +39,10 @@ from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import garbage
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_words, together
+from fenics_mortar.utils.errors import MortarError, check_same_words, together
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
@@ -135,7 +137,7 @@ class ContactProblem:
             options["residual"] = f"a form with the signature {residual.signature()[:8]}"
         options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
         check_same_words(comm, "ContactProblem", {"pairs": len(pairs), "bcs": len(bcs), **options})
-        compat.free_petsc_garbage_of_earlier(comm)
+        garbage.free_garbage_of_earlier(comm)
         weight = thickness_of(geometry, thickness)
         space = DisplacementSpace(u.function_space, displacement, weight)
         check_space(space.V, pairs)
@@ -152,7 +154,7 @@ class ContactProblem:
         check_axis(space, prescribed)
         contacts = bind(pairs, space, prescribed)  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
-        compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
+        garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
         check_slave_nodes(contacts)
         check_roles(contacts)
         check_cells(bulk)
@@ -173,6 +175,7 @@ class ContactProblem:
             linear_bulk=linear_bulk,
             prefix=petsc_options_prefix,
         )
+        self._continuation = Continuation(self.equations)
         self._estimator: Estimator | None = None
         self._inputs = Inputs(bulk, contacts, self.obstacles)
         self._adequacy = adequacy
@@ -212,12 +215,14 @@ class ContactProblem:
 
     # Solving
 
-    def solve(self, *, accept_violations: bool = False) -> NewtonReport:
+    def solve(self, *, accept_violations: bool = False, predict: bool = True) -> NewtonReport:
         """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
 
         Collective.
 
         Args:
+            predict: Extrapolate the initial guess from the last two solves where the loads continue
+                in their direction, see ``continuation``; the last state is the guess otherwise.
             accept_violations: Return a state that violates its certificate instead of raising; see
                 ``report.certificate``.
 
@@ -236,11 +241,18 @@ class ContactProblem:
         """
         self._renew_if_interrupted()
         self.equations.bulk.check_input()
-        remarks = self._inputs.check(self.newton, accept_violations)
+        remarks = self._inputs.check(
+            self.newton, accept_violations=accept_violations, predict=predict
+        )
         with undone_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
-                report = self._solver.solve(remarks, accept_violations=accept_violations)
+                solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
+                if predict and self._adequacy is None and not self.newton.tentative:
+                    report = self._continuation.solve(solve)
+                else:
+                    self._continuation.forget()
+                    report = solve()
             if self._adequacy is not None:
                 report.adequacy = self._adequacy.assess(self)
         return report
@@ -328,8 +340,11 @@ class ContactProblem:
         """Estimate the discretization error of the present state, cell by cell (collective).
 
         Raises:
-            MortarError: On all ranks, if the residual has integrals that are not supported.
+            MortarError: On all ranks, if the residual has integrals that are not supported, or
+                bodies have inertia.
         """
+        if self.equations.bulk.inertia is not None:
+            raise MortarError("the estimate knows no inertia: it is one of equilibria")
         self._renew_if_interrupted()
         if self._estimator is None:
             self._estimator = Estimator(self.equations.bulk)

@@ -12,7 +12,7 @@ import numpy as np
 
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Flags
+from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, check_same, count_places
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -73,6 +73,17 @@ class InputData:
         same = [("a constant of the residual", c.value) for c in self._constants]
         same += [("a prescribed displacement", compat.prescribed_value(bc)) for bc in self._bcs]
         check_same(self._comm, same)
+
+    def loads(self) -> list[Array]:
+        """Copies of prescribed values, constants and functions but u, in a fixed order (local)."""
+        values = np.zeros_like(self._u.x.array)
+        found = []
+        for bc in self._bcs:
+            compat.set_prescribed(values, [bc])
+            found.append(values[bc.dof_indices()[0]])
+        functions = sorted(self._coefficients - {self._u}, key=lambda f: f.count())
+        found += [np.array(c.value, float).ravel() for c in self._constants]
+        return found + [f.x.array.copy() for f in functions]
 
     def _check_mesh(self) -> None:
         """Refuse a moved mesh: surfaces and tangent belong to the mesh at set-up (collective).

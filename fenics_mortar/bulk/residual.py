@@ -21,7 +21,7 @@ from fenics_mortar.bulk.input_data import InputData
 from fenics_mortar.bulk.units import find_units
 from fenics_mortar.mesh import numbering
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
@@ -58,6 +58,7 @@ class Bulk:
         num_patterns: Number of matrices created for ``K`` so far.
         is_linear: Whether the residual is recognized as linear in the displacement.
         prescribed: Whether a local dof, ghosts included, has a prescribed value.
+        inertia: The ``Inertia`` of the bodies, ``None`` in statics.
 
     Raises:
         MortarError: If a condition belongs to another space.
@@ -84,6 +85,8 @@ class Bulk:
         self._input = InputData(u, self.bcs, (residual, jacobian), space)
         self._data: list[Array] = []
         self._K_is_whole = False  # neither outdated nor with anything else in it
+        self.inertia: Any = None  # an Inertia
+        self._K_has_room = False  # for the mass matrix
         self.K: PETSc.Mat = compat.create_matrix(self._tangent)
         self.num_patterns, self._num_growths = 1, 0
         self.r: PETSc.Vec = compat.create_vector(space.whole)
@@ -98,20 +101,22 @@ class Bulk:
         return np.flatnonzero(self.prescribed[: self.num_owned]).astype(np.int32)
 
     def tangent_data(self) -> list[Array]:
-        """Copies of constants and functions in the form of the tangent, except ``u`` (local).
+        """Copies of all that the tangent depends on, except ``u`` (local).
 
-        Each has the shape of the constant, or (local dofs,) of the function.
+        Each has the shape of the constant, or (local dofs,) of the function; last, the inertia's.
         """
         return [
             np.array(data.value if hasattr(data, "value") else data.x.array)
             for data in self._tangent_data
             if data is not self.u
-        ]
+        ] + ([] if self.inertia is None else [np.array(self.inertia.factor)])
 
     @clock("residual")
     def assemble_residual(self) -> None:
         """Assemble ``r`` at the present displacement (collective)."""
         compat.assemble_vector(self.r, self._residual)
+        if self.inertia is not None:
+            self.inertia.add_to_residual(self.r, self.u.x.array)
 
     @clock("tangent")
     def assemble_tangent(self) -> None:
@@ -124,6 +129,9 @@ class Bulk:
         if self._num_growths > MAX_GROWTHS:
             self.renew_tangent()
         compat.assemble_matrix(self.K, self._tangent)
+        if self.inertia is not None:
+            self.inertia.add_to_tangent(self.K, has_room=self._K_has_room)
+            self._K_has_room = True
         self._K_is_whole = True
 
     def renew_tangent(self) -> None:
@@ -133,10 +141,15 @@ class Bulk:
         self.K.destroy()
         self.K = compat.create_matrix(self._tangent)
         self.num_patterns, self._num_growths = self.num_patterns + 1, 0
+        self._K_has_room = False
+
+    def inertia_forces(self) -> Array:
+        """Inertia forces at the present displacement; shape (num_owned,), in statics (0,)."""
+        return np.empty(0) if self.inertia is None else self.inertia.forces(self.u.x.array)
 
     def free_garbage(self) -> None:
         """Free unreferenced PETSc objects, also those made from ``r`` and ``K`` (collective)."""
-        compat.free_petsc_garbage(self.comm, self.r, self.K)
+        garbage.free_garbage(self.comm, self.r, self.K)
 
     def grow_tangent(self, room: PETSc.Mat) -> None:
         """Extend the pattern of ``K`` by that of a matrix of zeros (collective).
@@ -223,6 +236,10 @@ class Bulk:
             MortarError: On all ranks; names the value and its position.
         """
         self._input.check()
+
+    def loads(self) -> list[Array]:
+        """Copies of prescribed values and of the data of the forms, see ``InputData`` (local)."""
+        return self._input.loads()
 
     def count_nodes(self, dofs: Flags) -> tuple[int, str]:
         """Number of nodes with any of the marked local dofs, and a place (collective).

@@ -18,6 +18,7 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.bulk.bodies import FloatingBody
+from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law_calls import raise_noted
@@ -111,6 +112,12 @@ class ContactEquations:
         self._history = SetHistory(contacts)
         self._loose: list[FloatingBody] = []
 
+    def add_inertia(self, inertia: Inertia) -> None:
+        """Add mass: inertia holds all bodies, and none floats."""
+        self.bulk.inertia = inertia
+        self.floating.find()
+        self.last_converged, self.interrupted = False, True  # matrices have another pattern
+
     def _set_stiffness(self) -> None:
         """Set the stiffness of each contact to the mean diagonal of K at its slave nodes."""
         diagonal = self.bulk.K.getDiagonal().array_r
@@ -192,17 +199,19 @@ class ContactEquations:
         free = self.bulk.to_force * total
         reactions = free[prescribed]
         free[prescribed] = self.stiffest * self._distance / self.bulk.units[prescribed]
-        mine = free @ free, contact_force @ contact_force, reactions @ reactions
-        sums = np.array([*mine, rows, rows**2])
+        inertia = np.empty(0) if self.bulk.inertia is None else self.bulk.inertia_forces()
+        forces = free @ free, contact_force @ contact_force, reactions @ reactions
+        sums = np.array([*forces, inertia @ inertia, rows, rows**2])
         self.comm.Allreduce(MPI.IN_PLACE, sums)
-        free2, contact2, reaction2 = sums[:3]
-        force2 = max(contact2, reaction2)
-        check_alike(float(sums[3]), float(sums[4]), force2, self.comm.size)
+        free2, force2 = sums[0], sums[1:4].max()
+        check_alike(float(sums[4]), float(sums[5]), force2, self.comm.size)
         return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
 
     def roundoff(self) -> float:
         """Attainable accuracy of the residual, limited by roundoff [stress length]."""
-        return rounding_of(self.bulk, self.contacts, self._largest_displacement(), self.stiffest)
+        inertia = self.bulk.inertia
+        stiffest = self.stiffest + (0.0 if inertia is None else inertia.stiffness)
+        return rounding_of(self.bulk, self.contacts, self._largest_displacement(), stiffest)
 
     def _largest_displacement(self) -> float:
         largest = self.bulk.largest(self.bulk.u.x.array)
@@ -349,6 +358,7 @@ class ContactEquations:
             self.motions.places,
             self.crossings.accepted,
             self.last_converged,
+            None if self.bulk.inertia is None else self.bulk.inertia.rates,
         )
 
     def restore(self, state: State) -> None:
@@ -367,6 +377,8 @@ class ContactEquations:
         self.bulk.u.x.array[:] = state.u
         self.motions.places = state.places
         self.crossings.restore(state.standing, state.u)
+        if self.bulk.inertia is not None and state.rates is not None:
+            self.bulk.inertia.take(state.rates, state.u)
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):
             contact.put(interface)
         self.last_converged = state.converged

@@ -53,12 +53,12 @@ class Inputs:
         self._as_bound = [_options(contact.pair) for contact in contacts]
         self._conflicts = Conflicts(bulk)
 
-    def check(self, newton: Any, accept_violations: Any) -> list[str]:
+    def check(self, newton: Any, **flags: Any) -> list[str]:
         """Refuse invalid values; return remarks on questionable ones (collective).
 
         Args:
             newton: Options of the next solve.
-            accept_violations: Option of the next solve.
+            flags: Options of the next solve, true or false.
 
         Raises:
             MortarError, ValueError: On all ranks.
@@ -66,7 +66,8 @@ class Inputs:
         comm = self._bulk.comm
         with together(comm, "what was set of the problem"):
             check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
-            check_flag("accept_violations", accept_violations)
+            for name, flag in flags.items():
+                check_flag(name, flag)
             for contact, as_bound in zip(self._contacts, self._as_bound, strict=True):
                 _check_contact(contact, as_bound)
             for obstacle in self._obstacles:
@@ -77,7 +78,7 @@ class Inputs:
         for contact in self._contacts:
             name = f"offset of '{contact.slave.name}'"
             check_lengths(name, contact.offset, contact.slave.num_nodes)
-        words = {**dict(self._words(newton)), "accept_violations": accept_violations}
+        words = {**dict(self._words(newton)), **flags}
         check_same_words(comm, "what was set of the problem", words)
         self._check_distances()
         return self._conflicts.describe()

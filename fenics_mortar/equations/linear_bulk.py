@@ -12,14 +12,11 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.reduced import ReducedEquations
 from fenics_mortar.equations.small_sliding import SmallSlidingEquations
+from fenics_mortar.la.costs import COSTS
 from fenics_mortar.la.options import COMPLIANCE
 from fenics_mortar.la.sparse import is_symmetric
 from fenics_mortar.utils.arrays import Array
-
-# Number of contact dofs whose compliance costs as much as an iteration on all dofs (measured).
-DOFS_PER_ITERATION = 1000
-# Largest number of contact dofs for automatic reduction: their dense compliance takes 0.5 GB.
-MOST_DOFS = 8000
+from fenics_mortar.utils.clock import clock
 
 
 class LinearBulk:
@@ -29,9 +26,13 @@ class LinearBulk:
 
     Args:
         general: The general equations.
-        wanted: Whether to reduce. ``None``: if the residual is linear, as soon as iterations on all
-            dofs have taken about as long as the compliance will; with small sliding at once.
+        wanted: Whether to reduce; ``None`` does so where the residual is linear and the compliance
+            is predicted to cost less than the general path has and will, and no more memory, see
+            ``costs``; with small sliding always.
         prefix: Prefix of PETSc's options.
+
+    Attributes:
+        words: What the last choice was, and why; "" where the bulk is not linear.
     """
 
     def __init__(self, general: ContactEquations, wanted: bool | None, prefix: str) -> None:
@@ -42,14 +43,18 @@ class LinearBulk:
                 "linear_bulk=False"
             )
         linear = general.bulk.is_linear if wanted is None else wanted
-        self._possible = linear and bool(general.contacts)
+        self._given = self._possible = linear and bool(general.contacts)
         self._data: list[Array] = []
         self._equations: ReducedEquations | None = None
         self._num_iterations = 0
+        self.words = ""
 
     def choose(self) -> tuple[ReducedEquations | None, list[str]]:
-        """The reduced equations, or ``None`` to solve on all dofs; remarks (collective)."""
-        if not self._possible or self._general.newton.damped or self._general.motions.driven.any():
+        """The reduced equations, or ``None`` for the general path; a remark (collective)."""
+        if not self._possible:
+            return None, []
+        if self._general.newton.damped or self._general.motions.driven.any():
+            self.words = ""
             return None, []
         if self._data_changed():
             self._equations, self._num_iterations = None, 0
@@ -57,9 +62,11 @@ class LinearBulk:
             obstacle = self._obstacle()
             if obstacle:
                 self._possible = False
+                self.words = f"linear bulk factored in every iteration: {obstacle}"
                 return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
             equations = SmallSlidingEquations if self._slides_little else ReducedEquations
-            self._equations = equations(self._general, self._prefix)
+            with clock("solve"):
+                self._equations = equations(self._general, self._prefix)
             unused = self._general.system.solver.describe_unused(reduced=True)
             return self._equations, [unused]
         return self._equations, []
@@ -71,6 +78,7 @@ class LinearBulk:
     def forget(self) -> None:
         """Discard the factors of the bulk (local)."""
         self._equations, self._data, self._num_iterations = None, [], 0
+        self._possible = self._given
 
     @property
     def _slides_little(self) -> bool:
@@ -82,11 +90,25 @@ class LinearBulk:
         )
 
     def _pays(self) -> bool:
-        if self._slides_little:
-            return True
+        """Whether to factor once; sets ``words`` (local)."""
+        unknowns = self._general.bulk.r.getSize()
         dofs = 2 * sum(c.slave.num_nodes + c.master.num_nodes for c in self._general.contacts)
-        paid = self._num_iterations > dofs / DOFS_PER_ITERATION
-        return bool(self._wanted) or (paid and dofs <= MOST_DOFS)
+        iterations = self._num_iterations + COSTS.expected
+        compliance = COSTS.compliance(unknowns, dofs)
+        factors, fits = COSTS.factors(unknowns, iterations), COSTS.fits(unknowns, dofs)
+        pays = bool(self._wanted) or self._slides_little or (fits and compliance < factors)
+        if pays:
+            self.words = f"linear bulk factored once, Newton's method on {dofs} contact dofs"
+        else:
+            self.words = f"linear bulk factored in every iteration: {dofs} contact dofs are many"
+        self.words += f" of {unknowns} unknowns"
+        if self._wanted is None and not self._slides_little:
+            memory = "" if fits else ", and its matrices would not fit into the memory of factors"
+            self.words += (
+                f" (predicted: once {compliance:.2g} s, {iterations} factorizations "
+                f"{factors:.2g} s{memory})"
+            )
+        return pays
 
     def _obstacle(self) -> str:
         if any(isinstance(contact, Tie) for contact in self._general.contacts):

@@ -36,10 +36,15 @@ from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
 from fenics_mortar.la.solver import LINEAR_TOLERANCE
 from fenics_mortar.la.sparse import flatten
+from fenics_mortar.la.system import components
 from fenics_mortar.newton.loop import Status, Step
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
+
+# Relative motion of a facet's ends over its length above which a step may invert cells [1]: the
+# areas of cells there change by about as much, and may change by 0.8, see ``Bulk.move``.
+DISTORTION = 0.25
 
 
 class ReducedEquations:
@@ -85,12 +90,48 @@ class ReducedEquations:
         moved = np.zeros_like(u)
         self._dofs.put(step, moved)
         moved[prescribed] = change
-        u += moved
-        self._balance(self._force)
+        part = 1.0
+        if self._distorts(step):
+            part = self._move_all(moved)
+        else:
+            u += moved
+            self._balance(self._force)
         for contact, place in self._system.numbered():
             z = zeta[place] * self._system.scale(contact)[:, None]
-            contact.move(z, 1.0, moved[: self._bulk.num_owned])
-        return self._general.step(self._bulk.largest(moved))
+            contact.move(z, part, moved[: self._bulk.num_owned])
+        return self._general.step(self._bulk.largest(moved), part)
+
+    def _distorts(self, step: Array) -> bool:
+        """Whether a step may invert cells: facets change by much of their length.
+
+        Local, equal on all ranks.
+        """
+        for contact in self._general.contacts:
+            for side in (contact.slave, contact.master):
+                u = step[self._dofs.number(side.dofs)]
+                change = np.hypot(*(u[side.facets[:, -1]] - u[side.facets[:, 0]]).T)
+                if (change > DISTORTION * side.lengths).any():
+                    return True
+        return False
+
+    def _move_all(self, moved: Array) -> float:
+        """Take as large a fraction of the step as cells allow; return it (collective).
+
+        The next step begins with the residual that is left.
+
+        Args:
+            moved: Increments of contact dofs and prescribed ones.
+        """
+        u = self._bulk.u.x.array
+        start = u.copy()
+        u += moved
+        self._find_inside()
+        whole = (u - start)[: self._bulk.num_owned]
+        u[:] = start
+        self._bulk.u.x.scatter_forward()
+        part = self._bulk.move(whole)
+        self._bulk.assemble_residual()
+        return part
 
     def _balance(self, force: Array) -> None:
         """Set the residual to that of contact forces alone, as after a full step (local)."""
@@ -134,7 +175,7 @@ class ReducedEquations:
         i, j = (self._dofs.number(p) if are else p for p, are in zip(places, are_dofs, strict=True))
         parts = self._comm.gather((i, j, v)) or [(i, j, v)]
         i, j, v = (np.concatenate(part) for part in zip(*parts, strict=True))
-        inside = (i >= 0) & (j >= 0)
+        inside = (i >= 0) & (j >= 0) & (v != 0.0)
         return coo_array((v[inside], (i[inside], j[inside])), shape=shape)
 
     def _solve(
@@ -171,10 +212,12 @@ class ReducedEquations:
     ) -> tuple[Array, Array, Array] | None:
         """The solution on rank 0; ``None`` if the system is singular.
 
-        Unknowns are the dofs with contact terms and the acting multipliers.
+        Unknowns are the multipliers that may act and the dofs in their rows and forces: where
+        a law has neither displacements nor a right-hand side, the multiplier is zero.
         """
-        t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row, C.col]))
-        a = np.unique(B_T.col)
+        nodes = np.unique(np.concatenate([C.row, np.flatnonzero(rhs)]) // 2)
+        a = np.intersect1d(components(nodes[:, None]), B_T.col)
+        t = np.unique(np.concatenate([K_c.row, K_c.col, B_T.row[np.isin(B_T.col, a)], C.col]))
         K_t, B_t = _dense(K_c, t, t), _dense(B_T, t, a)
         A_t = self._compliance.A[t]
         scale = weight[a, None]
@@ -198,9 +241,13 @@ class ReducedEquations:
         return d - force[t] @ A_t, zeta, force
 
     def finish(self) -> None:
-        """Compute the displacement inside the bodies."""
-        if self._force is None:
-            return
+        """Find the displacement inside the bodies."""
+        if self._force is not None:
+            self._find_inside()
+
+    def _find_inside(self) -> None:
+        """Balance the forces inside the bodies by their displacement (collective)."""
+        assert self._force is not None
         self._bulk.u.x.scatter_forward()
         self._bulk.assemble_residual()
         with clock("solve"):

@@ -139,6 +139,7 @@ class Solver:
                 report = solve(reduced, e.newton)
                 reduced.finish()
                 if self._is_sound(report):
+                    report.solver = self.linear_bulk.words
                     report.notes[:0] = filter(None, remarks)
                     return report
             except NotConvergedError:
@@ -150,6 +151,8 @@ class Solver:
             ]
         report = self._solve_on_all_dofs()
         self.linear_bulk.count(report.num_iterations)
+        why = [e.system.describe_solver(), self.linear_bulk.words if reduced is None else ""]
+        report.solver = "; ".join(filter(None, why))
         report.notes[:0] = remarks
         return report
 

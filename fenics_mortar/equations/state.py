@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array, freeze
@@ -26,6 +27,7 @@ class State:
         places: Positions (x, y, angle) of the obstacles, shape (obstacles, 3).
         standing: Positions of outlines and obstacles in the last accepted state.
         converged: Whether the last solve ended in this state.
+        rates: Velocity and accelerations, ``None`` in statics.
     """
 
     u: Array
@@ -33,6 +35,7 @@ class State:
     places: Array
     standing: Standing
     converged: bool
+    rates: Rates | None = None
 
     def __post_init__(self) -> None:
         """Take copies of arrays that can be written to."""

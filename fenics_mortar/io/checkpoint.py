@@ -25,8 +25,8 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.state import INDEPENDENT
+from fenics_mortar.mesh.numbering import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError, place
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 from fenics_mortar.utils.rounding import ROUNDING
@@ -35,7 +35,7 @@ Arrays = dict[str, npt.NDArray[Any]]
 # Attributes of a contact in the file.
 KEPT = (*INDEPENDENT, "reference_place")
 # Arrays that have to be finite.
-FINITE = ("u", "x", "places", "z", "c_n", "offset")
+FINITE = ("velocity", "acceleration", "average", "u", "x", "places", "z", "c_n", "offset")
 
 
 def save_state(problem: ContactProblem, path: str | Path) -> None:
@@ -87,6 +87,9 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
             contact.refer_to(kept["reference_place"][i], kept["multiplier_nodes"][i])
         values = {name: kept[name][i] for name in INDEPENDENT}
         contact.change(**{name: value[()] for name, value in values.items()})  # numbers as such
+    inertia = problem.equations.bulk.inertia
+    if inertia is not None:
+        inertia.take_kept(data, problem.equations.bulk.u.x.array)
     here = problem.state()
     problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
     problem.accept()
@@ -97,7 +100,7 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
 def _arrays_of(problem: ContactProblem) -> Arrays:
     """Data of a problem for the file, equal on all ranks (collective)."""
     nodes, values = problem.equations.bulk.by_input_node()
-    cells, x = compat.mesh_by_input_node(problem.equations.bulk.V.mesh)
+    cells, x = mesh_by_input_node(problem.equations.bulk.V.mesh)
     names = [f"'{c.slave.name}' - '{c.master.name}'" for c in problem.equations.contacts]
     data: Arrays = {
         "pairs": np.array(names, str),
@@ -108,6 +111,8 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
         "places": problem.equations.motions.places,
         "converged": np.array(problem.state().converged),
     }
+    inertia = problem.equations.bulk.inertia
+    data |= {} if inertia is None else inertia.kept()
     for i, contact in enumerate(problem.equations.contacts):
         kept = {name: getattr(contact, name, np.full(3, np.nan)) for name in KEPT}  # ties lack some
         data |= {f"{name}{i}": np.asarray(value) for name, value in kept.items()}

@@ -159,7 +159,7 @@ class CondensedSystem(LinearSystem):
     def _R_room(self) -> Iterable[Block]:
         """Zeros for the reach of R."""
         for place, reach in zip(self.places, self._reaches, strict=True):
-            rows, multipliers = reach.force_pattern(~reach.idle)
+            rows, multipliers = reach.force_pattern()
             columns = components(place[multipliers, None])
             yield Block(rows, columns, np.zeros((len(rows), 2, 2)))
 

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
 """Sparsity pattern of contact terms with a margin for sliding over a few facets.
 
-A pattern of the present segments alone would change, and with it the symbolic factorization,
-whenever a new segment appears. Explicit zeros for neighbouring master facets cost little, since
-contact surfaces are small compared with the bulk. Open facets are included, so that contact may
-grow. A new pattern is needed only if an acting multiplier couples nodes outside of it: facets that
-are far apart change partners after small rotations, but add nothing to the matrix.
+A pattern that held the present segments only would change whenever one appears, and with it the
+symbolic factorization. Zeros for the master facets next to those that a slave facet meets, and for
+slave facets that contact may come to next, cost little, since contact is small beside the bulk.
+Every slave node has room for a multiplier and for the forces of its neighbours': which nodes carry
+one may change. Open facets have room as well, so that contact may grow; but only those with a
+multiplier that acts add to the matrix, and only they have to stay within it. Others may be far
+apart, where surfaces that turn a little soon meet something else.
 """
 
 from __future__ import annotations
@@ -16,8 +18,8 @@ import numpy.typing as npt
 from fenics_mortar.interface.mortar import Block, MortarOperators
 from fenics_mortar.utils.arrays import Indices
 
-# Margin on either side of the master facets that a slave facet meets [facets]: a Newton iteration
-# rarely slides further.
+# Master facets with room on either side of those that a slave facet meets, and slave facets with
+# room on either side of contact [facets]: a Newton iteration rarely slides further.
 MARGIN = 4
 
 
@@ -26,22 +28,11 @@ class Reach:
 
     Args:
         o: Operators at the present state.
-        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        faced: Slave nodes, and the master nodes that slip couples them to, shape (p,) each.
-
-    Attributes:
-        multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        idle: Whether it carries none, or multipliers of other nodes act on it as well.
+        faced: Slave nodes, and master nodes that slip couples them to.
     """
 
-    def __init__(
-        self,
-        o: MortarOperators,
-        multiplier_nodes: npt.NDArray[np.bool_],
-        faced: tuple[Indices, Indices],
-    ) -> None:
+    def __init__(self, o: MortarOperators, faced: tuple[Indices, Indices]) -> None:
         self._slave, self._master = o.slave, o.master
-        self.multiplier_nodes, self.idle = multiplier_nodes.copy(), _idle(o, multiplier_nodes)
         everywhere = np.ones(o.slave.num_nodes, bool)
         self._met = np.union1d(_met(o, MARGIN, everywhere), _faced(o, *faced))
         facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
@@ -51,7 +42,6 @@ class Reach:
     def contains(
         self,
         o: MortarOperators,
-        multiplier_nodes: npt.NDArray[np.bool_],
         faced: tuple[Indices, Indices],
         acting: npt.NDArray[np.bool_],
     ) -> bool:
@@ -59,18 +49,13 @@ class Reach:
 
         Args:
             o: Operators of the state.
-            multiplier_nodes: Of the state, shape (slave nodes,), bool.
             faced: Of the state, see the class.
             acting: Slave nodes whose multipliers act; others add nothing, (slave nodes,), bool.
         """
         slips = acting[faced[0]]
         pairs = np.concatenate([_met(o, 0, acting), _faced(o, *(side[slips] for side in faced))])
         inside = np.append(self._met, -1)[np.searchsorted(self._met, pairs)] == pairs
-        near = o.facet_nodes[acting[o.facet_nodes].any(axis=1)]
-        same = (self.multiplier_nodes == multiplier_nodes) & (
-            self.idle == _idle(o, multiplier_nodes)
-        )
-        return bool(inside.all() and same[near].all())
+        return bool(inside.all())
 
     def derivative_pattern(self) -> Block:
         """Zeros at all possible derivatives of contact forces and gaps, in displacement dofs."""
@@ -96,35 +81,15 @@ class Reach:
         i, k = (order[places] for places in _pairs_within(facet[order]))
         return slave[i], dofs[i], dofs[k]
 
-    def force_pattern(self, acting: npt.NDArray[np.bool_]) -> tuple[Indices, Indices]:
-        """Dofs (p, 2) of nodes on which multipliers of other nodes (p,) may act.
-
-        These are dofs of master nodes and of ``idle`` slave nodes.
-
-        Args:
-            acting: Slave nodes whose multipliers count, shape (slave nodes,), bool.
-        """
+    def force_pattern(self) -> tuple[Indices, Indices]:
+        """Dofs (p, 2) of nodes where multipliers of slave nodes (p,) may act."""
         degree = self._slave.degree
         carriers = self._slave.along(self._facet, range(degree + 1))
         on_master = np.repeat(self._master.dofs[self._partner], degree + 1, axis=0)
         own = self._slave.along(self._own, range(degree + 1))
-        idle, sharer = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
-        dofs = np.concatenate([on_master, self._slave.dofs[idle]])
-        multiplier = np.concatenate([carriers.ravel(), sharer])
-        acts = acting[multiplier]
-        acts[len(on_master) :] &= self.idle[idle]
-        return dofs[acts], multiplier[acts]
-
-
-def _idle(o: MortarOperators, multiplier_nodes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Slave nodes without multiplier or loaded by multipliers of others, (slave nodes,), bool.
-
-    The latter are nodes of curved facets just beyond the edge of the master, see ``mortar``.
-    """
-    facet, _, k = np.nonzero(o.D * (1.0 - np.eye(o.D.shape[1])))
-    idle = ~multiplier_nodes
-    idle[o.facet_nodes[facet, k]] = True
-    return idle
+        borne, carrier = (np.ravel(a) for a in np.broadcast_arrays(own[:, :, None], own[:, None]))
+        dofs = np.concatenate([on_master, self._slave.dofs[borne]])
+        return dofs, np.concatenate([carriers.ravel(), carrier])
 
 
 def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indices:
@@ -136,6 +101,8 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
     s, degree, none = o.segments, o.master.degree, o.master.num_nodes
     counts = slaves[s.slave].any(axis=1)
     slave, master = s.slave[counts, 0], s.master[counts]
+    if margin:
+        slave, master = _with_next_facets(o, margin, slave, master)
     masters = np.full((len(slave), 1), none)
     if none and not margin:
         masters = np.hstack([masters, master])
@@ -144,6 +111,21 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
         masters = np.hstack([masters, near])
     pairs = slave[:, None] * (none + 1) + masters
     return pairs[masters >= 0]
+
+
+def _with_next_facets(
+    o: MortarOperators, margin: int, slave: Indices, master: Indices
+) -> tuple[Indices, Indices]:
+    """Pairs of facets by the slave's first nodes, those of slave facets next to contact included.
+
+    Slave facets without a partner get those of facets up to ``margin`` away.
+    """
+    degree = o.slave.degree
+    near = o.slave.along(slave, range(-margin * degree, margin * degree + 1, degree))
+    ends = o.slave.along(near.ravel(), range(degree, degree + 1)).reshape(near.shape)
+    place, which = np.nonzero((near >= 0) & (ends >= 0) & ~np.isin(near, slave))
+    next_ = near[place, which]
+    return np.concatenate([slave, next_]), np.concatenate([master, master[place]])
 
 
 def _faced(o: MortarOperators, slave: Indices, master: Indices) -> Indices:

@@ -79,7 +79,7 @@ class SaddleSystem(LinearSystem):
         """Zeros for the reach of K_c, B^T and C; A_z has a fixed pattern."""
         for (contact, place), reach in zip(self.numbered(), self._reaches, strict=True):
             own = contact.slave.owned
-            dofs, multipliers = reach.force_pattern(reach.multiplier_nodes)
+            dofs, multipliers = reach.force_pattern()
             dofs = np.concatenate([dofs, contact.slave.dofs[own]]).reshape(-1, 1)
             numbers = components(place[np.append(multipliers, own), None]).reshape(-1, 1)
             nodes, coupled = reach.law_pattern()

@@ -101,6 +101,14 @@ class LinearSolver:
         self.ksp.reset()
         self._begin_anew()
 
+    def describe(self) -> str:
+        """The solver in words (local)."""
+        kind, pc = self.ksp.getType(), self.ksp.getPC()
+        if self.multigrid is not None:
+            return f"{kind} with multigrid"
+        factors = "factors by " + str(pc.getFactorSolverType()) if kind == "preonly" else ""
+        return factors or f"{kind} with {pc.getType()}"
+
     def forget_pattern(self) -> None:
         """Drop the factors after a change of the sparsity pattern; multigrid detects it itself."""
         if self.multigrid is None:

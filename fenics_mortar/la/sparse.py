@@ -115,9 +115,15 @@ class SomeRows:
         return [Block(self.number(rows), columns, values) for rows, columns, values in blocks]
 
     def add(self, small: PETSc.Mat, large: PETSc.Mat) -> None:
-        """Add the small matrix to existing entries of the large one, in place (collective)."""
+        """Add the small matrix to existing entries of the large one, in place (collective).
+
+        Zeros are left out: they need no entries.
+        """
         rows = (self.local + large.getOwnershipRange()[0]).astype(PETSc.IntType)
-        large.setValuesIJV(*small.getValuesCSR(), PETSc.InsertMode.ADD_VALUES, rows)
+        starts, columns, values = small.getValuesCSR()
+        used = values != 0.0
+        starts = np.append(0, np.cumsum(used))[starts].astype(PETSc.IntType)
+        large.setValuesIJV(starts, columns[used], values[used], PETSc.InsertMode.ADD_VALUES, rows)
         large.assemble()
 
     def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:

@@ -116,6 +116,12 @@ class LinearSystem(ABC):
         """PETSc's solver."""
         return self.solver.ksp
 
+    def describe_solver(self) -> str:
+        """Form of the system, its solver and size, in words (local)."""
+        form = "saddle-point" if self.has_multipliers else "condensed"
+        unknowns = self.bulk.r.getSize()
+        return f"{form} system, {unknowns} unknowns of the bulk, {self.solver.describe()}"
+
     # Vectors
 
     def local(self, contact: Interface, place: Indices) -> Indices:
@@ -194,7 +200,7 @@ class LinearSystem(ABC):
 
     def _update_pattern(self) -> bool:
         """Replace the reaches if contact leaves them; return whether it did (collective)."""
-        now = [(c.operators, c.multiplier_nodes, c.faced()) for c in self.contacts]
+        now = [(c.operators, c.faced()) for c in self.contacts]
         fits = self._pattern == self.bulk.num_patterns
         if fits:
             for contact, reach, state in zip(self.contacts, self._reaches, now, strict=True):

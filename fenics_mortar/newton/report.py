@@ -51,6 +51,7 @@ class NewtonReport:
         force: Reference force of the residuals [stress length].
         converged: Whether the solve converged.
         reason: Outcome in words.
+        solver: Which linear solver was used and why, in words.
     """
 
     iterations: list[Iteration] = field(default_factory=list)
@@ -60,6 +61,7 @@ class NewtonReport:
     force: float = 0.0
     converged: bool = False
     reason: str = "not started"
+    solver: str = ""
 
     @property
     def num_iterations(self) -> int:
@@ -99,6 +101,7 @@ class NewtonReport:
         sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
         lines.append("| " + " | ".join(["sum", *[""] * (len(titles) - 1), *sums]) + " |")
         lines += ["", *self.notes] if self.notes else []
+        lines += [f"\nlinear solver: {self.solver}"] if self.solver else []
         lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
         return "\n".join(lines)
 

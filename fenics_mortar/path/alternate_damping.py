@@ -37,7 +37,7 @@ class AlternateDamping:
         """
         problem, options = self._problem, self._problem.newton
         if not self._has_choice or options.damped or options.tentative:
-            return problem.solve(accept_violations=True)
+            return problem.solve(accept_violations=True, predict=False)
         start = problem.state()
         try:
             return self._solve(options)
@@ -51,7 +51,7 @@ class AlternateDamping:
     def _solve(self, options: NewtonOptions) -> NewtonReport:
         try:
             self._problem.newton = replace(options, line_search=self._damps_first)
-            return self._problem.solve(accept_violations=True)
+            return self._problem.solve(accept_violations=True, predict=False)
         finally:
             self._problem.newton = options
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import MIN_FRACTION
 from fenics_mortar.equations.general import State
+from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.equations.undo import Before
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
 from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends
 from fenics_mortar.path.options import SteppingOptions
-from fenics_mortar.path.predictor import Predictor
 from fenics_mortar.path.report import PathReport, PathStep
 from fenics_mortar.path.work import forces_of, work_of
 from fenics_mortar.problem import ContactProblem
@@ -83,7 +83,7 @@ def follow_path(
     check_same_words(problem.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
-    predictor = Predictor(problem, start, guesses=options.predict)
+    predictor = Predictor(problem.equations, start)
     forces, kept = forces_of(problem), Before(problem.equations, problem.adequacy)
     solver = AlternateDamping(problem)
 
@@ -99,7 +99,9 @@ def follow_path(
             load(time + step)
             try:
                 report = predictor.solve(
-                    time + step, partial(_solve_soundly, problem, solver, accepted)
+                    time + step,
+                    partial(_solve_soundly, problem, solver, accepted),
+                    guesses=options.predict,
                 )
             except NotConvergedError as failure:
                 path.failures.append(failure.report)

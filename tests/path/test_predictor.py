@@ -11,8 +11,8 @@ from test_obstacles import KINDS, block_under
 from test_stepping import MESH, ironing
 
 import fenics_mortar as fm
-from fenics_mortar.path.moving_frame import MovingFrame
-from fenics_mortar.path.predictor import Predictor
+from fenics_mortar.equations.moving_frame import MovingFrame
+from fenics_mortar.equations.predictor import Predictor
 
 FACET = 1 / 3  # of the block under the tool
 ROUGH = fm.Coulomb(0.1)
@@ -79,7 +79,7 @@ def test_states_travel_with_the_contact(degree):
         interface = replace(contact.state, z=wave(contact.slave.X, time))
         return replace(found, u=u, interfaces=(interface,))
 
-    frame = MovingFrame(problem)
+    frame = MovingFrame(problem.equations)
     moved = np.where(np.array([side.is_slave for side in frame._sides])[:, None], s, 0.0)
     before, last, right = state(1.0), state(2.0), state(4.0)
     guess = frame.guess(last, before, moved, 2.0)
@@ -108,7 +108,7 @@ def test_path_that_turns_begins_at_its_last_state():
 def blocks_with_two_states():
     """Two blocks pressed twice, what guesses their next state, and what presses them on."""
     scene = pressed_blocks(**MESH)
-    predictor = Predictor(scene.problem, 0.0)
+    predictor = Predictor(scene.problem.equations, 0.0)
 
     def press(time, solve=scene.problem.solve):
         scene.loads["push"].value[1] = -0.05 * time
@@ -192,7 +192,7 @@ def test_no_guess_takes_the_pressure_away():
     """A solve would first move the lid until it touches, and count slip from there."""
     lid = fm.Plane((1.5, 1.0), (0.0, -1.0))
     problem = columns(lid, left=1.0, right=1.0)
-    predictor, notes, starts = Predictor(problem, 0.0), [], []
+    predictor, notes, starts = Predictor(problem.equations, 0.0), [], []
 
     def solve():
         starts.append(problem.equations.contacts[0].z.copy())

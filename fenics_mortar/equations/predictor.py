@@ -24,10 +24,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.moving_frame import MovingFrame
 from fenics_mortar.equations.state import State
 from fenics_mortar.newton.report import NewtonReport, after
-from fenics_mortar.path.moving_frame import MovingFrame
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotConvergedError
 
@@ -64,17 +64,25 @@ class Predictor:
     """Extrapolates the accepted states of a problem.
 
     Args:
-        problem: The problem.
+        problem: Its equations.
         time: Time of its present state.
-        guesses: Whether guesses are made at all.
     """
 
-    def __init__(self, problem: ContactProblem, time: float, *, guesses: bool = True) -> None:
-        self._problem, self._guesses = problem, guesses
+    def __init__(self, problem: ContactEquations, time: float) -> None:
+        self._problem = problem
         self._frame = MovingFrame(problem)
+        self.begin(time)
+        self._line, self._moving = _Kind(MAX_RESIDUAL_LEFT), _Kind(np.inf)
+
+    def begin(self, time: float) -> None:
+        """Take the present state for the first of a path, at a time (collective)."""
         self._here = self._point(time)
         self._before: _Point | None = None
-        self._line, self._moving = _Kind(MAX_RESIDUAL_LEFT), _Kind(np.inf)
+
+    @property
+    def time(self) -> float:
+        """Time of the last accepted state."""
+        return self._here.time
 
     @property
     def last(self) -> State:
@@ -84,12 +92,15 @@ class Predictor:
     def _point(self, time: float) -> _Point:
         return _Point(time, self._problem.state(), self._frame.places())
 
-    def solve(self, time: float, solve: Callable[[], NewtonReport]) -> NewtonReport:
+    def solve(
+        self, time: float, solve: Callable[[], NewtonReport], *, guesses: bool = True
+    ) -> NewtonReport:
         """Solve for a time from a guess or from the last state; accept the result (collective).
 
         Args:
             time: Time of the present loads and prescribed values.
             solve: Solves from the present state.
+            guesses: Whether a guess is made.
 
         Returns:
             The record, including iterations from an abandoned guess.
@@ -98,7 +109,7 @@ class Predictor:
             NotConvergedError: On all ranks, if the solve from the last state fails, too.
         """
         here = self._problem.state()
-        kind = self._go_to_guess(time, here)
+        kind = self._go_to_guess(time, here) if guesses else None
         for other in (self._line, self._moving):
             other.left = max(other.left - (other is not kind), 0)
         report = solve() if kind is None else self._solve_from_guess(kind, here, solve)
@@ -112,11 +123,7 @@ class Predictor:
         otherwise the solve moves bodies and obstacles rigidly before the first iteration.
         """
         problem = self._problem
-        if (
-            not self._guesses
-            or self._before is None
-            or not problem.equations.floating.supported_by_contact
-        ):
+        if self._before is None or not problem.floating.supported_by_contact:
             return None
         guesses = self._find_guesses(
             (time - self._here.time) / (self._here.time - self._before.time)
@@ -126,13 +133,14 @@ class Predictor:
         best, kind = here, None
         residual, presses = self._look()
         for its_kind, guess in guesses:
-            places = np.where(problem.equations.motions.driven, guess.places, here.places)
+            places = np.where(problem.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
-            problem.equations.put(guess)
+            problem.put(guess)
             guessed, still_presses = self._look()
             if guessed < residual and not (presses & ~still_presses).any():
                 residual, best, kind = guessed, guess, its_kind
-        problem.restore(best)
+        go = problem.put if best is guess else problem.restore  # whose operators are evaluated
+        go(best)
         return kind
 
     def _find_guesses(self, ratio: float) -> list[tuple[_Kind, State]]:
@@ -150,16 +158,14 @@ class Predictor:
     def _look(self) -> tuple[float, npt.NDArray[np.bool_]]:
         """Residual of the present state, inf for inverted cells; whether contacts are pressed."""
         problem = self._problem
-        for contact in problem.equations.contacts:
+        for contact in problem.contacts:
             contact.start_step()
-        residual = np.inf if problem.equations.bulk.inverted_cells()[0] else self._residual()
-        contacts = [
-            contact for contact in problem.equations.contacts if isinstance(contact, Contact)
-        ]
+        residual = np.inf if problem.bulk.inverted_cells()[0] else self._residual()
+        contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
         return residual, np.array([(c.pressure > 0.0).any() for c in contacts], bool)
 
     def _residual(self) -> float:
-        residual = self._problem.equations.evaluate(start=True).residual
+        residual = self._problem.evaluate(start=True).residual
         return residual if np.isfinite(residual) else np.inf
 
     def _solve_from_guess(

@@ -27,10 +27,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.state import State
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.locate import locate
-from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import HALF_FACET
 
@@ -51,14 +51,14 @@ class MovingFrame:
     """Tracks the position of contacts on bodies, and extrapolates states in the moving frame.
 
     Args:
-        problem: The problem.
+        problem: Its equations.
     """
 
-    def __init__(self, problem: ContactProblem) -> None:
+    def __init__(self, problem: ContactEquations) -> None:
         self._problem, self._sides = problem, list[_Side]()
-        for number, contact in enumerate(problem.equations.contacts):
+        for number, contact in enumerate(problem.contacts):
             for surface in (contact.slave, contact.master):
-                bodies = np.unique(problem.equations.floating.labels_of(surface))
+                bodies = np.unique(problem.floating.labels_of(surface))
                 if isinstance(contact, Contact) and bodies.size == 1:
                     is_slave = surface is contact.slave
                     self._sides.append(_Side(number, is_slave, surface, int(bodies[0])))
@@ -68,7 +68,7 @@ class MovingFrame:
         """Positions of contacts on undeformed bodies, nan if open, (sides, 2) (collective)."""
         found = []
         for side in self._sides:
-            contact = self._problem.equations.contacts[side.contact]
+            contact = self._problem.contacts[side.contact]
             forces = contact.operators.force(contact.z)[0 if side.is_slave else 1]
             weight = np.hypot(*forces.T)
             with np.errstate(invalid="ignore"):
@@ -122,9 +122,9 @@ class MovingFrame:
     ) -> None:
         """Overwrite the displacements of a body in ``u`` by shifted ones (collective)."""
         problem = self._problem
-        dofs, owned = problem.equations.bulk.space.dofs, problem.equations.bulk.space.num_nodes
-        mine = np.flatnonzero(problem.equations.floating.labels == body)
-        X = problem.equations.bulk.V.tabulate_dof_coordinates()[mine, :2]
+        dofs, owned = problem.bulk.space.dofs, problem.bulk.space.num_nodes
+        mine = np.flatnonzero(problem.floating.labels == body)
+        X = problem.bulk.V.tabulate_dof_coordinates()[mine, :2]
         own = mine < owned
         if body not in self._meshes:
             from scipy.spatial import Delaunay

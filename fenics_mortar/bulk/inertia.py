@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: MIT
+"""Inertia of the bodies: mass matrix, velocity and accelerations, and its forces in a time step.
+
+In a step the acceleration at its end is linear in the displacement there, w = c (u - o). The bulk
+adds M w to its residual and c M to its tangent; ``scheme`` says what c and o are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+from fenics_mortar.bulk.massless import redistributed
+from fenics_mortar.mesh.numbering import by_input_node, set_by_input_node
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Flags, Indices, freeze
+from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.rounding import TINY
+
+# Relative residual of the initial acceleration [1]: rounding, for well conditioned mass matrices.
+SOLVED = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """Velocity and accelerations of a state, a value; arrays of all local dofs.
+
+    Attributes:
+        velocity: Velocity [length / time].
+        acceleration: Acceleration that balances all forces [length / time^2].
+        average: Auxiliary acceleration of the scheme, an average over a step [length / time^2].
+        time: Time.
+        begun: Whether the accelerations are known.
+        owed: Energy that contact pressures have taken, by errors of the steps, and that is not
+            returned yet [stress length^2].
+    """
+
+    velocity: Array
+    acceleration: Array
+    average: Array
+    time: float = 0.0
+    begun: bool = False
+    owed: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Take copies of arrays that can be written to."""
+        freeze(self)
+
+
+class Inertia:
+    """Mass matrix and rates of the bodies; all methods are collective.
+
+    Args:
+        space: The displacement's nodes and dofs.
+        density: Mass per reference volume, a number or a UFL expression [stress time^2 / length^2].
+        massless: Global numbers of nodes without mass, equal on all ranks; see ``massless``.
+
+    Attributes:
+        M: Mass matrix, shape (N, N) [stress time^2].
+        velocity: Velocity, a function of the whole space; may be set.
+        factor: c [1 / time^2].
+        origin: o, array of all local dofs [length].
+
+    Raises:
+        MortarError: On all ranks, if a mass is not positive, or the body is too thin.
+    """
+
+    def __init__(self, space: DisplacementSpace, density: Any, massless: Indices) -> None:
+        self._space = space
+        self.M = self._assemble(density)
+        self._P: PETSc.Mat | None = None
+        self.massless = massless
+        if massless.size:
+            self.M, self._P = redistributed(space, self.M, massless)
+        self.largest_mass: float = self.M.getDiagonal().max()[1]
+        self._input, self._output = self.M.createVecs()
+        self._solver: PETSc.KSP | None = None
+        self.velocity = fem.Function(space.whole, name="velocity")
+        self.factor = 0.0
+        zero = np.zeros_like(self.velocity.x.array)
+        self.origin: Array = zero
+        self._rates = Rates(zero, zero, zero)
+
+    def _assemble(self, density: Any) -> PETSc.Mat:
+        """The consistent mass matrix."""
+        space = self._space
+        parts = ufl.TrialFunction(space.whole), ufl.TestFunction(space.whole)
+        if space.is_mixed:
+            a, b = (ufl.split(part)[space.part] for part in parts)
+        else:
+            a, b = parts
+        form = compat.form(density * ufl.inner(a, b) * ufl.dx)
+        M = compat.create_matrix(form)
+        compat.assemble_matrix(M, form)
+        masses = M.getDiagonal().array_r[space.owned_dofs]
+        smallest = space.V.mesh.comm.allreduce(float(masses.min(initial=np.inf)), min)
+        if not 0.0 < smallest < np.inf:
+            raise MortarError(
+                f"the smallest mass of a node is {smallest:.3g}: expected a positive finite density"
+            )
+        return M
+
+    @property
+    def rates(self) -> Rates:
+        """The present rates (local)."""
+        return replace(self._rates, velocity=self.velocity.x.array)
+
+    @rates.setter
+    def rates(self, rates: Rates) -> None:
+        self._rates = rates
+        self.velocity.x.array[:] = rates.velocity
+
+    def take(self, rates: Rates, u: Array) -> None:
+        """Go to a state with the rates ``rates`` and the displacement ``u`` (local)."""
+        self.rates = rates
+        self.factor, self.origin = 1.0, u - rates.acceleration
+
+    # Checkpoints
+
+    def kept(self) -> dict[str, Any]:
+        """All rates by the nodes of the mesh input, equal on all ranks."""
+        rates, data = self.rates, dict[str, Any]()
+        for part in fields(rates):
+            value = getattr(rates, part.name)
+            if isinstance(value, np.ndarray):
+                _, value = by_input_node(self._space, self._function(value))
+            data[part.name] = np.asarray(value)
+        return data
+
+    def take_kept(self, data: Mapping[str, Any], u: Array) -> None:
+        """Go to the rates of ``kept`` with its ``nodes``, and the displacement ``u``."""
+        given = dict[str, Any]()
+        for part in fields(Rates):
+            value = data[part.name]
+            if value.ndim:
+                function = self._function(u)
+                set_by_input_node(self._space, function, data["nodes"], value)
+                given[part.name] = function.x.array.copy()
+            else:
+                given[part.name] = value[()]
+        self.take(Rates(**given), u)
+
+    def _function(self, values: Array) -> fem.Function:
+        """A function of the whole space."""
+        function = fem.Function(self._space.whole)
+        function.x.array[:] = values
+        return function
+
+    # What the bulk adds
+
+    def add_to_residual(self, r: PETSc.Vec, u: Array) -> None:
+        """Add the inertia forces at the displacement ``u``, an array of all local dofs."""
+        r.array[: self._space.num_owned] += self.forces(u)
+
+    def add_to_tangent(self, K: PETSc.Mat, *, has_room: bool) -> None:
+        """Add c M; ``has_room``: whether the pattern of M is part of that of ``K``."""
+        structures = PETSc.Mat.Structure
+        structure = (
+            structures.SUBSET_NONZERO_PATTERN if has_room else structures.DIFFERENT_NONZERO_PATTERN
+        )
+        K.axpy(self.factor, self.M, structure)
+
+    def forces(self, u: Array) -> Array:
+        """Inertia forces M c (u - o) at the owned dofs [stress length]."""
+        return self.times_mass(self.factor * (u - self.origin))
+
+    @property
+    def stiffness(self) -> float:
+        """Largest diagonal entry of c M [stress] (local)."""
+        return self.factor * self.largest_mass
+
+    # Products
+
+    def times_mass(self, values: Array) -> Array:
+        """M times an array of all local dofs, at the owned dofs."""
+        self._input.array[:] = values[: self._space.num_owned]
+        self.M.mult(self._input, self._output)
+        return self._output.array_r.copy()
+
+    def product(self, a: Array, b: Array) -> float:
+        """A . M b of arrays of all local dofs."""
+        mine = float(a[: self._space.num_owned] @ self.times_mass(b))
+        return self._space.V.mesh.comm.allreduce(mine)
+
+    def momentum(self, x: Array, velocity: Array) -> Array:
+        """Linear momentum and angular momentum about the origin at positions x, shape (3,).
+
+        Args:
+            x: Positions, an array of all local dofs [length].
+            velocity: Velocity, likewise.
+        """
+        dofs = self._space.owned_dofs
+        p, x = self.times_mass(velocity)[dofs], x[dofs]
+        turn = float((x[:, 0] * p[:, 1] - x[:, 1] * p[:, 0]).sum())
+        return self._space.V.mesh.comm.allreduce(np.array([*p.sum(axis=0), turn]))
+
+    def acceleration_of(self, force: Array, prescribed: Flags) -> Array:
+        """Acceleration by forces that act on the bodies, zero at prescribed dofs.
+
+        Forces on nodes without mass act on the nodes that carry it.
+
+        Args:
+            force: Forces at the owned dofs, shape (num_owned,).
+            prescribed: Marks of the local dofs with prescribed values.
+
+        Returns:
+            The acceleration, an array of all local dofs.
+        """
+        if self._solver is None:
+            self._solver = self._create_solver(prescribed)
+        right, answer = self.M.createVecs()
+        right.array[:] = force
+        if self._P is not None:
+            self._P.multTranspose(right, answer)
+            answer.copy(right)
+        right.array[self._fixed(prescribed)] = 0.0
+        self._solver.solve(right, answer)
+        result = fem.Function(self._space.whole)
+        result.x.array[: self._space.num_owned] = answer.array_r
+        result.x.scatter_forward()
+        return result.x.array.copy()
+
+    def _fixed(self, prescribed: Flags) -> Flags:
+        """Marks of the owned dofs that are prescribed or have no mass."""
+        return prescribed[: self._space.num_owned] | (self.M.getDiagonal().array_r == 0.0)
+
+    def _create_solver(self, prescribed: Flags) -> PETSc.KSP:
+        """Solver for accelerations that are zero where ``_fixed``, as the forces are.
+
+        Rows and columns are zero there: conjugate gradients do not leave the other dofs.
+        """
+        M, moves = self.M.copy(), self.M.createVecLeft()
+        moves.array[:] = ~self._fixed(prescribed)
+        M.diagonalScale(moves, moves)
+        solver = PETSc.KSP().create(M.comm)
+        solver.setType(PETSc.KSP.Type.CG)
+        solver.getPC().setType(PETSc.PC.Type.JACOBI)
+        solver.setOperators(M)
+        solver.setTolerances(rtol=SOLVED, atol=TINY, max_it=10 * M.getSize()[0])
+        return solver

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: MIT
+"""The velocity of a displacement in UFL forms, for viscous materials and damping."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dolfinx import fem
+
+from fenics_mortar.utils.arrays import Array
+
+
+class Velocity:
+    """Velocity at the end of a time step, linear in the displacement u there.
+
+    Its ``expression`` may be used in a residual like u, for instance Rayleigh's damping
+    ``alpha * rho * inner(v, w) * dx + beta * inner(stress(v), grad(w)) * dx``. The tangent has its
+    derivative. It is zero until ``Dynamics(..., velocity=...)`` takes it over.
+
+    Args:
+        u: Displacement, alone or in a mixed function.
+
+    Attributes:
+        expression: factor (u - origin), a UFL expression [length / time].
+        factor: Constant of dolfinx [1 / time].
+        origin: Function of the space of ``u`` [length].
+    """
+
+    def __init__(self, u: Any) -> None:
+        self.factor = fem.Constant(u.function_space.mesh, 0.0)
+        self.origin = fem.Function(u.function_space, name="velocity_origin")
+        self.expression = self.factor * (u - self.origin)
+
+    def set(self, factor: float, origin: Array) -> None:
+        """Set factor and origin (local)."""
+        self.factor.value = factor
+        self.origin.x.array[:] = origin

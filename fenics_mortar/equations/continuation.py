@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: MIT
+"""Solves in a row as a load path: where loads continue, the last two states are extrapolated.
+
+A loop of a user that changes loads and solves is a path without a time. The loads tell how far
+the next step goes: each prescribed value, constant and function of the forms, obstacle and offset
+has to change along its last change, all by the same ratio. There is no guess where
+
+- nothing changed, or loads turn, reverse, start or stop;
+- a step is more than twice as long as the last one;
+- a law was changed;
+- the present state is not the one that the last solve ended in.
+
+The guess itself is that of ``predictor``, which compares its residual with that at the last state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.predictor import Predictor
+from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import in_words
+from fenics_mortar.utils.rounding import ROUNDING
+
+# Largest distance of a change of loads from the extrapolated one, over its size [1]: 30 degrees.
+ASIDE = 0.5
+# Longest step over the last one [1], as steps of ``follow_path`` grow.
+LONGEST = 2.0
+# Parts of the state of an interface that a user may have changed since the last solve.
+KEPT = ("z", "active", "branch", "multiplier_nodes", "partners", "accepted")
+
+
+class _Loads(NamedTuple):
+    """Values of all loads, those of distributed ones on this rank; laws in words."""
+
+    values: list[Array]
+    laws: list[str]
+
+
+class Continuation:
+    """Remembers the last two accepted states of a problem and their loads.
+
+    Args:
+        equations: The equations of the problem.
+    """
+
+    def __init__(self, equations: ContactEquations) -> None:
+        self._equations = equations
+        self._predictor: Predictor | None = None
+        self._past: list[_Loads] = []
+        self._step = 1.0
+
+    def forget(self) -> None:
+        """Make no guess before two more solves (local)."""
+        self._past = []
+
+    def solve(self, solve: Callable[[], NewtonReport]) -> NewtonReport:
+        """Solve from a guess where loads continue, else from the present state (collective).
+
+        Args:
+            solve: Solves from the present state.
+
+        Raises:
+            NotConvergedError: On all ranks, if the solve fails; from a guess, if that from the
+                present state fails as well.
+        """
+        if self._past and not self._is_last_state():
+            self.forget()
+        loads = self._loads()
+        ratio = self._ratio(loads) if len(self._past) == 2 else 0.0
+        step = self._step * ratio if ratio else 1.0
+        if self._predictor is None or not self._past:
+            report = solve()
+            self._predictor = self._predictor or Predictor(self._equations, 0.0)
+            self._predictor.begin(0.0)
+        else:
+            time = self._predictor.time + step
+            report = self._predictor.solve(time, solve, guesses=ratio > 0.0)
+        self._past, self._step = [*self._past[-1:], loads], step
+        return report
+
+    def _is_last_state(self) -> bool:
+        """Whether the problem is in the state of the last solve (collective)."""
+        assert self._predictor is not None
+        equations, last = self._equations, self._predictor.last
+        same = np.array_equal(equations.bulk.u.x.array, last.u) and all(
+            getattr(contact.state, name) is getattr(interface, name)
+            for contact, interface in zip(equations.contacts, last.interfaces, strict=True)
+            for name in KEPT
+        )
+        driven = equations.motions.driven
+        same &= np.array_equal(equations.motions.places[driven], last.places[driven])
+        return bool(equations.comm.allreduce(same, MPI.LAND))
+
+    def _loads(self) -> _Loads:
+        """The present loads (local)."""
+        motions, contacts = self._equations.motions, self._equations.contacts
+        on_obstacles = np.where(motions.driven, motions.push(), motions.places)
+        values = [*self._equations.bulk.loads(), *on_obstacles]
+        values += [np.array(contact.offset, float).ravel() for contact in contacts]
+        laws = [in_words(c.pair.law) for c in contacts if isinstance(c, Contact)]
+        return _Loads(values, laws)
+
+    def _ratio(self, loads: _Loads) -> float:
+        """Length of the next step of loads over that of the last, 0.0 where they do not continue.
+
+        Collective.
+        """
+        before, last = self._past
+        parts = []
+        for a, b, c in zip(before.values, last.values, loads.values, strict=True):
+            done, next_ = b - a, c - b
+            parts.append((done @ done, done @ next_, next_ @ next_, a @ a + b @ b + c @ c))
+        sums = self._equations.comm.allreduce(np.array(parts).reshape(-1, 4))
+        sums[:, :3] *= sums[:, :3].max(axis=1, keepdims=True) > ROUNDING**2 * sums[:, 3:]
+        done2, product, next2, _ = sums.T
+        if before.laws != loads.laws or last.laws != loads.laws or not done2.any():
+            return 0.0
+        first = np.flatnonzero(done2)[0]
+        ratio = float(product[first] / done2[first])
+        aside2 = next2 - 2.0 * ratio * product + ratio**2 * done2
+        continues = 0.0 < ratio <= LONGEST * (1.0 + ROUNDING)
+        return ratio if continues and (aside2 <= ASIDE**2 * next2).all() else 0.0

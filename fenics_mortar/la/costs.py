@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: MIT
+"""Predicted costs of a linear bulk: factored once, or anew in every Newton iteration.
+
+Per unknown, factors by MUMPS cost nearly the same from 5,000 to 160,000 unknowns in the plane; the
+compliance of the contact dofs is dense, of cubic cost. Only the ratio of the constants counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Measured costs: Hertz with 3,600 to 160,000 unknowns, degrees 1 and 2, one core.
+
+    Attributes:
+        iteration: Tangent, factorization and solution of an iteration, per unknown [us].
+        first: What the first one costs beyond that, the elimination order, per unknown [us].
+        once: Both factorizations of the constant bulk and their orders, per unknown [us].
+        dense: Schur complement and inverse, per cube of the contact dofs [us].
+        expected: Iterations of a solve; from 4 for a contact that hardly changes, to 9.
+        per_factor: Memory of unsymmetric factors over n log2(n) of n unknowns [bytes].
+        per_entry: Memory of the dense matrices that exist at a time, per entry [bytes].
+    """
+
+    iteration: float = 5.0
+    first: float = 2.0
+    once: float = 9.0
+    dense: float = 1e-4
+    expected: int = 5
+    per_factor: float = 62.0
+    per_entry: float = 24.0
+
+    def factors(self, unknowns: int, iterations: int) -> float:
+        """Seconds of so many iterations with a factorization each."""
+        return 1e-6 * unknowns * (self.first + iterations * self.iteration)
+
+    def compliance(self, unknowns: int, contact_dofs: int) -> float:
+        """Seconds of the compliance of the contact dofs."""
+        return 1e-6 * (self.once * unknowns + self.dense * contact_dofs**3)
+
+    def fits(self, unknowns: int, contact_dofs: int) -> bool:
+        """Whether dense matrices of the contact dofs need no more memory than factors."""
+        factors = self.per_factor * unknowns * np.log2(max(unknowns, 2))
+        return bool(self.per_entry * contact_dofs**2 <= factors)
+
+
+COSTS = Costs()

@@ -1,0 +1,361 @@
+# SPDX-License-Identifier: MIT
+"""Motion of bodies with mass: time steps with contact.
+
+All schemes are the generalized-alpha method with contact at the end of the step. With
+"generalized_alpha" all nodes have their mass: an impact stops the mass of the nodes that meet
+within one step, so that pressures oscillate, and the trapezoidal rule (rho_inf = 1) gains energy.
+With "massless" slave nodes have no mass, see ``bulk.massless``: pressures are continuous in time,
+impacts are resolved by the waves in the bodies, and errors of energy are of second order. With
+"conserving" these errors are returned, too; see ``energy_return``. Numbers:
+``demos/studies/dynamics``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+from fenics_mortar.bulk.inertia import Inertia
+from fenics_mortar.bulk.velocity import Velocity
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.equations.state import State
+from fenics_mortar.equations.undo import Before
+from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
+from fenics_mortar.path.energy_return import return_energy
+from fenics_mortar.path.options import SteppingOptions
+from fenics_mortar.path.time_scheme import GeneralizedAlpha
+from fenics_mortar.path.work import Forces, Work, forces_of, work_of
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import (
+    MortarError,
+    NotConvergedError,
+    call_together,
+    check_same_words,
+    together,
+)
+from fenics_mortar.utils.rounding import ROUNDING, TINY
+
+# Default spectral radius at infinite frequency by scheme: none of the energy is dissipated, or what
+# an impact excites and the step does not resolve.
+SCHEMES = {"conserving": 1.0, "massless": 1.0, "generalized_alpha": 0.8}
+
+
+class Dynamics:
+    """Motion of the bodies of a contact problem; all methods are collective.
+
+    The problem becomes that of the end of a time step: its residual, multipliers, results and
+    checkpoints (``save_state``, ``state``) include inertia. Contact holds no body any more, inertia
+    does. A static solution before is a start at rest.
+
+    Args:
+        problem: The problem, with the residual f_int - f_ext of statics.
+        density: Mass per reference volume, a number or a UFL expression.
+        scheme: "conserving", "massless" or "generalized_alpha"; see the module.
+        rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none).
+            Default: 0.8 for "generalized_alpha", else 1.
+        velocity: The ``Velocity`` that the residual contains, for damping.
+        energy: UFL form of the strain energy, for the report.
+
+    Attributes:
+        problem: The problem.
+        velocity: Velocity, a function of the space of ``u``; set it before the first step.
+
+    Raises:
+        ValueError: If an argument is not allowed.
+        MortarError: On all ranks, if masses are not positive, or slave nodes shall have no mass and
+            a body has fewer than two layers of nodes behind them.
+    """
+
+    def __init__(
+        self,
+        problem: ContactProblem,
+        density: Any,
+        *,
+        scheme: str = "conserving",
+        rho_inf: float | None = None,
+        velocity: Velocity | None = None,
+        energy: Any | None = None,
+    ) -> None:
+        check_kind("problem", problem, ContactProblem, "a ContactProblem")
+        with together(problem.comm, "Dynamics"):
+            _check(problem, density, scheme, rho_inf, velocity, energy)
+        given = {"scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None}
+        check_same_words(problem.comm, "Dynamics", given)
+        self.problem, equations = problem, problem.equations
+        self._scheme = GeneralizedAlpha(SCHEMES[scheme] if rho_inf is None else float(rho_inf))
+        slaves = [c.slave.nodes for c in equations.contacts if not isinstance(c, Tie)]
+        massless = [] if scheme == "generalized_alpha" else slaves
+        nodes = np.unique(np.concatenate([np.empty(0, np.int64), *massless]))
+        self._inertia = Inertia(equations.bulk.space, density, nodes)
+        self._rate, self._energy = velocity, None if energy is None else compat.form(energy)
+        equations.add_inertia(self._inertia)
+        self.velocity = self._inertia.velocity
+        self._largest_speed, self._returns_energy = 0.0, scheme == "conserving"
+
+    @property
+    def time(self) -> float:
+        """Present time."""
+        return self._inertia.rates.time
+
+    # One step
+
+    def step(self, dt: float) -> NewtonReport:
+        """Advance by ``dt``, with the loads and prescribed values of the end of the step.
+
+        Returns:
+            The record of the Newton iterations.
+
+        Raises:
+            NotConvergedError: On all ranks, as ``ContactProblem.solve``; state, velocity and time
+                are then those before the step.
+            MortarError: On all ranks, if an obstacle is driven by forces: it has no mass.
+            ValueError: If ``dt`` is not positive.
+        """
+        check_number("dt", dt, "a positive number", lambda dt: 0.0 < dt < np.inf)
+        self._begin()
+        return self._advance(dt, forces_of(self.problem))[0]
+
+    def _advance(self, dt: float, forces: Forces) -> tuple[NewtonReport, Forces, Work]:
+        """Take a step; see ``step``.
+
+        Args:
+            dt: The step [time].
+            forces: Forces at its start.
+
+        Returns:
+            The record of the iterations, forces at the end, and the work done.
+        """
+        problem, inertia = self.problem, self._inertia
+        self._refuse_driven_obstacles()
+        before, rates = problem.state(), inertia.rates
+        lines = [
+            line(before.u, rates, dt)
+            for line in (self._scheme.velocity, self._scheme.acceleration, self._scheme.average)
+        ]
+        inertia.factor, inertia.origin = lines[1]
+        if self._rate is not None:
+            self._rate.set(*lines[0])
+        try:
+            report = problem.solve()
+        except BaseException:
+            problem.restore(before)
+            raise
+        u = problem.equations.bulk.u.x.array
+        inertia.rates = replace(
+            rates,
+            velocity=lines[0](u),
+            acceleration=lines[1](u),
+            average=lines[2](u),
+            time=rates.time + dt,
+        )
+        after = forces_of(problem)
+        work = work_of(problem, before, problem.state(), forces, after)
+        if self._returns_energy:
+            bulk = problem.equations.bulk
+            return_energy(inertia, bulk, work, 0.5 * dt, (forces, after))
+        return report, after, work
+
+    def _begin(self) -> None:
+        """Find the accelerations at the start of the motion."""
+        inertia, bulk = self._inertia, self.problem.equations.bulk
+        if inertia.rates.begun:
+            return
+        if self._rate is not None:  # the velocity as it is
+            self._rate.set(1.0, bulk.u.x.array - self.velocity.x.array)
+        inertia.take(inertia.rates, bulk.u.x.array)  # without acceleration yet
+        forces, contact, _ = self.problem.forces()
+        w = inertia.acceleration_of(-(forces + contact), bulk.prescribed)
+        begun = replace(inertia.rates, acceleration=w, average=w, begun=True)
+        inertia.take(begun, bulk.u.x.array)
+
+    def _refuse_driven_obstacles(self) -> None:
+        driven = self.problem.equations.motions.driven.any(axis=1)
+        names = [o.name for o, pushed in zip(self.problem.obstacles, driven, strict=True) if pushed]
+        if names:
+            raise MortarError(
+                f"obstacle '{names[0]}' is driven by forces, but has no mass: prescribe its motion "
+                "by move, or mesh it"
+            )
+
+    # Many steps
+
+    def run(
+        self,
+        stop: float,
+        options: SteppingOptions,
+        set_loads: Callable[[float], None] | None = None,
+        *,
+        tolerance: float | None = None,
+        on_step: Callable[[float, NewtonReport], None] | None = None,
+    ) -> DynamicsReport:
+        """Advance to the time ``stop``.
+
+        A step that fails is taken back and cut. Without ``tolerance`` steps grow back to
+        ``options.step``; with it they follow the estimated error, up to ``options.largest``.
+
+        Args:
+            stop: Final time.
+            options: Sizes of the steps; ``easy`` and ``predict`` have no effect.
+            set_loads: Sets loads and prescribed values for a time.
+            tolerance: Allowed error of a step, see ``error``.
+            on_step: Called with time and report after each step.
+
+        Returns:
+            The record of the steps, with energies.
+
+        Raises:
+            NotConvergedError: If a step of the smallest size fails. State and time are those of the
+                last step; ``report`` is the ``DynamicsReport``.
+            Exception: Any error of ``set_loads`` or ``on_step``.
+        """
+        with together(self.problem.comm, "run"):
+            _check_run(stop, options, set_loads, tolerance, on_step, self.time)
+        given = {"stop": stop, "options": options, "tolerance": tolerance}
+        check_same_words(self.problem.comm, "run", given)
+        self._begin()
+        report = DynamicsReport(self.energies())
+        size, forces = options.step, forces_of(self.problem)
+        largest = options.step if tolerance is None else (options.largest or options.step)
+        while stop - self.time > ROUNDING * options.smallest:
+            start = self.time
+            dt = min(size, stop - start)
+            dt = stop - start if stop - start - dt < ROUNDING * dt else dt
+            before = Before(self.problem.equations, None)
+            accepted = self.problem.state()
+            try:
+                if set_loads is not None:
+                    call_together(self.problem.comm, "set_loads", partial(set_loads, start + dt))
+                newton, after, work = self._advance(dt, forces)
+                error = self.error(accepted, dt)
+                if tolerance is not None and error > tolerance and dt > options.smallest:
+                    raise NotConvergedError(f"error of the step {error:.1e}", newton)
+            except NotConvergedError as failure:
+                self.problem.restore(accepted)
+                report.failures.append(failure.report)
+                if dt <= options.smallest:
+                    words = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
+                    raise NotConvergedError(f"{words}; {failure}", report) from failure
+                size = max(options.cut * dt, options.smallest)
+                continue
+            except BaseException:
+                before.take_back(renew=True)
+                raise
+            forces = after
+            done = TimeStep(self.time, newton, report.failures, error, work, self.energies())
+            report.steps.append(done)
+            report.failures = []
+            size = self._next_size(options, size, largest, error, tolerance)
+            if on_step is not None:
+                call_together(self.problem.comm, "on_step", partial(on_step, self.time, newton))
+        return report
+
+    @staticmethod
+    def _next_size(
+        options: SteppingOptions,
+        size: float,
+        largest: float,
+        error: float,
+        tolerance: float | None,
+    ) -> float:
+        """Size of the next step; the error grows with its square."""
+        wanted = options.growth
+        if tolerance is not None:
+            wanted = min(wanted, 0.9 * float(np.sqrt(tolerance / max(error, TINY))))
+        return min(max(wanted * size, options.smallest), largest)
+
+    # Measures
+
+    def error(self, before: State, dt: float) -> float:
+        """Estimated error of the velocity in the last step over the largest velocity so far [1].
+
+        dt |w_(n+1) - w_n| / 12 in the norm of the mass: the displacement error dt^2 (w_(n+1) - w_n)
+        / 12 of the trapezoidal rule (Zienkiewicz & Xie 1991) over dt. A mode of angular frequency
+        omega has about (omega dt)^2 / 12.
+
+        Args:
+            before: State at the start of the step.
+            dt: The step [time].
+        """
+        assert before.rates is not None
+        inertia, rates = self._inertia, self._inertia.rates
+        speeds = [inertia.product(v, v) for v in (rates.velocity, before.rates.velocity)]
+        self._largest_speed = max(self._largest_speed, float(np.sqrt(max(*speeds, 0.0))))
+        change = rates.acceleration - before.rates.acceleration
+        size = float(np.sqrt(max(inertia.product(change, change), 0.0)))
+        return dt * size / 12.0 / max(self._largest_speed, TINY)
+
+    def energies(self) -> Energies:
+        """Kinetic and strain energy and momentum at the present state."""
+        inertia, v = self._inertia, self.velocity.x.array
+        kinetic = 0.5 * inertia.product(v, v)
+        strain = float("nan")
+        if self._energy is not None:
+            strain = self.problem.comm.allreduce(float(fem.assemble_scalar(self._energy)))
+        return Energies(kinetic, strain, inertia.momentum(self._positions(), v))
+
+    def momentum(self, dt: float = 0.0) -> Array:
+        """Linear momentum and angular momentum about the origin, shape (3,).
+
+        Args:
+            dt: A later time dt / 2 for the linear extrapolation of displacement and velocity. With
+                rho_inf = 1 and equal steps dt without external forces this is the momentum in the
+                middle of the next step, which is constant to rounding; that of the present time
+                varies by terms of second order.
+        """
+        rates, half = self._inertia.rates, 0.5 * dt
+        v = rates.velocity
+        return self._inertia.momentum(self._positions() + half * v, v + half * rates.acceleration)
+
+    def _positions(self) -> Array:
+        """Present positions of the nodes, an array of all local dofs."""
+        bulk = self.problem.equations.bulk
+        return bulk.space.positions() + bulk.u.x.array
+
+
+def _check(
+    problem: ContactProblem, density: Any, scheme: Any, rho_inf: Any, velocity: Any, energy: Any
+) -> None:
+    """Refuse arguments of ``Dynamics`` (local)."""
+    check_choice("scheme", scheme, SCHEMES)
+    if rho_inf is not None:
+        check_number("rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0)
+    if not isinstance(density, ufl.core.expr.Expr):
+        check_number("density", density, "a positive number", lambda rho: 0.0 < rho < np.inf)
+    elif density.ufl_shape:
+        raise ValueError(f"density has the shape {density.ufl_shape}: expected a scalar")
+    if velocity is not None:
+        check_kind("velocity", velocity, Velocity, "a Velocity(u)")
+    if energy is not None:
+        check_kind("energy", energy, ufl.Form, "a UFL form, as psi * dx")
+        if energy.arguments():
+            raise ValueError("energy has a test function: expected a form without, as psi * dx")
+    if problem.adequacy is not None:
+        raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
+    if problem.equations.bulk.inertia is not None:
+        raise ValueError("problem has inertia already, of another Dynamics: set up a new problem")
+
+
+def _check_run(
+    stop: Any, options: Any, set_loads: Any, tolerance: Any, on_step: Any, time: float
+) -> None:
+    """Refuse arguments of ``run`` (local)."""
+    expected = f"a time from the present one, {time:.6g}, on"
+    check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
+    expected = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    check_kind("options", options, SteppingOptions, expected)
+    if tolerance is not None:
+        check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)
+    for name, function in (("set_loads", set_loads), ("on_step", on_step)):
+        if function is not None and not callable(function):
+            raise ValueError(f"{name}={function!r}: expected a function, or None")

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: MIT
+"""The record of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.path.work import Work
+from fenics_mortar.utils.arrays import Array
+
+
+class Energies(NamedTuple):
+    """Energies and momentum of a state.
+
+    Attributes:
+        kinetic: Kinetic energy [stress length^2].
+        strain: Strain energy, nan without the argument ``energy`` [stress length^2].
+        momentum: Linear momentum and angular momentum about the origin, shape (3,).
+    """
+
+    kinetic: float
+    strain: float
+    momentum: Array
+
+    @property
+    def total(self) -> float:
+        """Kinetic and strain energy [stress length^2]."""
+        return self.kinetic + self.strain
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """One time step.
+
+    Attributes:
+        time: Time at its end.
+        report: Record of its solve.
+        failures: Records of failed attempts at larger steps.
+        error: Estimated error; see ``Dynamics.error``.
+        work: Work done in it by the trapezoidal rule; ``work.bulk`` is the change of kinetic and
+            strain energy, minus the work of applied loads.
+        energies: Energies at its end.
+    """
+
+    time: float
+    report: NewtonReport
+    failures: list[NewtonReport]
+    error: float
+    work: Work
+    energies: Energies
+
+
+@dataclass
+class DynamicsReport:
+    """Record of a motion; prints as a Markdown table.
+
+    Attributes:
+        start: Energies at its start.
+        steps: The time steps.
+        failures: Records of failed attempts at the step after the last one.
+    """
+
+    start: Energies
+    steps: list[TimeStep] = field(default_factory=list)
+    failures: list[NewtonReport] = field(default_factory=list)
+
+    @property
+    def friction_work(self) -> float:
+        """Energy dissipated by friction [stress length^2]."""
+        return sum(step.work.friction for step in self.steps)
+
+    @property
+    def num_iterations(self) -> int:
+        """Number of linear systems solved, including failed attempts."""
+        of_steps = [report for step in self.steps for report in (step.report, *step.failures)]
+        return sum(report.num_iterations for report in (*of_steps, *self.failures))
+
+    def table(self) -> str:
+        """Markdown table, one row per step."""
+        lines = [
+            "| step | time | iterations | active | cuts | error | kinetic | strain | friction |",
+            "|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+        ]
+        friction = 0.0
+        for number, step in enumerate(self.steps, start=1):
+            friction += step.work.friction
+            cells = [f"{number}", f"{step.time:.6g}", f"{step.report.num_iterations}"]
+            cells += [f"{step.report.iterations[-1].num_active}", f"{len(step.failures)}"]
+            cells += [f"{step.error:.1e}", f"{step.energies.kinetic:.5g}"]
+            cells += [f"{step.energies.strain:.5g}", f"{friction:.4g}"]
+            lines.append(f"| {' | '.join(cells)} |")
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        """The table."""
+        return self.table()

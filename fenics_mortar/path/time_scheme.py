@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: MIT
+"""Generalized-alpha method with all forces at the end of the step (Chung & Hulbert 1993).
+
+Written by Arnold & Bruels (2007): w is the acceleration that balances all forces at the same time,
+
+    M w_(n+1) + f_int(u_(n+1)) - f_ext + B^T z_(n+1) = 0,
+
+and a an average of it,
+
+    (1 - am) a_(n+1) + am a_n = (1 - af) w_(n+1) + af w_n.
+
+With Newmark's formulas for u and v from a, this is the generalized-alpha method whose internal,
+external and contact forces are (1 - af) f_(n+1) + af f_n. Multipliers are those of the end of the
+step, in balance with gaps, loads and prescribed values of the same time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fenics_mortar.bulk.inertia import Rates
+from fenics_mortar.utils.arrays import Array
+
+
+class Line(NamedTuple):
+    """A quantity that is linear in the displacement at the end of a step, factor (u - origin)."""
+
+    factor: float
+    origin: Array
+
+    def __call__(self, u: Array) -> Array:
+        """Its value at the displacement ``u``."""
+        return self.factor * (u - self.origin)
+
+
+@dataclass(frozen=True)
+class GeneralizedAlpha:
+    """The method, by the spectral radius rho at infinite frequency, between 0 and 1.
+
+    rho = 1 is the trapezoidal rule, which conserves the energy of linear bodies; rho = 0 removes
+    what the step does not resolve within one step.
+    """
+
+    rho: float
+
+    @property
+    def inertia_shift(self) -> float:
+        """The parameter am."""
+        return (2.0 * self.rho - 1.0) / (self.rho + 1.0)
+
+    @property
+    def force_shift(self) -> float:
+        """The parameter af."""
+        return self.rho / (self.rho + 1.0)
+
+    @property
+    def gamma(self) -> float:
+        """Newmark's gamma for second order."""
+        return 0.5 + self.force_shift - self.inertia_shift
+
+    @property
+    def beta(self) -> float:
+        """Newmark's beta for the largest dissipation of high frequencies."""
+        return 0.25 * (0.5 + self.gamma) ** 2
+
+    def average(self, u: Array, rates: Rates, dt: float) -> Line:
+        """A at the end of the step.
+
+        Args:
+            u: Displacement at the start of the step.
+            rates: Rates there.
+            dt: The step [time].
+        """
+        start = u + dt * rates.velocity + dt**2 * (0.5 - self.beta) * rates.average
+        return Line(1.0 / (self.beta * dt**2), start)
+
+    def velocity(self, u: Array, rates: Rates, dt: float) -> Line:
+        """V at the end of the step; arguments as for ``average``."""
+        a = self.average(u, rates, dt)
+        factor = self.gamma * dt * a.factor
+        rest = rates.velocity + (1.0 - self.gamma) * dt * rates.average
+        return Line(factor, a.origin - rest / factor)
+
+    def acceleration(self, u: Array, rates: Rates, dt: float) -> Line:
+        """W at the end of the step; arguments as for ``average``."""
+        am, af, a = self.inertia_shift, self.force_shift, self.average(u, rates, dt)
+        factor = (1.0 - am) / (1.0 - af) * a.factor
+        rest = (am * rates.average - af * rates.acceleration) / (1.0 - af)
+        return Line(factor, a.origin - rest / factor)

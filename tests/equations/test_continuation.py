@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: MIT
+"""Solves in a row begin where the last two lead, as load paths do, wherever loads continue."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import pressed_blocks
+
+import fenics_mortar as fm
+
+MESH = {"n_upper": 7, "n_lower": 11, "layers_upper": 4, "layers_lower": 4}
+ROUGH = fm.Coulomb(0.2)
+
+
+class Starts:
+    """A scene, and the displacement that each of its solves begins from."""
+
+    def __init__(self, **options):
+        self.scene = pressed_blocks(**MESH, **options)
+        self.problem, self.u = self.scene.problem, []
+        equations = self.problem.equations
+        evaluate = equations.evaluate
+
+        def first(*, start):
+            if start:
+                self.u.append(equations.bulk.u.x.array.copy())
+            return evaluate(start=start)
+
+        equations.evaluate = first
+
+    def solve(self, x, y, **options):
+        """Solve; return where Newton's method began, and the report."""
+        self.scene.loads["push"].value[:] = (x, y)
+        report = self.problem.solve(**options)
+        return self.u[-1], report
+
+    def state(self):
+        return self.problem.equations.bulk.u.x.array.copy()
+
+
+def extrapolated(before, last, ratio=1.0):
+    return last + ratio * (last - before)
+
+
+def pressed_twice(**options):
+    """The scene, and its states, after loads that go on straight."""
+    starts = Starts(**options)
+    states = []
+    for y in (-0.05, -0.1):
+        starts.solve(0.0, y)
+        states.append(starts.state())
+    return starts, states
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0])
+def test_loads_that_continue_start_from_the_last_two_states(ratio):
+    starts, states = pressed_twice()
+    begun, report = starts.solve(0.0, -0.1 - 0.05 * ratio)
+    assert np.abs(begun - extrapolated(*states, ratio)).max(initial=0.0) < 1e-12
+    plain, _ = pressed_twice()
+    assert np.array_equal(plain.solve(0.0, -0.1 - 0.05 * ratio, predict=False)[0], states[1])
+    assert np.abs(plain.state() - starts.state()).max(initial=0.0) < 1e-8
+    assert report.residuals[0] < 0.2 * plain.problem.solve().residuals[0] or report.converged
+
+
+@pytest.mark.parametrize(
+    "load", [(0.0, -0.08), (0.05, -0.1), (0.05, -0.12), (0.0, -0.1), (0.0, -0.3)],
+    ids=["back", "aside", "turned", "stays", "far"],
+)  # fmt: skip
+def test_loads_that_do_not_continue_start_from_the_last_state(load):
+    starts, states = pressed_twice(pair={"law": ROUGH})
+    begun, report = starts.solve(*load)
+    assert np.array_equal(begun, states[1]) and report.converged
+
+
+def test_after_a_turn_two_states_of_the_new_direction_lead_on():
+    starts, states = pressed_twice()
+    begun, _ = starts.solve(0.0, -0.08)
+    assert np.array_equal(begun, states[1])
+    back = starts.state()
+    begun, _ = starts.solve(0.0, -0.06)
+    assert np.abs(begun - extrapolated(states[1], back)).max(initial=0.0) < 1e-12
+
+
+def test_states_and_laws_that_a_user_sets_are_taken_as_they_are():
+    starts, states = pressed_twice(pair={"law": ROUGH})
+    starts.problem.equations.bulk.u.x.array[:] = states[0]
+    assert np.array_equal(starts.solve(0.0, -0.15)[0], states[0])
+    starts, states = pressed_twice(pair={"law": ROUGH})
+    starts.scene.contact.pair.law = fm.Coulomb(0.1)
+    assert np.array_equal(starts.solve(0.0, -0.15)[0], states[1])
+    starts, states = pressed_twice(pair={"law": ROUGH})
+    starts.problem.accept()
+    assert np.array_equal(starts.solve(0.0, -0.15)[0], states[1])
+
+
+def test_step_that_failed_and_is_cut_by_the_user_is_part_of_the_path():
+    """The guess failed, so that the next step has none; the one after that starts from a guess."""
+    starts, states = pressed_twice()
+    here, options = starts.problem.state(), starts.problem.newton
+    starts.problem.newton = replace(options, max_iterations=1, residual_tolerance=1e-15)
+    with pytest.raises(fm.NotConvergedError):
+        starts.solve(0.0, -0.15)
+    starts.problem.newton = options
+    starts.problem.restore(here)
+    assert np.array_equal(starts.solve(0.0, -0.125)[0], states[1])
+    cut = starts.state()
+    begun, _ = starts.solve(0.0, -0.15)
+    assert np.abs(begun - extrapolated(states[1], cut)).max(initial=0.0) < 1e-12
+
+
+def test_plain_loop_takes_the_iterations_of_a_path():
+    loads = np.linspace(0.0, 1.0, 6)[1:]
+
+    def at(scene, time):
+        scene.loads["push"].value[:] = (0.0, -0.2 * time)
+
+    scene = pressed_blocks(**MESH)
+    path = fm.follow_path(scene.problem, lambda time: at(scene, time), fm.SteppingOptions(loads[0]))
+    counts = {}
+    for predict in (True, False):
+        scene = pressed_blocks(**MESH)
+        counts[predict] = []
+        for time in loads:
+            at(scene, time)
+            counts[predict].append(scene.problem.solve(predict=predict).num_iterations)
+    # a path knows the unloaded state, too
+    assert counts[True][2:] == [step.report.num_iterations for step in path.steps][2:]
+    assert sum(counts[True]) < sum(counts[False])
