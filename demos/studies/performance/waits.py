@@ -11,6 +11,7 @@
 # +
 import sys
 import time
+from functools import partial
 
 from mpi4py import MPI
 
@@ -65,6 +66,11 @@ def ironing(n):
     return problem, move
 
 
+def press(problem):
+    """Report of one solve, in a list."""
+    return [problem.solve()]
+
+
 def loop(problem, move, **options):
     """Reports of a plain loop."""
     reports = []
@@ -101,12 +107,12 @@ for size in ARGS:
     if size < 1.0:
         for name, options in (("", {}), (", every iteration", {"linear_bulk": False})):
             problem = half_disc(size, **options)
-            measure(f"H1{name}", problem, lambda: [problem.solve()])
+            measure(f"H1{name}", problem, partial(press, problem))
     else:
         problem, move = ironing(int(size))
-        measure("H3, loop", problem, lambda: loop(problem, move))
+        measure("H3, loop", problem, partial(loop, problem, move))
         problem, move = ironing(int(size))
-        measure("H3, loop without guesses", problem, lambda: loop(problem, move, predict=False))
+        measure("H3, loop without guesses", problem, partial(loop, problem, move, predict=False))
         problem, move = ironing(int(size))
-        measure("H3, path", problem, lambda: path(problem, move))
+        measure("H3, path", problem, partial(path, problem, move))
 # -
