@@ -67,7 +67,7 @@ def ironing(n):
 
 
 def press(problem):
-    """Report of one solve, in a list."""
+    """Report of one solve."""
     return [problem.solve()]
 
 
