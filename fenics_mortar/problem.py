@@ -39,7 +39,7 @@ from fenics_mortar.mesh.thickness import Geometry, thickness_of
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import garbage
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, check_same_words, together
@@ -137,7 +137,7 @@ class ContactProblem:
             options["residual"] = f"a form with the signature {residual.signature()[:8]}"
         options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
         check_same_words(comm, "ContactProblem", {"pairs": len(pairs), "bcs": len(bcs), **options})
-        compat.free_petsc_garbage_of_earlier(comm)
+        garbage.free_garbage_of_earlier(comm)
         weight = thickness_of(geometry, thickness)
         space = DisplacementSpace(u.function_space, displacement, weight)
         check_space(space.V, pairs)
@@ -154,7 +154,7 @@ class ContactProblem:
         check_axis(space, prescribed)
         contacts = bind(pairs, space, prescribed)  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
-        compat.keep_communicators(bulk.comm, bulk.r, bulk.K)
+        garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
         check_slave_nodes(contacts)
         check_roles(contacts)
         check_cells(bulk)

@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.bulk.reference_cell import nodal_gradients
 from fenics_mortar.kernels.cells import find_near, tabulate_areas
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -37,7 +38,7 @@ class Cells:
         self._comm: MPI.Comm = V.mesh.comm
         self._nodes = compat.dofmap(V)[: V.mesh.topology.index_map(2).size_local]
         self.X: Array = V.tabulate_dof_coordinates()[:, :2].copy()
-        self._gradients = compat.nodal_gradients(V)
+        self._gradients = nodal_gradients(V)
         areas = _areas(self.X, self._nodes, self._gradients)
         extent = np.ptp(self.X[self._nodes], axis=1).max(axis=1, initial=0.0)
         proper = np.abs(areas) > ROUNDING * extent[:, None] ** 2
@@ -53,6 +54,15 @@ class Cells:
             Ratios; nan at nodes where the undeformed cell has no area.
         """
         return _areas(x, self._nodes, self._gradients) / self._undeformed_areas
+
+    def hoop_strains(self, x: Array) -> Array:
+        """Mean strain around the axis x = 0 of the cells, shape (cells,) (local).
+
+        Args:
+            x: Positions of the local nodes, shape (n, 2) [length].
+        """
+        now, before = (place[self._nodes, 0].mean(axis=1) for place in (x, self.X))
+        return now / before - 1.0
 
     def inverted(self, x: Array) -> tuple[int, str]:
         """Number of inverted cells at positions ``x`` (n, 2), and a place (collective).

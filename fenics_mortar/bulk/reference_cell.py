@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""Reference triangle and square with quadrature points in the cell and on its sides."""
+"""Reference triangle and square: quadrature points, and gradients of shape functions at nodes."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 import basix
 
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 
 # Gauss points on a side of a cell, and per direction in the cell: exact to degree 5.
@@ -49,3 +52,17 @@ class ReferenceCell:
         self.fill = 2.0 if triangle else 1.0
         self.points: Array = np.stack([s, t * (1 - s) if triangle else t], axis=1)
         self.weights: Array = weights * (1 - s) if triangle else weights
+
+
+def nodal_gradients(V: Any) -> Array:
+    """Return the gradients of the Lagrange functions of a cell of ``V`` at its own nodes.
+
+    Shape (nodes, functions, 2), in the reference cell (local). All values are integers for degree 1
+    and 2.
+    """
+    cell = getattr(basix.CellType, compat.cell_name(V.mesh))
+    degree = {3: 1, 4: 1, 6: 2, 9: 2}[V.dofmap.dof_layout.num_dofs]
+    variant = basix.LagrangeVariant.gll_warped
+    element = basix.create_element(basix.ElementFamily.P, cell, degree, variant)
+    values = element.tabulate(1, element.points)[1:, :, :, 0]
+    return np.rint(np.moveaxis(values, 0, -1))

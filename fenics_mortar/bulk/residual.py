@@ -21,7 +21,7 @@ from fenics_mortar.bulk.input_data import InputData
 from fenics_mortar.bulk.units import find_units
 from fenics_mortar.mesh import numbering
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils import compat
+from fenics_mortar.utils import compat, garbage
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
@@ -149,7 +149,7 @@ class Bulk:
 
     def free_garbage(self) -> None:
         """Free unreferenced PETSc objects, also those made from ``r`` and ``K`` (collective)."""
-        compat.free_petsc_garbage(self.comm, self.r, self.K)
+        garbage.free_garbage(self.comm, self.r, self.K)
 
     def grow_tangent(self, room: PETSc.Mat) -> None:
         """Extend the pattern of ``K`` by that of a matrix of zeros (collective).

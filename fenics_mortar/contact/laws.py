@@ -104,14 +104,11 @@ class Law(ABC):
 
     @abstractmethod
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """Branch of rho at each node, 0 for stick.
+        """Branch of rho at each node, 0 for stick, shape (slave nodes,), int.
 
         Args:
             node: State of the slave nodes.
             before: Previous branches, shape (slave nodes,), int.
-
-        Returns:
-            Branches, shape (slave nodes,), int.
         """
 
     @abstractmethod
@@ -235,10 +232,7 @@ class Friction(Law):
         """Friction limit b at ``node``, its derivatives by mean gap and z_n, (slave nodes,)."""
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
-        """Stick (0) or direction of sliding (+-1); see ``Law.branch``.
-
-        Where the friction limit is zero, a node keeps its direction.
-        """
+        """Stick (0) or direction of sliding (+-1), any where the limit is 0; see ``Law.branch``."""
         w, limit = node.z_tau + self.c_t * node.stiffness * node.slip, self.limit(node)[0]
         now = np.where(np.abs(w) > limit, np.sign(w), STICK).astype(np.int64)
         kink = np.abs(np.abs(w) - limit) <= KINK * limit
@@ -246,10 +240,7 @@ class Friction(Law):
         return np.where(limit == 0.0, free, np.where(kink, before, now))
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """Slip of sticking nodes, shear less friction limit of sliding ones.
-
-        See ``Law.tangential``.
-        """
+        """Slip of sticking nodes, shear less limit of sliding ones; see ``Law.tangential``."""
         limit, by_gap, by_z_n = self.limit(node)
         sticks = branch == STICK
         return Row(

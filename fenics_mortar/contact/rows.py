@@ -39,7 +39,7 @@ class Rows:
 
 
 def rows_of(f: ContactFields) -> Rows:
-    """Linearized rows of the multipliers, gap and contact law (local)."""
+    """Linearized rows of the multipliers (local); shapes and units are those of ``Rows``."""
     o = f.operators
     normal, idle, *laws = frame_of(f)
     blocks: list[Block] = []

@@ -104,6 +104,8 @@ class PairView:
     def forces(self) -> Array:
         """Contact forces on the slave nodes, shape (slave nodes, 2) [stress length].
 
+        With a thickness, as of bodies of revolution, those of the whole bodies [force].
+
         Collective.
         """
         return -self._interface.operators.force(self._interface.z)[0]

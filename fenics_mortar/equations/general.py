@@ -199,9 +199,9 @@ class ContactEquations:
         free = self.bulk.to_force * total
         reactions = free[prescribed]
         free[prescribed] = self.stiffest * self._distance / self.bulk.units[prescribed]
-        inertia = self.bulk.inertia_forces()
-        mine = free @ free, contact_force @ contact_force, reactions @ reactions
-        sums = np.array([*mine, inertia @ inertia, rows, rows**2])
+        inertia = np.empty(0) if self.bulk.inertia is None else self.bulk.inertia_forces()
+        forces = free @ free, contact_force @ contact_force, reactions @ reactions
+        sums = np.array([*forces, inertia @ inertia, rows, rows**2])
         self.comm.Allreduce(MPI.IN_PLACE, sums)
         free2, force2 = sums[0], sums[1:4].max()
         check_alike(float(sums[4]), float(sums[5]), force2, self.comm.size)

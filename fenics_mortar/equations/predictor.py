@@ -135,11 +135,12 @@ class Predictor:
         for its_kind, guess in guesses:
             places = np.where(problem.motions.driven, guess.places, here.places)
             guess = replace(guess, places=places).with_settings_of(here)
-            problem.equations.put(guess)
+            problem.put(guess)
             guessed, still_presses = self._look()
             if guessed < residual and not (presses & ~still_presses).any():
                 residual, best, kind = guessed, guess, its_kind
-        problem.restore(best)
+        go = problem.put if best is guess else problem.restore  # whose operators are evaluated
+        go(best)
         return kind
 
     def _find_guesses(self, ratio: float) -> list[tuple[_Kind, State]]:
@@ -160,9 +161,7 @@ class Predictor:
         for contact in problem.contacts:
             contact.start_step()
         residual = np.inf if problem.bulk.inverted_cells()[0] else self._residual()
-        contacts = [
-            contact for contact in problem.contacts if isinstance(contact, Contact)
-        ]
+        contacts = [contact for contact in problem.contacts if isinstance(contact, Contact)]
         return residual, np.array([(c.pressure > 0.0).any() for c in contacts], bool)
 
     def _residual(self) -> float:

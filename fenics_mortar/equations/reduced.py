@@ -102,7 +102,7 @@ class ReducedEquations:
         return self._general.step(self._bulk.largest(moved), part)
 
     def _distorts(self, step: Array) -> bool:
-        """Whether a step of the contact dofs may invert cells: facets change by much of their length.
+        """Whether a step may invert cells: facets change by much of their length.
 
         Local, equal on all ranks.
         """
@@ -115,7 +115,7 @@ class ReducedEquations:
         return False
 
     def _move_all(self, moved: Array) -> float:
-        """Take as large a fraction of the step as cells allow, with all dofs; returns it (collective).
+        """Take as large a fraction of the step as cells allow; return it (collective).
 
         The next step begins with the residual that is left.
 
@@ -126,12 +126,10 @@ class ReducedEquations:
         start = u.copy()
         u += moved
         self._find_inside()
-        whole = self._bulk.r.duplicate()
-        whole.array[:] = (u - start)[: self._bulk.num_owned]
+        whole = (u - start)[: self._bulk.num_owned]
         u[:] = start
         self._bulk.u.x.scatter_forward()
         part = self._bulk.move(whole)
-        whole.destroy()
         self._bulk.assemble_residual()
         return part
 
@@ -214,7 +212,7 @@ class ReducedEquations:
     ) -> tuple[Array, Array, Array] | None:
         """The solution on rank 0; ``None`` if the system is singular.
 
-        Unknown are the multipliers that may act, and the dofs that their rows and forces touch: where
+        Unknowns are the multipliers that may act and the dofs in their rows and forces: where
         a law has neither displacements nor a right-hand side, the multiplier is zero.
         """
         nodes = np.unique(np.concatenate([C.row, np.flatnonzero(rhs)]) // 2)
@@ -249,6 +247,7 @@ class ReducedEquations:
 
     def _find_inside(self) -> None:
         """Balance the forces inside the bodies by their displacement (collective)."""
+        assert self._force is not None
         self._bulk.u.x.scatter_forward()
         self._bulk.assemble_residual()
         with clock("solve"):

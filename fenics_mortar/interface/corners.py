@@ -32,7 +32,7 @@ ALIKE = 0.1
 
 
 def links_at_corners(
-    surface: Surface, x: Array, master: Array, weighting: str
+    surface: Surface, x: Array, master: Array
 ) -> tuple[tuple[Indices, Indices], npt.NDArray[np.bool_]]:
     """Links along a slave that end at corners with the normal of one facet (local).
 
@@ -40,14 +40,13 @@ def links_at_corners(
         surface: The slave.
         x: Positions of its nodes, shape (slave nodes, 2) [length].
         master: Ends of the master's facets, the body on their left, shape (m, 2, 2) [length].
-        weighting: Weights of the facet normals: with those of other codes all corners are averaged.
 
     Returns:
         Nodes before and after each one, (slave nodes,) each, and marks of the facets round a
         corner, which have no partner, (facets,), bool.
     """
     corners = corners_of(surface)
-    if not corners.size or weighting != "opposite":
+    if not corners.size:
         return (surface.previous, surface.following), np.zeros(len(surface.facets), bool)
     return one_sided(surface, corners, choose_facets(surface, corners, x, master))
 
@@ -109,14 +108,16 @@ def one_sided(
         facets: The result of ``choose_facets``, shape (k,).
 
     Returns:
-        Nodes before and after each one, (slave nodes,), and marks (facets,), bool.
+        Nodes before and after each one, (slave nodes,), and marks (facets,), bool. A facet between
+        two corners of which one takes its normal keeps its partner.
     """
     previous, following = surface.previous.copy(), surface.following.copy()
     previous[corners[facets > 0]] = -1
     following[corners[facets < 0]] = -1
-    dropped = np.isin(surface.facets[:, 0], corners[facets < 0])
-    dropped |= np.isin(surface.facets[:, -1], corners[facets > 0])
-    return (previous, following), dropped
+    first, last = surface.facets[:, 0], surface.facets[:, -1]
+    taken = np.isin(first, corners[facets > 0]) | np.isin(last, corners[facets < 0])
+    left = np.isin(first, corners[facets < 0]) | np.isin(last, corners[facets > 0])
+    return (previous, following), left & ~taken
 
 
 def _unit(vectors: Array) -> Array:

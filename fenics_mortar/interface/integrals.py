@@ -78,8 +78,10 @@ def evaluate_mortar(
     Returns:
         The operators.
     """
-    links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]], options.weighting)
-    used = multiplier_nodes[slave.facets].any(axis=1) & ~alone
+    used, links = multiplier_nodes[slave.facets].any(axis=1), None
+    if options.corners:
+        links, alone = links_at_corners(slave, x, m[master.facets[:, [0, -1]]])
+        used &= ~alone
     n, dn = evaluate_normals(slave, x, options.weighting, links)
     given = np.isfinite(prescribed_normals[:, 0])
     n[given], dn[given] = prescribed_normals[given], 0.0

@@ -41,6 +41,7 @@ class MortarOptions:
         points: Gauss points per segment, with "elements" per slave facet.
         radius: Search radius along the normal [length]; see ``sight`` for limits behind the slave.
         min_cosine: Smallest cosine between the slave's normal and the reversed master's [1].
+        corners: Whether corners inside the slave take the normal of one facet; see ``corners``.
     """
 
     basis: Basis
@@ -50,6 +51,7 @@ class MortarOptions:
     points: int
     radius: float
     min_cosine: float
+    corners: bool = False
 
     @cached_property
     def kinds(self) -> tuple[int, int]:

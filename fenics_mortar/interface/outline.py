@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
-from fenics_mortar.interface.surfaces import Surface, facet_nodes, replicate
+from fenics_mortar.interface.surfaces import Surface, replicate
+from fenics_mortar.interface.tagged_facets import facet_nodes
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import ROUNDING, TINY

@@ -37,19 +37,16 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from dolfinx import mesh as dmesh
-
 from fenics_mortar.interface.curves import number_nodes, order_curves
-from fenics_mortar.kernels.shapes import lagrange
+from fenics_mortar.interface.measures import facet_measures
+from fenics_mortar.interface.tagged_facets import local_facets
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import NodalThickness
-from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.errors import SurfaceError, count_places
 
 # Integral of a shape function times the thickness over nodal area [1] below which a node carries no
-# multiplier: as small, or negative, after slight motions. The axis of revolution at 1/20 of a facet
-# beside a vertex of quadratic facets leaves it 0.1; all other nodes have 0.6 or more.
+# multiplier: it may be zero or negative after slight motions. A vertex of quadratic facets with the
+# axis of revolution 1/40 of a facet away has 0.05; those of linear facets have 2/3 or more.
 MIN_WEIGHT = 0.05
 
 
@@ -111,12 +108,12 @@ class Surface:
     @cached_property
     def lengths(self) -> Array:
         """Reference lengths of the facets, shape (m,) [length]."""
-        return _measures(self.X[self.facets]).sum(axis=1)
+        return facet_measures(self.X[self.facets]).sum(axis=1)
 
     @cached_property
     def nodal_lengths(self) -> Array:
         """Integral of each nodal shape function over the reference surface, shape (n,) [length]."""
-        measures = _measures(self.X[self.facets])
+        measures = facet_measures(self.X[self.facets])
         nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
         return nodal.astype(np.float64)
 
@@ -131,12 +128,17 @@ class Surface:
         return self.dofs_of(self.along(own, range(-degree, 2 * degree + 1)))
 
     @cached_property
+    def _areas(self) -> Array:
+        """Integrals of the shape functions times the thickness over the facets, (m, K)."""
+        assert self.thickness is not None
+        return facet_measures(self.X[self.facets], self.thickness.at(self.X)[self.facets])
+
+    @cached_property
     def full_cover(self) -> Array:
         """Integral of each nodal shape function times the thickness, undeformed, (n,) [area]."""
         if self.thickness is None:
             return self.nodal_lengths
-        measures = _measures(self.X[self.facets], self.thickness.at(self.X)[self.facets])
-        nodal = np.bincount(self.facets.ravel(), measures.ravel(), self.num_nodes)
+        nodal = np.bincount(self.facets.ravel(), self._areas.ravel(), self.num_nodes)
         return nodal.astype(np.float64)
 
     @cached_property
@@ -144,11 +146,9 @@ class Surface:
         """Mean thickness of the facets at each node, undeformed, shape (n,); 1.0 without one."""
         if self.thickness is None:
             return 1.0
-        areas = _measures(self.X[self.facets], self.thickness.at(self.X)[self.facets]).sum(axis=1)
-        sums = [
-            np.bincount(self.facets.ravel(), np.repeat(of_facets, self.degree + 1), self.num_nodes)
-            for of_facets in (areas, self.lengths)
-        ]
+        sums = np.zeros((2, self.num_nodes))
+        for total, of_facets in zip(sums, (self._areas.sum(axis=1), self.lengths), strict=True):
+            np.add.at(total, self.facets, of_facets[:, None])
         return np.asarray(sums[0] / sums[1])
 
     @cached_property
@@ -285,7 +285,7 @@ def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: s
     """
     V = space.V
     comm = V.mesh.comm
-    branches = comm.allgather(_local_facets(V, facet_tags, tag, name))
+    branches = comm.allgather(local_facets(V, facet_tags, tag, name))
     ends, coordinates, given = (np.concatenate(branch) for branch in zip(*branches, strict=True))
     nodes, X, facets = number_nodes(ends, coordinates, given, name)
     order, facets, previous, following = order_curves(facets, X, name)
@@ -331,72 +331,3 @@ def replicate(mine: npt.NDArray[Any], owners: Indices, comm: MPI.Comm) -> npt.ND
     ordered = np.empty_like(everything)
     ordered[np.argsort(owners, kind="stable")] = everything
     return ordered
-
-
-def _local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array, Indices]:
-    """Nodes (m, K), positions (m, K, 2) and input numbers (m, K) of the facets owned here.
-
-    Collective. A facet is included if any rank tags it, whether that rank owns the facet or not.
-    Nodes inside facets have the input number -1.
-    """
-    mesh = V.mesh
-    mesh.topology.create_connectivity(1, 2)
-    mesh.topology.create_connectivity(2, 1)
-    facet_map = mesh.topology.index_map(1)
-    begin, end = facet_map.local_range
-    tagged = facet_map.local_to_global(facet_tags.find(tag).astype(np.int32))
-    tagged = np.unique(np.concatenate(mesh.comm.allgather(tagged)))
-    tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
-    inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
-    count, where = count_places(mesh.comm, dmesh.compute_midpoints(mesh, 1, inside)[:, :2])
-    if count:
-        raise SurfaceError(
-            f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
-            f"one at {where}; expected part of the outline of one body"
-        )
-    ends = facet_nodes(V, tagged)
-    names = compat.input_nodes(V)
-    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
-    to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
-    x = V.tabulate_dof_coordinates()[:, :2]
-    return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
-
-
-def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
-    """Local nodes (m, K) of facets in order, with the cell on the left (local).
-
-    Requires the connectivities facets -> cells and cells -> facets.
-
-    Args:
-        V: Space of the displacement.
-        facets: Local facets, shape (m,).
-    """
-    topology = V.mesh.topology
-    facet_cells, cell_facets = topology.connectivity(1, 2), topology.connectivity(2, 1)
-    dofmap, x = compat.dofmap(V), V.tabulate_dof_coordinates()[:, :2]
-    layout = V.dofmap.dof_layout
-    ends = np.empty((facets.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
-    for i, facet in enumerate(facets):
-        cell = facet_cells.links(facet)[0]
-        local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
-        a, b, *inside = dofmap[cell][layout.entity_closure_dofs(1, local)]
-        inward = x[dofmap[cell]].mean(axis=0) - x[a]
-        edge = x[b] - x[a]
-        on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
-        ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
-    return ends
-
-
-def _measures(X: Array, thickness: Array | None = None) -> Array:
-    """Integrals of the shape functions over facets at ``X`` (m, K, 2): shape (m, K) [length].
-
-    With ``thickness`` (m, K) [length] those of the shape functions times it.
-    """
-    if X.shape[1] == 2 and thickness is None:
-        return np.repeat(np.linalg.norm(X[:, 1] - X[:, 0], axis=1)[:, None] / 2, 2, axis=1)
-    points, weights = np.polynomial.legendre.leggauss(5)
-    N, dN = lagrange(points, X.shape[1] - 1)
-    J = np.linalg.norm(np.einsum("pk,mkc->mpc", dN, X), axis=2)
-    if thickness is not None:
-        J = J * np.einsum("pk,mk->mp", N, thickness)
-    return np.einsum("pk,mp,p->mk", N, J, weights)

@@ -25,8 +25,8 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.state import INDEPENDENT
+from fenics_mortar.mesh.numbering import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.utils import compat
 from fenics_mortar.utils.errors import MortarError, place
 from fenics_mortar.utils.files import make_folder, try_together, without_suffix, write_whole
 from fenics_mortar.utils.rounding import ROUNDING
@@ -100,7 +100,7 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
 def _arrays_of(problem: ContactProblem) -> Arrays:
     """Data of a problem for the file, equal on all ranks (collective)."""
     nodes, values = problem.equations.bulk.by_input_node()
-    cells, x = compat.mesh_by_input_node(problem.equations.bulk.V.mesh)
+    cells, x = mesh_by_input_node(problem.equations.bulk.V.mesh)
     names = [f"'{c.slave.name}' - '{c.master.name}'" for c in problem.equations.contacts]
     data: Arrays = {
         "pairs": np.array(names, str),

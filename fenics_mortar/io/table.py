@@ -10,8 +10,9 @@ from fenics_mortar.problem import ContactProblem
 def contact_table(problem: ContactProblem) -> str:
     """Markdown table of the contact of each pair: forces, active nodes, pressure, gap (collective).
 
-    The forces are those on the bodies [stress length], the pressure is the largest nodal one
-    [stress], the last column is the smallest mean gap of a slave node over its length.
+    The forces are those on the bodies [stress length], on whole bodies of revolution [force]; the
+    pressure is the largest nodal one [stress], the last column is the smallest mean gap of a slave
+    node over its length.
 
     Raises:
         ValueError: If ``problem`` is not a ``ContactProblem``.

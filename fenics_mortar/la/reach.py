@@ -100,7 +100,9 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
     """
     s, degree, none = o.segments, o.master.degree, o.master.num_nodes
     counts = slaves[s.slave].any(axis=1)
-    slave, master = _with_next_facets(o, margin, s.slave[counts, 0], s.master[counts])
+    slave, master = s.slave[counts, 0], s.master[counts]
+    if margin:
+        slave, master = _with_next_facets(o, margin, slave, master)
     masters = np.full((len(slave), 1), none)
     if none and not margin:
         masters = np.hstack([masters, master])
@@ -114,7 +116,7 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
 def _with_next_facets(
     o: MortarOperators, margin: int, slave: Indices, master: Indices
 ) -> tuple[Indices, Indices]:
-    """Pairs of facets, by the slave's first nodes; with those of slave facets that are next to meet.
+    """Pairs of facets by the slave's first nodes, those of slave facets next to contact included.
 
     Slave facets without a partner get those of facets up to ``margin`` away.
     """

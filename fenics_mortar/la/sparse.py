@@ -123,9 +123,7 @@ class SomeRows:
         starts, columns, values = small.getValuesCSR()
         used = values != 0.0
         starts = np.append(0, np.cumsum(used))[starts].astype(PETSc.IntType)
-        large.setValuesIJV(
-            starts, columns[used], values[used], PETSc.InsertMode.ADD_VALUES, rows
-        )
+        large.setValuesIJV(starts, columns[used], values[used], PETSc.InsertMode.ADD_VALUES, rows)
         large.assemble()
 
     def room(self, small: PETSc.Mat, num_owned: int) -> PETSc.Mat:

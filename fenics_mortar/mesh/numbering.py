@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+import basix
+
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
@@ -21,12 +23,12 @@ def by_input_node(space: DisplacementSpace, u: Any) -> tuple[Indices, Array]:
         u: Function of the whole space.
 
     Returns:
-        Names of the nodes, see ``compat.input_nodes``, shape (n, k), in ascending order, and their
+        Names of the nodes, see ``input_nodes``, shape (n, k), in ascending order, and their
         values, shape (n, 2); in a mixed space each dof counts as a node, shape (n, 1).
     """
     comm, size = space.V.mesh.comm, space.block_size
     owned = space.num_owned // size
-    nodes = np.concatenate(comm.allgather(compat.input_nodes(space.whole)[:owned]))
+    nodes = np.concatenate(comm.allgather(input_nodes(space.whole)[:owned]))
     values = np.concatenate(comm.allgather(u.x.array.reshape(-1, size)[:owned]))
     order = np.lexsort(nodes.T[::-1])
     return nodes[order], values[order]
@@ -44,7 +46,7 @@ def set_by_input_node(space: DisplacementSpace, u: Any, nodes: Indices, values: 
     Raises:
         MortarError: On all ranks, if the nodes are those of another mesh or degree.
     """
-    mine = compat.input_nodes(space.whole)
+    mine = input_nodes(space.whole)
     wrong = nodes.ndim != 2 or nodes.shape[1] != mine.shape[1]
     if not wrong:
         both, number = np.unique(np.concatenate([nodes, mine]), axis=0, return_inverse=True)
@@ -55,3 +57,48 @@ def set_by_input_node(space: DisplacementSpace, u: Any, nodes: Indices, values: 
     number = number.ravel()
     of_name[number[: len(nodes)]] = np.arange(len(nodes))
     u.x.array[:] = values[of_name[number[len(nodes) :]]].ravel()
+
+
+def input_nodes(V: Any) -> Indices:
+    """Return names of the local nodes of ``V`` that do not depend on the partition (local).
+
+    The name of a node at a vertex is the number of the vertex in the mesh input; of a node on an
+    edge or inside a cell the numbers of its vertices in ascending order. Shape (local nodes,
+    largest number of vertices), padded by -1. In a mixed space every dof counts as a node, and a
+    last column numbers dofs at the same position.
+    """
+    mesh, layout, dofs = V.mesh, V.dofmap.dof_layout, compat.dofmap(V)
+    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(mesh)]
+    topology = basix.topology(getattr(basix.CellType, compat.cell_name(mesh)))
+    numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
+    vertices = numbers[compat.geometry_dofmap(mesh)[:, :corners]]
+    found = [
+        (dof, number, around)
+        for dim, entities in enumerate(topology)
+        for i, around in enumerate(entities)
+        for number, dof in enumerate(layout.entity_dofs(dim, i))
+    ]
+    width = max(len(around) for _, _, around in found)
+    index_map = V.dofmap.index_map
+    names = np.full((index_map.size_local + index_map.num_ghosts, width + 1), -1, np.int64)
+    for dof, number, around in found:
+        names[dofs[:, dof], : len(around)] = np.sort(vertices[:, around], axis=1)
+        names[dofs[:, dof], width] = number
+    return names if any(number for _, number, _ in found) else names[:, :width]
+
+
+def mesh_by_input_node(mesh: Any) -> tuple[Indices, Array]:
+    """Return cells and coordinates of a mesh, independent of the number of ranks (collective).
+
+    Returns:
+        Input numbers of the nodes of all cells, ascending in a cell and by cells, shape (cells,
+        nodes per cell), and coordinates of all nodes in this numbering, shape (nodes, 2) [length].
+    """
+    geometry, num_cells = mesh.geometry, mesh.topology.index_map(mesh.topology.dim).size_local
+    numbers = np.asarray(geometry.input_global_indices, np.int64)
+    owned = geometry.index_map().size_local
+    cells = np.sort(numbers[compat.geometry_dofmap(mesh)[:num_cells]], axis=1)
+    cells = np.concatenate(mesh.comm.allgather(cells))
+    names = np.concatenate(mesh.comm.allgather(numbers[:owned]))
+    x = np.concatenate(mesh.comm.allgather(geometry.x[:owned, :2]))
+    return cells[np.lexsort(cells.T[::-1])], x[np.argsort(names)]

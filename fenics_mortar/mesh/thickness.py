@@ -118,7 +118,7 @@ class NodalThickness:
 
     @property
     def for_kernels(self) -> tuple[Array, float]:
-        """Both parts, as the kernels take them."""
+        """Constant part (nodes,) [length] and derivative [1]: arguments of the kernels."""
         return self.constant, self.by_x
 
 

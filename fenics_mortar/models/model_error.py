@@ -200,12 +200,13 @@ def relative(difference: Any, size: Any) -> float:
 
 def largest_strain(problem: ContactProblem) -> tuple[float, float]:
     """Largest rotation [radian] and principal strain of F = R U, means of cells (collective)."""
-    (a, b), (c, d) = np.moveaxis(
-        problem.equations.bulk.cells.deformation_gradients(problem.equations.bulk.positions()), 0, 2
-    )
+    bulk = problem.equations.bulk
+    (a, b), (c, d) = np.moveaxis(bulk.cells.deformation_gradients(bulk.positions()), 0, 2)
     rotation = np.arctan2(c - b, a + d)
     mean, spread = 0.5 * np.hypot(a + d, c - b), 0.5 * np.hypot(a - d, b + c)
     strains = np.abs(mean - 1.0) + spread  # the larger of the two of mean +- spread
+    if bulk.space.is_axisymmetric:
+        strains = np.maximum(strains, np.abs(bulk.cells.hoop_strains(bulk.positions())))
     mine = np.array([np.abs(values).max(initial=0.0) for values in (rotation, strains)])
     problem.comm.Allreduce(MPI.IN_PLACE, mine, MPI.MAX)
     return float(mine[0]), float(mine[1])

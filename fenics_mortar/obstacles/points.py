@@ -65,7 +65,7 @@ def check_floats(name: str, values: Any) -> Array:
 
 
 def check_finite(name: str, value: float) -> float:
-    """A finite number (local).
+    """A finite number, in any unit (local).
 
     Raises:
         ValueError: For other values.

@@ -59,7 +59,7 @@ class BodyMotions:
         return np.stack([slave[nodes.row], master[nodes.col]], axis=1).astype(np.int64)
 
     def find(self) -> None:
-        """Find floating bodies, by the assembled ``K``; none floats if it has inertia."""
+        """Find floating bodies, by the assembled ``K``; with inertia none floats."""
         self.bodies = []
         if self.bulk.inertia is None:
             self.bodies = find_floating_bodies(self.bulk, self.labels, self._num_bodies)

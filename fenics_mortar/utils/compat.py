@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: MIT
 """All differences between dolfinx 0.5.2, 0.9 and 0.11, and nothing else.
 
-Each function checks the interface (``hasattr``, ``callable``) and never a version number, so that
-releases in between and later ones work as far as their interface agrees. The docstrings name the
-release of a change. The module has more than 350 lines since the differences belong together: each
-function is short, and no other module depends on the release.
+Functions check the interface (``hasattr``, ``callable``) and never a version number, so that other
+releases work as far as their interface agrees. The docstrings name the release of a change.
 """
 
 from __future__ import annotations
@@ -13,7 +11,6 @@ import ctypes
 import importlib
 import importlib.util
 import inspect
-from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -23,7 +20,6 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-import basix
 import dolfinx.fem.petsc  # must be explicit in every release
 import ufl
 from dolfinx import fem, la
@@ -33,10 +29,6 @@ from fenics_mortar.utils.arguments import check_kind, check_number
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
-
-# Communicators of the last few problems whose garbage is freed, by their ranks.
-MAX_KEPT = 8
-_kept: dict[tuple[int, ...], deque[list[PETSc.IS]]] = {}
 
 
 def scalar_is_complex() -> bool:
@@ -175,65 +167,6 @@ def geometry_dofmap(mesh: dmesh.Mesh) -> Indices:
     if hasattr(geometry, "dofmaps") and not callable(geometry.dofmaps):
         return np.asarray(geometry.dofmaps[0])
     return _as_table(geometry.dofmap, geometry.cmap.create_dof_layout())
-
-
-def input_nodes(V: fem.FunctionSpace) -> npt.NDArray[np.int64]:
-    """Return names of the local nodes of ``V`` that do not depend on the partition (local).
-
-    The name of a node at a vertex is the number of the vertex in the mesh input; of a node on an
-    edge or inside a cell the numbers of its vertices in ascending order. Shape (local nodes,
-    largest number of vertices), padded by -1. In a mixed space every dof counts as a node, and a
-    last column numbers dofs at the same position.
-    """
-    mesh, layout, dofs = V.mesh, V.dofmap.dof_layout, dofmap(V)
-    corners = {"triangle": 3, "quadrilateral": 4}[cell_name(mesh)]
-    topology = basix.topology(getattr(basix.CellType, cell_name(mesh)))
-    numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
-    vertices = numbers[geometry_dofmap(mesh)[:, :corners]]
-    found = [
-        (dof, number, around)
-        for dim, entities in enumerate(topology)
-        for i, around in enumerate(entities)
-        for number, dof in enumerate(layout.entity_dofs(dim, i))
-    ]
-    width = max(len(around) for _, _, around in found)
-    index_map = V.dofmap.index_map
-    names = np.full((index_map.size_local + index_map.num_ghosts, width + 1), -1, np.int64)
-    for dof, number, around in found:
-        names[dofs[:, dof], : len(around)] = np.sort(vertices[:, around], axis=1)
-        names[dofs[:, dof], width] = number
-    return names if any(number for _, number, _ in found) else names[:, :width]
-
-
-def mesh_by_input_node(mesh: dmesh.Mesh) -> tuple[npt.NDArray[np.int64], Array]:
-    """Return cells and coordinates of a mesh, independent of the number of ranks (collective).
-
-    Returns:
-        Input numbers of the nodes of all cells, ascending in a cell and by cells, shape (cells,
-        nodes per cell), and coordinates of all nodes in this numbering, shape (nodes, 2) [length].
-    """
-    geometry, num_cells = mesh.geometry, mesh.topology.index_map(mesh.topology.dim).size_local
-    numbers = np.asarray(geometry.input_global_indices, np.int64)
-    owned = geometry.index_map().size_local
-    cells = np.sort(numbers[geometry_dofmap(mesh)[:num_cells]], axis=1)
-    cells = np.concatenate(mesh.comm.allgather(cells))
-    names = np.concatenate(mesh.comm.allgather(numbers[:owned]))
-    x = np.concatenate(mesh.comm.allgather(geometry.x[:owned, :2]))
-    return cells[np.lexsort(cells.T[::-1])], x[np.argsort(names)]
-
-
-def nodal_gradients(V: fem.FunctionSpace) -> Array:
-    """Return the gradients of the Lagrange functions of a cell of ``V`` at its own nodes.
-
-    Shape (nodes, functions, 2), in the reference cell (local). All values are integers for degree 1
-    and 2.
-    """
-    cell = getattr(basix.CellType, cell_name(V.mesh))
-    degree = {3: 1, 4: 1, 6: 2, 9: 2}[V.dofmap.dof_layout.num_dofs]
-    variant = basix.LagrangeVariant.gll_warped
-    element = basix.create_element(basix.ElementFamily.P, cell, degree, variant)
-    values = element.tabulate(1, element.points)[1:, :, :, 0]
-    return np.rint(np.moveaxis(values, 0, -1))
 
 
 def _as_table(table: Any, layout: Any) -> Indices:
@@ -415,47 +348,3 @@ def option_is_used(name: str) -> bool:
     ask.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_int)]
     ask(None, name.encode(), ctypes.byref(used))
     return bool(used.value)
-
-
-def free_petsc_garbage(comm: MPI.Comm, *objects: Any) -> None:
-    """Free the PETSc objects without references on all ranks (collective).
-
-    petsc4py keeps them until then, since their destruction is collective: some vectors in each
-    iteration, matrices and factors with each problem. They are kept by communicator, and each
-    vector and matrix of dolfinx has its own communicator, shared by its duplicates.
-
-    Args:
-        comm: A communicator whose garbage is freed.
-        objects: PETSc objects whose communicators are included.
-    """
-    for each in (comm, *(some.comm for some in objects)):
-        PETSc.garbage_cleanup(each)
-
-
-def free_petsc_garbage_of_earlier(comm: MPI.Comm) -> None:
-    """Free unreferenced PETSc objects on communicators kept by these ranks (collective)."""
-    for earlier in _kept.get(_world_ranks(comm), ()):
-        free_petsc_garbage(comm, *earlier)
-
-
-def keep_communicators(comm: MPI.Comm, *objects: Any) -> None:
-    """Keep communicators so that later problems can free the garbage on them (collective).
-
-    Each mesh, vector and matrix of dolfinx has its own communicator; garbage on it can be reached
-    only through an object on this communicator, which is kept here.
-
-    Args:
-        comm: Communicator of a mesh.
-        objects: PETSc objects of the problem on it.
-    """
-    kept = _kept.setdefault(_world_ranks(comm), deque())
-    if len(kept) == MAX_KEPT:
-        for oldest in kept.popleft():
-            oldest.destroy()
-    none = np.empty(0, PETSc.IntType)
-    kept.append([PETSc.IS().createGeneral(none, c) for c in (comm, *(o.comm for o in objects))])
-
-
-def _world_ranks(comm: MPI.Comm) -> tuple[int, ...]:
-    """World ranks of a communicator (collective)."""
-    return tuple(comm.allgather(MPI.COMM_WORLD.rank))

@@ -117,9 +117,7 @@ def test_plain_loop_takes_the_iterations_of_a_path():
         scene.loads["push"].value[:] = (0.0, -0.2 * time)
 
     scene = pressed_blocks(**MESH)
-    path = fm.follow_path(
-        scene.problem, lambda time: at(scene, time), fm.SteppingOptions(loads[0])
-    )
+    path = fm.follow_path(scene.problem, lambda time: at(scene, time), fm.SteppingOptions(loads[0]))
     counts = {}
     for predict in (True, False):
         scene = pressed_blocks(**MESH)

@@ -55,7 +55,9 @@ def test_no_other_residual_counts_as_linear(material):
     assert "linear bulk" not in report.solver and "factors by mumps" in report.solver
 
 
-@pytest.mark.parametrize("options, words", [({"dense": 1e9}, "are many"), ({"per_entry": 1e9}, "memory")])
+@pytest.mark.parametrize(
+    "options, words", [({"dense": 1e9}, "are many"), ({"per_entry": 1e9}, "memory")]
+)
 def test_dense_matrices_that_cost_more_are_not_made(monkeypatch, options, words):
     monkeypatch.setattr(linear_bulk, "COSTS", replace(COSTS, **options))
     scene, report = solved(linear_elastic)

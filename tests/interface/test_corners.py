@@ -61,6 +61,21 @@ def test_the_nearest_of_three_normals_is_taken(degrees, facet):
     assert not alone.any()
 
 
+def test_a_facet_between_corners_keeps_its_partner_if_one_of_them_takes_its_normal():
+    """The end of a bar of one cell: each corner by itself, and both."""
+    bar = whole("bar", block(5, 1, width=1.0, height=0.1, corner=(0.0, 0.0)))
+    ground = whole("ground", block(5, 1, width=1.0, height=0.1, corner=(0.0, -0.1)))
+    slave = Scene([bar, ground], [("bar", "ground")], [(at(1, -0.1), None)]).contact.slave
+    corners = corners_of(slave)
+    x = slave.X[corners]
+    low, high = (np.flatnonzero(np.isclose(x, (1.0, y)).all(axis=1))[0] for y in (0.0, 0.1))
+    end = np.isclose(slave.X[slave.facets][:, :, 0], 1.0).all(axis=1)
+    for chosen_low, chosen_high, alone in ((-1, 1, True), (1, 1, False), (-1, -1, False)):
+        facets = np.zeros(len(corners), int)
+        facets[low], facets[high] = chosen_low, chosen_high
+        assert one_sided(slave, corners, facets)[1][end].all() == alone
+
+
 def test_a_corner_between_two_walls_keeps_its_averaged_normal():
     """Both parts of the master are as near: neither facet is preferred."""
     scene = arms("right")

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import revolved
 from revolved import cylinders, disturbed, on_axis, pressed_cylinders
-from scenes import TIGHT, neo_hookean, pressed_blocks
+from scenes import TIGHT, neo_hookean, pressed_blocks, read
 from test_operators import dense
 
 import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from meshes.mapped_grids import Grid, build, sector
 
 comm = MPI.COMM_WORLD
 DEGREES = [(degree, cell) for degree in (1, 2) for cell in ("triangle", "quadrilateral")]
@@ -268,6 +269,39 @@ def test_an_obstacle_pushed_along_the_axis_feels_the_total_force():
     sphere.push(x=0.0)
     with pytest.raises(fm.MortarError, match="sphere.*moves along its axis only"):
         problem.solve()
+
+
+def test_adequacy_of_small_strains_and_of_a_rigid_sphere():
+    """With an elastic sphere, ten times as stiff, the force is 1 / 11 less, by Hertz."""
+    centre = (0.0, 2.0)
+    sphere = sector(40, 12, radii=(0.2, 1.0), angles=(-np.pi / 2, 0.0), centre=centre)
+    data = cylinders((3, 60), gap=2.0, bulge=False, layers=12)
+    ball = read(build, grids=[Grid("ball", sphere)])
+    W = fm.vector_space(ball.mesh, 1)
+    w = fem.Function(W)
+    circle = fm.Circle((0.0, 2.0 - 0.01), 1.0, name="sphere")
+    tool = fm.ElasticObstacle(
+        circle, revolved.internal(w, revolved.linear_elastic(w, 1000.0, 0.3)), w, ball,
+        "ball/bottom",
+        bcs=[fm.dirichlet(W, ball, "ball/right", (0.0, 0.0)), on_axis(W, ball, "ball/left")],
+    )  # fmt: skip
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    rich = revolved.internal(u, revolved.neo_hookean(u, 100.0, 0.3))
+    problem = fm.ContactProblem(
+        revolved.internal(u, revolved.linear_elastic(u, 100.0, 0.3)), u,
+        [fm.ContactPair(data, "lower/top", circle, sliding="small")],
+        bcs=[
+            fm.dirichlet(V, data, ["lower/bottom", "upper/top"], (0.0, 0.0)),
+            on_axis(V, data, ["lower/left", "upper/left"]),
+        ],
+        geometry="axisymmetric", petsc_options_prefix="axis_",
+        adequacy=fm.AdequacyCheck(0.05, finite_strain=rich, elastic_obstacles=[tool]),
+    )  # fmt: skip
+    report = problem.solve()
+    errors = {a.name: a.errors["total force"] for a in report.adequacy.assumptions}
+    assert errors["linear strain"] < 0.01
+    assert 0.07 < errors["rigid sphere"] < 0.13
 
 
 @pytest.mark.parametrize(

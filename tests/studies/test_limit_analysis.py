@@ -6,7 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from demos.studies.stability.limit_analysis import GROUND, Point, Structure, friction_needed, judge
+from demos.studies.stability.limit_analysis import (
+    GROUND,
+    Point,
+    Structure,
+    friction_needed,
+    judge,
+    least_factor,
+)
 
 UP = np.array([0.0, 1.0])
 
@@ -42,6 +49,8 @@ def test_pushed_block_slides_or_tips(mu, slides):
     found = judge(block_on(mu, width=width, height=height, dead=(0, -weight), live=(1.0, 0.0)))
     exact = weight * min(mu, width / height)
     assert found.factor == pytest.approx(exact, rel=1e-9)
+    push = block_on(mu, width=width, height=height, dead=(0, -weight), live=(1.0, 0.0))
+    assert least_factor(push) == pytest.approx(exact, rel=1e-6)
     rates = found.mechanism[0] / np.abs(found.mechanism[0]).max()
     assert (abs(rates[2]) < 1e-9) == slides
     assert rates[0] > 0.0 or rates[2] < 0.0, "along the push"

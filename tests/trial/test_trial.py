@@ -15,6 +15,7 @@ from demos.studies.stability.limit_analysis import judge, touching_nodes
 from demos.studies.stability.random_cases import objections, random_case
 from demos.studies.stability.random_shapes import FAMILIES, shape_case
 from demos.studies.stability.random_supported import (
+    earliest_end_of_mesh,
     end_of_mesh,
     hanging_case,
     rigid,
@@ -44,6 +45,7 @@ HANGING_SEEDS = (2, 3, 5, 19)
 SAME = 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_random_cases_converge_and_none_is_wrong():
     records = [run(random_case(seed))[0] for seed in SEEDS]
@@ -95,7 +97,16 @@ def test_block_that_gives_way_does_not_slide_to_the_next_node_of_its_ground():
     record, _ = run(hanging_case(18))
     assert record["outcome"] == "dead end", record["reason"]
     assert "slid by 0.4" in record["reason"] and "only inertia" in record["reason"]
-    assert record["time"] == pytest.approx(record["end of mesh"], rel=0.01)
+    assert record["time"] == pytest.approx(end_of_mesh(hanging_case(18)), rel=0.01)
+
+
+def test_jaw_gives_way_between_the_limits_of_associated_friction_and_the_least():
+    """A block between two jaws slides before the pressures are those of limit analysis."""
+    case = supported_case(31)
+    assert earliest_end_of_mesh(case) < 1.9 < end_of_mesh(case) < case.end
+    record = {"outcome": "failed", "time": 1.9375}
+    confirm(case, record)
+    assert record["outcome"] == "dead end" and record["confirmed by"] == "earliest end of mesh"
 
 
 def test_forces_at_nodes_bear_less_than_those_anywhere():

@@ -225,7 +225,8 @@ def point_load(force):
     def field(X):
         r, depth = X[0], -X[1]
         rho = np.maximum(np.hypot(r, depth), 1e-9)
-        radial = r * depth / rho**3 - (1 - 2 * NU_SPACE) * r / (rho * (rho + depth))
+        out = np.maximum(rho + depth, 1e-9)
+        radial = r * depth / rho**3 - (1 - 2 * NU_SPACE) * r / (rho * out)
         down = depth**2 / rho**3 + 2 * (1 - NU_SPACE) / rho
         return force / (4 * np.pi * G) * np.stack([radial, -down])
 
@@ -316,15 +317,16 @@ def error_of_hertz(r, p, w, force):
 
 def test_rigid_sphere_on_a_half_space():
     """a^3 = 3 F R / (4 E*), p0 = 1.5 F / (pi a^2); at the edge p is of class C^1/2: first order."""
-    force, errors = 4 / 3 * SLOPE, []
+    force, errors, peaks = 4 / 3 * SLOPE, [], []
     for count in (10, 20):
         sphere = fm.Circle((0.0, 1 / SLOPE - SLOPE), 1 / SLOPE)
         r, p, w, _ = pressed_space(count, sphere, force, reach=1.5)
         errors.append(error_of_hertz(r, p, w, force))
+        peaks.append(p[r.argmin()] / (1.5 * (p @ w) / np.pi) - 1)
     assert errors[1] < 0.03 and 0.9 < np.log2(errors[0] / errors[1]) < 1.2
     assert p @ w == pytest.approx(force, rel=0.004)
     assert np.sqrt(2.5 * second_moment(r, p, w)) == pytest.approx(1.0, rel=0.002)
-    assert p[r.argmin()] == pytest.approx(1.5 * (p @ w) / np.pi, rel=0.01)
+    assert abs(peaks[1]) < 0.012 and np.log2(peaks[0] / peaks[1]) > 0.9
 
 
 def test_rigid_sphere_with_displacements_of_degree_2():
@@ -337,14 +339,16 @@ def test_rigid_sphere_with_displacements_of_degree_2():
 
 
 def test_elastic_ball_on_a_half_space():
-    force, errors = 2 / 3 * SLOPE, []
+    """On the axis the pressure of linear displacements is of first order."""
+    force, errors, peaks = 2 / 3 * SLOPE, [], []
     for count in (10, 20):
         r, p, w = elastic_ball(count)
         errors.append(error_of_hertz(r, p, w, force))
+        peaks.append(p[r.argmin()] / (1.5 * (p @ w) / np.pi) - 1)
     assert errors[1] < 0.03 and 0.9 < np.log2(errors[0] / errors[1]) < 1.2
-    assert p @ w == pytest.approx(force, rel=0.005)
-    assert np.sqrt(2.5 * second_moment(r, p, w)) == pytest.approx(1.0, rel=0.003)
-    assert p[r.argmin()] == pytest.approx(1.5 * (p @ w) / np.pi, rel=0.01)
+    assert p @ w == pytest.approx(force, rel=0.004)
+    assert np.sqrt(2.5 * second_moment(r, p, w)) == pytest.approx(1.0, rel=0.002)
+    assert abs(peaks[1]) < 0.025 and np.log2(peaks[0] / peaks[1]) > 0.9
 
 
 def test_rigid_cone_on_a_half_space():
@@ -367,5 +371,5 @@ def test_flat_punch_on_a_half_space():
         errors.append(p @ w / force - 1)
     assert errors[1] < 0.02 and 1.7 < errors[0] / errors[1] < 2.3
     inside = r < 0.7
-    exact = (p @ w) / (2 * np.pi * np.sqrt(1 - r[inside] ** 2))
-    assert p[inside] == pytest.approx(exact, rel=0.03)
+    exact = force / (2 * np.pi * np.sqrt(1 - r[inside] ** 2))
+    assert p[inside] == pytest.approx(exact, rel=0.025)

@@ -28,6 +28,8 @@ ROUNDING = 1e-7
 NEAR, PARALLEL = 1e-6, 1e-6
 # Nodes carry no force of their own where a smaller part of their length is covered.
 COVERED = 0.05
+# Bounds of forces over the loads, and of velocities at which the live loads have the power one.
+MOST_FORCE, FASTEST = 1e3, 1e3
 GROUND = -1
 # A factor of the live loads beyond this is infinite.
 MOST = 1e4
@@ -200,6 +202,81 @@ def friction_needed(structure: Structure, *, most: float = 64.0, steps: int = 40
         if high - low < 1e-6 * high:
             break
     return high
+
+
+def least_factor(structure: Structure, *, seconds: float = 20.0) -> float:
+    """Least multiple of the live loads at which bodies may move; of friction without adhesion.
+
+    Coulomb's friction is not associated: bodies that slide do not part, and may give way below what
+    ``judge`` finds, depending on pressures that statics leaves open. Here forces and a mechanism
+    are found together, which obey the law of friction: a point is open, sticks, or slides against
+    its friction (Ferris & Tin-Loi 2001). Whole numbers choose.
+
+    Args:
+        structure: The bodies.
+        seconds: Time limit.
+
+    Returns:
+        The factor, or that of the best mechanism found in time; infinite if there is none.
+    """
+    units, _, _, force, push = _without_units(structure)
+    rows = _rows(structure)
+    dead, live = units.dead.ravel()[rows], units.live.ravel()[rows]
+    normal, tangent = (
+        np.stack([_wrench(p, _along(p, k), len(units.dead)) for p in units.points], axis=1)[rows]
+        for k in range(2)
+    )
+    mu = np.array([p.mu for p in units.points])
+    m, n = normal.shape
+    one, none = np.eye(n), np.zeros((n, n))
+    still, no_factor = np.zeros((n, m)), np.zeros((n, 1))
+    # Unknowns: velocities, factor, forces along n + mu t and n - mu t; open, slides on or back.
+    balance = np.hstack([
+        np.zeros((m, m)), live[:, None], normal + mu * tangent, normal - mu * tangent,
+        np.zeros((m, 3 * n)),
+    ])  # fmt: skip
+    power = np.concatenate([live, np.zeros(5 * n + 1)])
+    most, fast = MOST_FORCE * one, FASTEST * one
+    modes = [
+        [-normal.T, no_factor, none, none, none, none, none],
+        [normal.T, no_factor, none, none, -fast, none, none],
+        [tangent.T, no_factor, none, none, -fast, -fast, none],
+        [-tangent.T, no_factor, none, none, -fast, none, -fast],
+        [still, no_factor, one, one, most, none, none],
+        [still, no_factor, one, none, none, most, none],
+        [still, no_factor, none, one, none, none, most],
+        [still, no_factor, none, none, one, one, one],
+    ]
+    bounds = [(-FASTEST, FASTEST)] * m + [(0.0, MOST)]
+    bounds += [(0.0, MOST_FORCE)] * (2 * n) + [(0.0, 1.0)] * (3 * n)
+    right = np.repeat([0.0, 0.0, 0.0, 0.0, MOST_FORCE, MOST_FORCE, MOST_FORCE, 1.0], n)
+    found = linprog(
+        np.eye(m + 1 + 5 * n)[m],
+        A_ub=np.vstack([np.hstack(row) for row in modes]),
+        b_ub=right,
+        A_eq=np.vstack([balance, power]),
+        b_eq=np.r_[-dead, 1.0],
+        bounds=bounds,
+        method="highs",
+        integrality=np.r_[np.zeros(m + 1 + 2 * n), np.ones(3 * n)],
+        options={"presolve": False, "time_limit": seconds},
+    )
+    return np.inf if found.x is None else float(found.fun) * force / push
+
+
+def _along(point: Point, which: int) -> Array:
+    """Normal (0) or tangent (1) of a point."""
+    return point.n if which == 0 else np.array([-point.n[1], point.n[0]])
+
+
+def _wrench(point: Point, force: Array, bodies: int) -> Array:
+    """What a force at a point does to all bodies, shape (3 bodies,)."""
+    wrench = np.zeros((bodies, 3))
+    own = np.array([*force, point.x[0] * force[1] - point.x[1] * force[0]])
+    for body, sign in ((point.one, 1.0), (point.other, -1.0)):
+        if body != GROUND:
+            wrench[body] += sign * own
+    return wrench.ravel()
 
 
 def _least_defect(program: Program, dead: Array) -> tuple[float, Array]:

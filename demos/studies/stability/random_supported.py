@@ -19,6 +19,7 @@ from demos.studies.stability.limit_analysis import (
     Point,
     Structure,
     judge,
+    least_factor,
     normal_of,
     touching_lines,
     touching_nodes,
@@ -170,11 +171,11 @@ def rigid(case: SupportedCase, *, at_nodes: bool = False) -> Structure:
 def _is_guided(case: SupportedCase, slave: str, x: Array, n: Array) -> bool:
     """Whether a node of a slave is prescribed along the surface: such nodes bear no friction."""
     return any(
-        held.component is not None
-        and abs(n[held.component]) < 0.5
-        and held.boundary.split("/")[0] == slave.split("/")[0]
-        and bool((case.x[case.nodes_of(held.boundary)] == x).all(axis=1).any())
-        for held in case.held
+        given.component is not None
+        and abs(n[given.component]) < 0.5
+        and given.boundary.split("/")[0] == slave.split("/")[0]
+        and bool((case.x[case.nodes_of(given.boundary)] == x).all(axis=1).any())
+        for given in case.prescribed
     )
 
 
@@ -182,6 +183,13 @@ def end_of_mesh(case: SupportedCase) -> float:
     """Time at which bodies give way if forces act at nodes of the slaves only."""
     verdict = judge(rigid(case, at_nodes=True))
     return 1.0 + verdict.factor if verdict.feasible else 0.0
+
+
+def earliest_end_of_mesh(case: SupportedCase) -> float:
+    """The same for friction that is not associated: bodies may give way from this time on."""
+    if any(case.pulls):
+        return end_of_mesh(case)
+    return 1.0 + least_factor(rigid(case, at_nodes=True))
 
 
 def _touching(

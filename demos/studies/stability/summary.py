@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
 """The atlas in one small picture: the share of its scenes that each method solves.
 
-    python3 -m demos.studies.stability.summary      reads atlas.md, writes summary.png beside it
+Reads atlas.md and writes summary.png beside it:
+
+    python3 -m demos.studies.stability.summary
 """
 
 from __future__ import annotations
@@ -28,9 +30,7 @@ def read_counts(text: str) -> dict[str, dict[str, int]]:
     """Number of scenes of each outcome, for each method, from the first table of atlas.md."""
     lines = [line for line in text.split("\n\n")[1].splitlines() if line.startswith("|")]
     head, _, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in lines)
-    return {
-        row[0]: {name: int(row[head.index(name)]) for name in OUTCOMES} for row in rows
-    }
+    return {row[0]: {name: int(row[head.index(name)]) for name in OUTCOMES} for row in rows}
 
 
 def draw_summary(counts: dict[str, dict[str, int]]) -> Figure:

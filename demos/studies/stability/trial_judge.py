@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -23,6 +23,7 @@ from demos.studies.stability.random_supported import (
     MARGIN,
     TOLD_MARGIN,
     SupportedCase,
+    earliest_end_of_mesh,
     end_of_mesh,
 )
 from demos.studies.stability.shape_judge import own_overlap, shape_wrongs
@@ -49,6 +50,13 @@ SIMILAR, MOST_DOFS = 0.2, 10_000
 MOST_DOFS_OF_SHAPES = 2_500
 # Responses below this part of Young's modulus times width, or of the width, are none.
 NOTHING = 1e-6
+
+# What may confirm a dead end of bodies that friction supports, in this order.
+ENDS: dict[str, Callable[[SupportedCase], float]] = {
+    "end": lambda case: case.end,
+    "end of mesh": end_of_mesh,
+    "earliest end of mesh": earliest_end_of_mesh,
+}
 
 
 def run(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> tuple[Record, Scene | None]:
@@ -90,8 +98,9 @@ def confirm(case: SupportedCase, record: Record) -> None:
     """Compare what became of a case with limit analysis of its rigid bodies.
 
     A failure is an honest dead end where limit analysis sees bodies give way about there, or where
-    that of the mesh does, whose forces act at nodes only: then the mesh is too coarse. States
-    beyond, and bodies that slid although they are supported, are wrong.
+    that of the mesh does, whose forces act at nodes only: then the mesh is too coarse. Last, bodies
+    that slide may give way earlier, where forces and a mechanism obey the law of friction together.
+    States beyond, and bodies that slid although they are supported, are wrong.
     """
     reached = record.get("refused", record.get("time", 0.0))
     late = case.end * (1.0 + (TOLD_MARGIN if record.get("remarks") else MARGIN))
@@ -104,9 +113,11 @@ def confirm(case: SupportedCase, record: Record) -> None:
         words = f"bodies moved by {record['moved'] / case.yielding:.2g} times what is elastic"
         record |= {"outcome": "wrong", "reason": words}
     elif record["outcome"] == "failed":
-        record["end of mesh"] = end_of_mesh(case)
-        if reached >= EARLIEST * min(case.end, record["end of mesh"]):
-            record["outcome"] = "dead end"
+        for judge, end in ENDS.items():
+            record[judge] = end(case)
+            if reached >= EARLIEST * record[judge]:
+                record |= {"outcome": "dead end", "confirmed by": judge}
+                break
 
 
 def counts(path: Any) -> Record:

@@ -22,6 +22,7 @@ from demos.studies.stability.random_cases import Case, Prescribed
 from demos.studies.stability.random_shapes import ShapeCase
 from demos.studies.stability.random_supported import SupportedCase
 from demos.studies.stability.shapes import Shape
+from fenics_mortar.mesh.numbering import input_nodes
 from fenics_mortar.utils import compat
 
 
@@ -62,7 +63,7 @@ class Scene:
         compat.assemble_vector(r, compat.form(self.residual))
         owned = r.array_r.reshape(-1, 2).copy()
         r.destroy()
-        names = np.concatenate(V.mesh.comm.allgather(compat.input_nodes(V)[: len(owned), 0]))
+        names = np.concatenate(V.mesh.comm.allgather(input_nodes(V)[: len(owned), 0]))
         return np.concatenate(V.mesh.comm.allgather(owned))[np.argsort(names)]
 
 
@@ -134,7 +135,7 @@ def _dirichlet(case: Case, V: Any, data: fm.MeshData, prescribed: Prescribed, va
     body = case.bodies[case.number_of(name)]
     if not isinstance(body, Shape) or side not in body.grips:
         return fm.dirichlet(V, data, prescribed.boundary, value, prescribed.component)
-    nodes = np.isin(compat.input_nodes(V)[:, 0], case.nodes_of(prescribed.boundary))
+    nodes = np.isin(input_nodes(V)[:, 0], case.nodes_of(prescribed.boundary))
     dofs = np.flatnonzero(nodes).astype(np.int32)
     if prescribed.component is None:
         return fem.dirichletbc(value, dofs, V)

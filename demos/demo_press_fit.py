@@ -1,0 +1,112 @@
+# # Press fit: a hub on a shaft, and the force that pulls it off
+#
+# Bodies of revolution need the mesh of their meridian half plane only, and one word:
+# `geometry="axisymmetric"`.
+#
+# ## Problem
+# A hub of steel, outer radius c = 20 mm and 40 mm long, sits on a solid shaft of radius b = 10 mm
+# that is 10 um too thick. Then the shaft is pulled, with Coulomb friction, until the hub slips. In
+# a long hub the pressure is that of Lame, of the interference D on the radius (plane stress),
+#
+# p = D E / (b ((c^2 + b^2) / (c^2 - b^2) + 1)).
+#
+# The shaft beyond the hub adds to the pressure at its ends, and gets thinner where it is pulled.
+# Once all of it slips, the axial force is that of friction, mu times the integral of the pressure,
+# 2 pi b int p dz.
+#
+# ## Implementation
+
+# +
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+from matplotlib.figure import Figure
+
+import ufl
+from dolfinx import fem
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import fenics_mortar as fm
+from meshes.mapped_grids import Grid, block, build
+
+comm = MPI.COMM_WORLD
+b, c, length, interference = 10.0, 20.0, 40.0, 0.01
+E, nu, friction = 210e3, 0.3, 0.15
+# -
+
+# The axis is x = 0: x is the radius, y runs along the axis. The meshes need not match.
+
+# +
+model = None
+if comm.rank == 0:
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    shaft = Grid("shaft", block(8, 50, width=b, height=80.0, corner=(0.0, -40.0)))
+    hub = Grid("hub", block(8, 32, width=c - b, height=length, corner=(b, -length / 2)))
+    model = build([shaft, hub])
+data = fm.read_gmsh(model, comm)
+# -
+
+# The residual is integrated over the whole bodies, 2 pi r dx, and has a third strain, u_r / r.
+
+# +
+V = fm.vector_space(data.mesh, 1)
+u, v = fem.Function(V), ufl.TestFunction(V)
+r = ufl.SpatialCoordinate(data.mesh)[0]
+mu, lmbda = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
+strain, hoop = ufl.sym(ufl.grad(u)), u[0] / r
+mean = lmbda * (ufl.tr(strain) + hoop)
+stress, hoop_stress = 2 * mu * strain + mean * ufl.Identity(2), 2 * mu * hoop + mean
+work = ufl.inner(stress, ufl.grad(v)) + hoop_stress * v[0] / r
+residual = 2 * np.pi * r * work * ufl.dx(metadata={"quadrature_degree": 3})
+# -
+
+# On the axis the radius does not change. The hub leans on a ring at its upper end, where the shaft
+# is pulled. The hub is put on warm: it slides freely until it has shrunk.
+#
+# The mesh is without interference, which is a negative initial gap: in the picture both bodies are
+# that much apart, 200 times.
+
+# +
+pull, law = fem.Constant(data.mesh, 0.0), fm.Coulomb(0.0)
+held = [("shaft/left", 0.0, 0), ("hub/top", 0.0, 1), ("shaft/top", pull, 1)]
+bcs = [fm.dirichlet(V, data, *condition) for condition in held]
+pair = fm.ContactPair(data, "hub/left", "shaft/right", law=law, initial_gap=-interference)
+options = {"geometry": "axisymmetric", "petsc_options_prefix": "fit_"}
+problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
+problem.solve()
+contact = problem.equations.contacts[0]
+z, fitted, force = contact.operators.x[:, 1], contact.pressure, []
+fm.plot(problem, "results/press_fit.png", stress=hoop_stress, label="hoop [MPa]", scale=200.0)
+law.mu = friction
+for step in range(1, 9):
+    pull.value = 0.004 * step
+    problem.solve()
+    force.append(contact.total_force[1])
+# -
+
+# ## Comparison
+
+# +
+slides = contact.sliding  # all but the node on the ring: prescribed nodes are without friction
+limit = friction * contact.operators.weight[slides] @ contact.pressure[slides]
+lame = interference * E / (b * ((c**2 + b**2) / (c**2 - b**2) + 1))
+middle = fitted[np.abs(z) < length / 4].mean()
+if comm.rank == 0:
+    print(f"pressure in the middle {middle:.2f} MPa, by Lame {lame:.2f} MPa")
+    print(f"force {force[-1] / 1e3:.2f} kN, limit of friction {limit / 1e3:.2f} kN")
+    figure = Figure((6, 3.2), layout="constrained")
+    axes = figure.add_subplot(xlabel="z [mm]", ylabel="contact pressure [MPa]", ylim=(0, 170))
+    axes.plot(z, fitted, "o-", z, contact.pressure, "s-", [-20, 20], [lame, lame], "k-", ms=3)
+    axes.legend(["fitted", "slipping", "Lame"], frameon=False)
+    figure.savefig("results/press_fit_pressure.png", dpi=150)
+# -
+
+# ## Check
+# The pressure has an axial part where the shaft is indented.
+
+assert slides.sum() == len(z) - 1 and abs(force[-1] / limit - 1) < 0.01 > abs(middle / lame - 1)

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: MIT
+"""Facets of a mesh by tag, with their nodes in order and the body on the left."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import mesh as dmesh
+
+from fenics_mortar.mesh.numbering import input_nodes
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.errors import SurfaceError, count_places
+
+
+def local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array, Indices]:
+    """Facets of a tag that this rank owns (collective).
+
+    A facet is included if any rank tags it, whether that rank owns the facet or not.
+
+    Args:
+        V: Space of the displacement.
+        facet_tags: Facet tags of the mesh.
+        tag: The tag.
+        name: Name of the surface, used in messages.
+
+    Returns:
+        Global nodes, shape (m, K), their reference positions, shape (m, K, 2) [length], and their
+        numbers in the mesh input, -1 for nodes inside facets, shape (m, K).
+
+    Raises:
+        SurfaceError: On all ranks, if a facet is not on the boundary of the mesh.
+    """
+    mesh = V.mesh
+    mesh.topology.create_connectivity(1, 2)
+    mesh.topology.create_connectivity(2, 1)
+    facet_map = mesh.topology.index_map(1)
+    begin, end = facet_map.local_range
+    tagged = facet_map.local_to_global(facet_tags.find(tag).astype(np.int32))
+    tagged = np.unique(np.concatenate(mesh.comm.allgather(tagged)))
+    tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
+    inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
+    count, where = count_places(mesh.comm, dmesh.compute_midpoints(mesh, 1, inside)[:, :2])
+    if count:
+        raise SurfaceError(
+            f"surface '{name}': {count} of its facets are not on the boundary of the mesh, "
+            f"one at {where}; expected part of the outline of one body"
+        )
+    ends = facet_nodes(V, tagged)
+    names = input_nodes(V)
+    given = np.where((names[:, 1:] < 0).all(axis=1), names[:, 0], -1)
+    to_global = V.dofmap.index_map.local_to_global(ends.ravel().astype(np.int32))
+    x = V.tabulate_dof_coordinates()[:, :2]
+    return np.asarray(to_global, np.int64).reshape(ends.shape), x[ends], given[ends]
+
+
+def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
+    """Local nodes (m, K) of facets in order, with the cell on the left (local).
+
+    Requires the connectivities facets -> cells and cells -> facets.
+
+    Args:
+        V: Space of the displacement.
+        facets: Local facets, shape (m,).
+    """
+    topology = V.mesh.topology
+    facet_cells, cell_facets = topology.connectivity(1, 2), topology.connectivity(2, 1)
+    dofmap, x = compat.dofmap(V), V.tabulate_dof_coordinates()[:, :2]
+    layout = V.dofmap.dof_layout
+    ends = np.empty((facets.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
+    for i, facet in enumerate(facets):
+        cell = facet_cells.links(facet)[0]
+        local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
+        a, b, *inside = dofmap[cell][layout.entity_closure_dofs(1, local)]
+        inward = x[dofmap[cell]].mean(axis=0) - x[a]
+        edge = x[b] - x[a]
+        on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
+        ends[i] = (a, *inside, b) if on_left else (b, *inside, a)
+    return ends

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: MIT
+"""Memory of PETSc objects without references, which only collective calls can free."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+# Communicators of the last few problems whose garbage is freed, by their ranks.
+MAX_KEPT = 8
+_kept: dict[tuple[int, ...], deque[list[PETSc.IS]]] = {}
+
+
+def free_garbage(comm: MPI.Comm, *objects: Any) -> None:
+    """Free the PETSc objects without references on all ranks (collective).
+
+    petsc4py keeps them until then, since their destruction is collective: some vectors in each
+    iteration, matrices and factors with each problem. They are kept by communicator, and each
+    vector and matrix of dolfinx has its own communicator, shared by its duplicates.
+
+    Args:
+        comm: A communicator whose garbage is freed.
+        objects: PETSc objects whose communicators are included.
+    """
+    for each in (comm, *(some.comm for some in objects)):
+        PETSc.garbage_cleanup(each)
+
+
+def free_garbage_of_earlier(comm: MPI.Comm) -> None:
+    """Free unreferenced PETSc objects on communicators kept by these ranks (collective)."""
+    for earlier in _kept.get(_world_ranks(comm), ()):
+        free_garbage(comm, *earlier)
+
+
+def keep_communicators(comm: MPI.Comm, *objects: Any) -> None:
+    """Keep communicators so that later problems can free the garbage on them (collective).
+
+    Each mesh, vector and matrix of dolfinx has its own communicator; garbage on it can be reached
+    only through an object on this communicator, which is kept here.
+
+    Args:
+        comm: Communicator of a mesh.
+        objects: PETSc objects of the problem on it.
+    """
+    kept = _kept.setdefault(_world_ranks(comm), deque())
+    if len(kept) == MAX_KEPT:
+        for oldest in kept.popleft():
+            oldest.destroy()
+    none = np.empty(0, PETSc.IntType)
+    kept.append([PETSc.IS().createGeneral(none, c) for c in (comm, *(o.comm for o in objects))])
+
+
+def _world_ranks(comm: MPI.Comm) -> tuple[int, ...]:
+    """World ranks of a communicator (collective)."""
+    return tuple(comm.allgather(MPI.COMM_WORLD.rank))
