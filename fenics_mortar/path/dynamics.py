@@ -60,7 +60,8 @@ class Dynamics:
 
     Args:
         problem: The problem, with the residual f_int - f_ext of statics.
-        density: Mass per reference volume, a number or a UFL expression.
+        density: Mass per area of the mesh, a number or a UFL expression; times a thickness or
+            2 pi R where the residual has them.
         scheme: "conserving", "massless" or "generalized_alpha"; see the module.
         rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none).
             Default: 0.8 for "generalized_alpha", else 1.
