@@ -50,7 +50,6 @@ from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import surface_without_nodes
-from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.surfaces import Surface
@@ -102,7 +101,8 @@ class Contact(Interface):
             self.slave, normals, self.free, at_vertices=self.at_vertices
         )
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
-        self._master_planes = self._find_master_planes()
+        on_master, _ = evaluate_normals(self.master, self.master.X, "opposite")
+        self._master_planes = normals_on_planes(on_master, self.master_free)
         self._multiplier_nodes.possible &= ~self.slave.weightless
         self._may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
@@ -113,16 +113,7 @@ class Contact(Interface):
         self.arm = self.slave.extent
         on_surface = self.obstacle is None
         reach = min(self.slave.extent, self.master.extent) if on_surface else np.inf
-        self.options = MortarOptions(
-            choice.basis,
-            choice.normals,
-            choice.gap_weights,
-            choice.integration,
-            self._points(),
-            pair.search_radius or reach,
-            float(np.cos(np.radians(choice.max_angle))),
-            corners=choice.normals == "opposite",
-        )
+        self.options = choice.options(self._points(), pair.search_radius or reach)
         sides, small = (self.slave, self.master), pair.sliding == "small"
         self.integration = Integration(
             sides, self.obstacle, self.arm, self.plane_normals, self.options, small=small
@@ -145,13 +136,6 @@ class Contact(Interface):
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
         self.integration.see(outline)
         return outline
-
-    def _find_master_planes(self) -> Array:
-        """Normals of master nodes on symmetry planes, nan elsewhere, (master nodes, 2)."""
-        if self.obstacle is not None:
-            return self.master.X
-        normals, _ = evaluate_normals(self.master, self.master.X, "opposite")
-        return normals_on_planes(normals, self.master_free)
 
     def has_master_of(self, other: Interface) -> bool:
         """Whether the pairs have a common obstacle or a common master node."""

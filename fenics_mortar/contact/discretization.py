@@ -15,7 +15,7 @@ from typing import get_args
 import numpy as np
 
 from fenics_mortar.contact.slip import Measure
-from fenics_mortar.interface.options import Basis, GapWeights, Weighting
+from fenics_mortar.interface.options import Basis, GapWeights, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Integration
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 
@@ -102,6 +102,24 @@ class Discretization:
         expected = "a number between 0 and 90 degrees"
         check_number("max_angle", self.max_angle, expected, lambda angle: 0.0 < angle < 90.0)
         check_number("c_n", self.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
+
+    def options(self, points: int, radius: float) -> MortarOptions:
+        """Options of the operators (local).
+
+        Args:
+            points: Gauss points per segment, with "elements" per slave facet.
+            radius: Search radius along the normal [length].
+        """
+        return MortarOptions(
+            self.basis,
+            self.normals,
+            self.gap_weights,
+            self.integration,
+            points,
+            radius,
+            float(np.cos(np.radians(self.max_angle))),
+            corners=self.normals == "opposite",
+        )
 
     def _check_combination(self) -> None:
         """Refuse options without effect or meaning in combination with another one (local)."""

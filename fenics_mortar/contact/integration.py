@@ -6,6 +6,7 @@ With small sliding D, M and normals are those of the undeformed mesh, the gap is
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,8 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
+# Results that are kept: of the last state, and of two initial guesses.
+RECENT = 3
 # Position of the obstacle if there are no frozen operators.
 NO_PLACE = np.full(3, np.nan)
 
@@ -61,7 +64,9 @@ class Integration:
         self.options, self.small = options, small
         self.sight: Sight | None = None
         self.view: View | None = None
-        self._last: tuple[Array, Flags, Linearization, MortarOperators] | None = None
+        self._recent: deque[tuple[Array, Flags, Linearization, MortarOperators]] = deque(
+            maxlen=RECENT
+        )
 
     def see(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
@@ -71,7 +76,7 @@ class Integration:
         if self.obstacle is None:
             normals, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
             self.sight = Sight(outline, self.slave, self.master, normals)
-            self._last = None
+            self._recent.clear()
 
     def evaluate(
         self, u: Array, state: InterfaceState, linearization: Linearization
@@ -83,8 +88,8 @@ class Integration:
             state: Its multiplier nodes and frozen operators are used.
             linearization: Derivatives to evaluate.
 
-        Without obstacle the operators of the last call are returned where nothing that they depend
-        on has changed: guesses and the first iterate of a step are evaluated at the same place.
+        Without obstacle the operators of an earlier call are returned if all that they depend on is
+        as it was then: guesses and the first iterate of a step are evaluated at the same places.
 
         Returns:
             The operators, and those of the undeformed mesh if sliding is small.
@@ -104,18 +109,17 @@ class Integration:
         self, x: Array, m: Array, multiplier_nodes: Flags, linearization: Linearization,
         view: View | None,
     ) -> MortarOperators:  # fmt: skip
-        """As ``_integrate``, or the last result if the arguments are the same (collective)."""
+        """As ``_integrate``, or a recent result for the same arguments (collective)."""
         if self.obstacle is not None:
             return self._integrate(x, m, multiplier_nodes, linearization, view)
         places = np.concatenate([x, m]) if view is None else view.outline[0]
-        if self._last is not None:
-            before, nodes, terms, operators = self._last
+        for before, nodes, terms, operators in self._recent:
             same = terms == linearization and np.array_equal(before, places)
             if same and np.array_equal(nodes, multiplier_nodes):
                 self.view = view
                 return operators
         operators = self._integrate(x, m, multiplier_nodes, linearization, view)
-        self._last = places, multiplier_nodes, linearization, operators
+        self._recent.appendleft((places, multiplier_nodes, linearization, operators))
         return operators
 
     def refer(self, multiplier_nodes: Flags) -> Reference:

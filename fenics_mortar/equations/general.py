@@ -199,7 +199,7 @@ class ContactEquations:
         free = self.bulk.to_force * total
         reactions = free[prescribed]
         free[prescribed] = self.stiffest * self._distance / self.bulk.units[prescribed]
-        inertia = self.bulk.inertia_forces()
+        inertia = np.empty(0) if self.bulk.inertia is None else self.bulk.inertia_forces()
         forces = free @ free, contact_force @ contact_force, reactions @ reactions
         sums = np.array([*forces, inertia @ inertia, rows, rows**2])
         self.comm.Allreduce(MPI.IN_PLACE, sums)

@@ -152,14 +152,16 @@ class MortarOperators:
         Returns:
             Arrays (slave nodes, 2) and (master nodes, 2) [stress length].
         """
-        on_slave, on_master = np.zeros_like(self.x), np.zeros_like(self.m)
-        forces = np.einsum("ejk,ejc->ekc", self.D, z[self.facet_nodes])
-        np.add.at(on_slave, self.facet_nodes, forces)
-        forces = np.einsum("sjl,sjc->slc", self.M, z[self.segments.slave])
-        np.add.at(on_master, self.segments.master, -forces)
-        both = np.concatenate([on_slave, on_master])
+        count, s = len(self.x), self.segments
+        on_slave = np.einsum("ejk,ejc->ekc", self.D, z[self.facet_nodes])
+        on_master = -np.einsum("sjl,sjc->slc", self.M, z[s.slave])
+        nodes = np.concatenate([self.facet_nodes.ravel(), count + s.master.ravel()])
+        forces = np.concatenate([on_slave.reshape(-1, 2), on_master.reshape(-1, 2)])
+        both = np.empty((count + len(self.m), 2))
+        for c in range(2):
+            both[:, c] = np.bincount(nodes, forces[:, c], len(both))
         self.slave.comm.Allreduce(MPI.IN_PLACE, both)
-        return both[: len(on_slave)], both[len(on_slave) :]
+        return both[:count], both[count:]
 
     def reaction(self, z: Array) -> tuple[Array, Array]:
         """Points of the master and forces there, each (master nodes, 2) (collective).

@@ -100,7 +100,9 @@ def _met(o: MortarOperators, margin: int, slaves: npt.NDArray[np.bool_]) -> Indi
     """
     s, degree, none = o.segments, o.master.degree, o.master.num_nodes
     counts = slaves[s.slave].any(axis=1)
-    slave, master = _with_next_facets(o, margin, s.slave[counts, 0], s.master[counts])
+    slave, master = s.slave[counts, 0], s.master[counts]
+    if margin:
+        slave, master = _with_next_facets(o, margin, slave, master)
     masters = np.full((len(slave), 1), none)
     if none and not margin:
         masters = np.hstack([masters, master])

@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from demos.studies.stability import families
+from demos.studies.stability import family
 from demos.studies.stability.model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
 from fenics_mortar.path.dead_end import why_path_ends
 
@@ -35,15 +35,15 @@ def cantilevers(way):
 
 def ironing(mu):
     """A round tool pressed into a block and drawn along it."""
-    tool = families.punch(8, 2, width=0.8, height=0.5, radius=0.5, middle=-1.0)
+    tool = family.punch(8, 2, width=0.8, height=0.5, radius=0.5, middle=-1.0)
     path = legs((3, (0.0, -0.15, 0.0)), (15, (1.5, -0.15, 0.0)))
     return Scene(
         bodies=[
-            families.ground(30, 4, width=4.0, height=0.8),
+            family.ground(30, 4, width=4.0, height=0.8),
             Body(Grid("tool", tool), E=10.0),
         ],
         pairs=[("ground/top", "tool/bottom")],
-        supports=[families.FIXED, Support(["tool/top"], path)],
+        supports=[family.FIXED, Support(["tool/top"], path)],
         steps=18,
         pair={"law": fm.Coulomb(mu)},
     )
@@ -52,7 +52,7 @@ def ironing(mu):
 # Scene, its last equilibrium, words
 ENDS = {
     "slip off": (
-        cantilevers(families.down(1.0)),
+        cantilevers(family.down(1.0)),
         0.551,
         "'left/top' and 'right/bottom' slip off each other",
     ),

@@ -45,6 +45,7 @@ HANGING_SEEDS = (2, 3, 5, 19)
 SAME = 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_random_cases_converge_and_none_is_wrong():
     records = [run(random_case(seed))[0] for seed in SEEDS]

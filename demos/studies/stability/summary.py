@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
 """The atlas in one small picture: the share of its scenes that each method solves.
 
-python3 -m demos.studies.stability.summary      reads atlas.md, writes summary.png beside it
+Reads atlas.md and writes summary.png beside it:
+
+    python3 -m demos.studies.stability.summary
 """
 
 from __future__ import annotations

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: MIT
+"""A copy of the checkout in which mutants are judged by their tests."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import asdict, dataclass
+from operator import or_
+from pathlib import Path
+
+from mutation.mutant_changes import PACKAGE, Mutant
+from mutation.mutant_lines import cpu, file_of
+
+START = 8.0  # CPU seconds of a process of pytest before its first test, on a slow machine
+# As many tests of a compiled function as take about ten seconds without JIT, cases in turn.
+INTERPRETED = 30
+# A process that uses this many times the CPU time of its tests hangs; busy cores are not counted.
+PATIENCE = 6.0
+
+
+@dataclass
+class Run:
+    """A temporary copy of the checkout, and how tests run in it."""
+
+    folder: Path
+    seen: dict
+    budget: float
+
+    def pytest(self, tests, allowed, *, ranks=1, jit=True, cache=None) -> tuple[str, str]:
+        """(outcome, first test that failed); ``allowed`` is the CPU time of each rank [s]."""
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": "0" if jit else "1"}
+        environment["NUMBA_CACHE_DIR"] = str(cache or self.folder / "numba")
+        environment["PYTHONPATH"] = str(self.folder)
+        options = ["-x", "-q", "--color=no", "-p", "no:cacheprovider"]
+        command = [sys.executable, "-m", "pytest", *options, *tests]
+        if ranks > 1:
+            command = ["mpirun.openmpi", "-n", str(ranks), *command]
+        limited = f'ulimit -t {int(PATIENCE * allowed)}; exec "$@"'
+        try:
+            ended = subprocess.run(
+                ["bash", "-c", limited, "limited", *command],
+                cwd=self.folder, env=environment, capture_output=True, text=True,
+                stdin=subprocess.DEVNULL, timeout=10.0 * PATIENCE * allowed,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return "hangs", ""
+        if ended.returncode == 0 or ended.returncode == 5:  # 5: no test was left to run
+            return "survived", ""
+        words = ("FAILED ", "ERROR ")
+        failed = [line for line in ended.stdout.splitlines() if line.startswith(words)]
+        return ("killed" if failed else "ends"), (failed or [""])[0][:300]
+
+    def is_compiled(self, mutant: Mutant) -> bool:
+        return [mutant.path, mutant.function] in self.seen["compiled"]
+
+    def tests_of(self, mutant: Mutant) -> list[tuple[str, float]]:
+        """Tests and their CPU time [s]: those that run the lines changed, or else the file."""
+        tests, lines = self.seen["tests"], self.seen["lines"].get(mutant.path, {})
+        if self.is_compiled(mutant):
+            near = importing_tests(self.folder, module_name(mutant.path))
+            found = [test for test in tests if file_of(test["name"]) in near]
+        else:
+            changed = [str(line) for line in range(mutant.line, mutant.last + 1)]
+            bits = [int(lines[line], 16) for line in changed if line in lines]
+            bits = functools.reduce(or_, bits or (int(each, 16) for each in lines.values()), 0)
+            found = [test for number, test in enumerate(tests) if bits >> number & 1]
+        found = [(test["name"], test["seconds"]) for test in found if not test["failed"]]
+        return varied(sorted(found, key=lambda each: each[1]))
+
+    def judge(self, mutant: Mutant) -> dict:
+        """Apply the mutant, run its tests, and take it back."""
+        begin, file = cpu(), self.folder / mutant.path
+        old, stamps = file.read_text(), file.stat()
+        cache = self.cache_without(mutant.path)
+        file.write_text(mutant.text)
+        outcome, by = "survived", ""
+        try:
+            for group, options in self.groups(mutant):
+                names, allowed = [name for name, _ in group], START + sum(s for _, s in group)
+                if cache and options.get("jit", True):
+                    allowed += 60.0  # kernels are compiled anew
+                outcome, by = self.pytest(names, allowed, cache=cache, **options)
+                if outcome == "killed" or (outcome != "survived" and options.get("jit", True)):
+                    break
+        finally:
+            file.write_text(old)
+            os.utime(file, ns=(stamps.st_atime_ns, stamps.st_mtime_ns))
+            if cache:
+                shutil.rmtree(cache)
+        result = {**asdict(mutant), "outcome": outcome, "by": by, "seconds": cpu() - begin}
+        return {name: value for name, value in result.items() if name != "text"}
+
+    def groups(self, mutant: Mutant):
+        """Groups of tests, one after the other, with options of ``pytest``."""
+        chosen, used = [], 0.0
+        for name, seconds in self.tests_of(mutant):
+            if used + seconds < self.budget or not chosen:
+                chosen.append((name, seconds))
+                used += seconds
+        if not chosen:
+            return
+        compiled = self.is_compiled(mutant)
+        if compiled:  # without JIT a test takes longer than is known: what hangs says nothing
+            yield varied(chosen, cases=1)[:INTERPRETED], {"jit": False}
+        yield chosen[:40], {}
+        if chosen[40:]:
+            yield chosen[40:], {}
+        if not compiled:
+            yield chosen, {"ranks": 2}
+
+    def cache_without(self, path: str) -> Path | None:
+        """A copy of numba's cache without what a compiled module changes; None: it changes none."""
+        if not any(path == other for other, _ in self.seen["compiled"]):
+            return None
+        cache = Path(tempfile.mkdtemp(prefix="numba-", dir=self.folder))
+        shutil.copytree(self.folder / "numba", cache, dirs_exist_ok=True)
+        for stem in importers(self.folder, path):
+            for file in cache.rglob(f"{stem}.*"):
+                file.unlink()
+        return cache
+
+
+def varied(tests: list[tuple[str, float]], cases: int = 12) -> list[tuple[str, float]]:
+    """The first few cases of each test function before the other cases."""
+    seen, first, later = Counter(), [], []
+    for name, seconds in tests:
+        function = name.split("[")[0]
+        seen[function] += 1
+        (first if seen[function] <= cases else later).append((name, seconds))
+    return first + later
+
+
+def module_name(path: str) -> str:
+    parts = Path(path).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def importing_tests(folder: Path, module: str) -> set[str]:
+    """Files of tests that import a module, or a helper of the tests that does."""
+    files = sorted((folder / "tests").rglob("*.py"))
+    names = {module, *(file.stem for file in files if imports(file, {module}))}
+    return {str(file.relative_to(folder)) for file in files if imports(file, names)}
+
+
+def imports(path: Path, names: set[str]) -> bool:
+    """Whether a file imports one of these modules."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import) and any(each.name in names for each in node.names):
+            return True
+        if isinstance(node, ast.ImportFrom) and node.module:
+            if {node.module, *(f"{node.module}.{each.name}" for each in node.names)} & names:
+                return True
+    return False
+
+
+def importers(folder: Path, path: str) -> set[str]:
+    """Stems of a module and of all modules that import it, at first or second hand."""
+    files = {str(p.relative_to(folder)): p for p in sorted((folder / PACKAGE).rglob("*.py"))}
+    reached, new = set(), {path}
+    while new:
+        reached |= new
+        names = {module_name(each) for each in new}
+        new = {each for each, file in files.items() if each not in reached and imports(file, names)}
+    return {Path(each).stem for each in reached}
