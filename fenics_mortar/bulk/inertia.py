@@ -61,7 +61,7 @@ class Inertia:
 
     Args:
         space: The displacement's nodes and dofs.
-        density: Mass per reference volume, a number or a UFL expression [stress time^2 / length^2].
+        density: Mass per area of the mesh, a number or UFL expression [stress time^2 / length^2].
         massless: Global numbers of nodes without mass, equal on all ranks; see ``massless``.
 
     Attributes:
