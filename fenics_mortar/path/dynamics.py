@@ -106,7 +106,7 @@ class Dynamics:
 
     @property
     def time(self) -> float:
-        """Present time."""
+        """Present time [time]."""
         return self._inertia.rates.time
 
     # One step
@@ -308,6 +308,8 @@ class Dynamics:
 
     def momentum(self, dt: float = 0.0) -> Array:
         """Linear momentum and angular momentum about the origin, shape (3,).
+
+        Units [stress length time] and [stress length^2 time].
 
         Args:
             dt: A later time dt / 2 for the linear extrapolation of displacement and velocity. With
