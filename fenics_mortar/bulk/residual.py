@@ -103,7 +103,7 @@ class Bulk:
     def tangent_data(self) -> list[Array]:
         """Copies of all that the tangent depends on, except ``u`` (local).
 
-        Each has the shape of the constant, or (local dofs,) of the function.
+        Each has the shape of the constant, or (local dofs,) of the function; last, the inertia's.
         """
         return [
             np.array(data.value if hasattr(data, "value") else data.x.array)

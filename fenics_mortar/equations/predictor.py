@@ -139,7 +139,8 @@ class Predictor:
             guessed, still_presses = self._look()
             if guessed < residual and not (presses & ~still_presses).any():
                 residual, best, kind = guessed, guess, its_kind
-        problem.restore(best)
+        go = problem.put if best is guess else problem.restore  # whose operators are evaluated
+        go(best)
         return kind
 
     def _find_guesses(self, ratio: float) -> list[tuple[_Kind, State]]:
