@@ -248,7 +248,9 @@ class ContactProblem:
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
                 solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
-                if predict and self._adequacy is None and not self.newton.tentative:
+                starts_elsewhere = self._adequacy is not None or self.newton.tentative
+                in_motion = self.equations.bulk.inertia is not None  # loads that are not seen
+                if predict and not starts_elsewhere and not in_motion:
                     report = self._continuation.solve(solve)
                 else:
                     self._continuation.forget()

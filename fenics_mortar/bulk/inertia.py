@@ -61,7 +61,7 @@ class Inertia:
 
     Args:
         space: The displacement's nodes and dofs.
-        density: Mass per reference volume, a number or a UFL expression [stress time^2 / length^2].
+        density: Mass per area of the mesh, a number or UFL expression [stress time^2 / length^2].
         massless: Global numbers of nodes without mass, equal on all ranks; see ``massless``.
 
     Attributes:
@@ -120,7 +120,7 @@ class Inertia:
         self.velocity.x.array[:] = rates.velocity
 
     def take(self, rates: Rates, u: Array) -> None:
-        """Go to a state with the rates ``rates`` and the displacement ``u`` (local)."""
+        """Set rates, and c and o so that w at ``u`` is their acceleration (local)."""
         self.rates = rates
         self.factor, self.origin = 1.0, u - rates.acceleration
 

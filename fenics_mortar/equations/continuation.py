@@ -8,7 +8,8 @@ has to change along its last change, all by the same ratio. There is no guess wh
 - nothing changed, or loads turn, reverse, start or stop;
 - a step is more than twice as long as the last one;
 - a law was changed;
-- the present state is not the one that the last solve ended in.
+- the present state is not the one that the last solve ended in;
+- the bodies have inertia.
 
 The guess itself is that of ``predictor``, which compares its residual with that at the last state.
 """

@@ -60,7 +60,8 @@ class Dynamics:
 
     Args:
         problem: The problem, with the residual f_int - f_ext of statics.
-        density: Mass per reference volume, a number or a UFL expression.
+        density: Mass per area of the mesh, a number or a UFL expression; times a thickness or
+            2 pi R where the residual has them.
         scheme: "conserving", "massless" or "generalized_alpha"; see the module.
         rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none).
             Default: 0.8 for "generalized_alpha", else 1.
@@ -105,7 +106,7 @@ class Dynamics:
 
     @property
     def time(self) -> float:
-        """Present time."""
+        """Present time [time]."""
         return self._inertia.rates.time
 
     # One step
@@ -147,7 +148,7 @@ class Dynamics:
         if self._rate is not None:
             self._rate.set(*lines[0])
         try:
-            report = problem.solve()
+            report = problem.solve(predict=False)
         except BaseException:
             problem.restore(before)
             raise
@@ -167,9 +168,10 @@ class Dynamics:
         return report, after, work
 
     def _begin(self) -> None:
-        """Find the accelerations at the start of the motion."""
+        """Set the inertia forces of the present state; at the start find the accelerations."""
         inertia, bulk = self._inertia, self.problem.equations.bulk
         if inertia.rates.begun:
+            inertia.take(inertia.rates, bulk.u.x.array)
             return
         if self._rate is not None:  # the velocity as it is
             self._rate.set(1.0, bulk.u.x.array - self.velocity.x.array)
@@ -306,6 +308,8 @@ class Dynamics:
 
     def momentum(self, dt: float = 0.0) -> Array:
         """Linear momentum and angular momentum about the origin, shape (3,).
+
+        Units [stress length time] and [stress length^2 time].
 
         Args:
             dt: A later time dt / 2 for the linear extrapolation of displacement and velocity. With

@@ -54,7 +54,7 @@ class TimeStep:
 
 @dataclass
 class DynamicsReport:
-    """Record of a motion; prints as a Markdown table.
+    """Record of a motion; prints as a Markdown table; all methods are local.
 
     Attributes:
         start: Energies at its start.

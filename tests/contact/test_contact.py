@@ -105,3 +105,56 @@ def test_node_whose_cover_grows_presses_on(monkeypatch):
     scene.problem.solve()
     assert contact.operators.cover[edge] > 3.0 * before
     assert all(active)
+
+
+@pytest.mark.serial
+def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
+    """(w + dw) z for z = z_old, and the change of z times the old weight."""
+    scene = pressed_blocks(slave="lower", pair={"law": fm.Coulomb(0.3)}, **MESH)
+    contact, equations, u = scene.contact, scene.problem.equations, scene.u
+    facet, moved = contact.nodal_lengths.max(), []
+    for push in ((0.04, -0.05), (0.04, -0.1)):
+        scene.loads["push"].value[:] = push
+        scene.problem.solve()
+    move, linearize, begun = contact.move, equations.linearize, []
+
+    def begin():
+        begun.append(u.x.array.copy())
+        linearize()
+
+    def note(z, fraction, step):
+        old, weight = contact.z.copy(), contact.operators.weight.copy()
+        move(z, fraction, step)
+        if contact.state.borne is not None:
+            moved.append((begun[-1], old, weight, fraction * step, contact.z, contact.state.borne))
+
+    monkeypatch.setattr(contact, "move", note)
+    monkeypatch.setattr(equations, "linearize", begin)
+    scene.loads["push"].value[:] = (0.04 + 0.9 * facet, -0.1)
+    scene.problem.solve()
+    moved = [each for each in moved if each[-1][0].any()]
+    u0, old, weight, step, z, (presses, force) = moved[0]
+    part = 1e-6  # far enough from rounding, 1e-10, and from the next segment
+    contact.evaluate(u0 + part * step, equations.linearization)
+    growth = (contact.operators.weight - weight) / part
+    expected = weight[:, None] * z + growth[:, None] * old
+    assert force[presses] == pytest.approx(expected[presses], rel=1e-4)
+
+
+def test_operators_are_those_of_the_nodes_that_carry_multipliers(monkeypatch):
+    """Where a node hands its function over, or takes it back, all is integrated again."""
+    scene = pressed_blocks(gap=0.01, **{**MESH, "layers_lower": 1})
+    contact, equations, u = scene.contact, scene.problem.equations, scene.u
+    X = u.function_space.tabulate_dof_coordinates()
+    upper, changes = X[:, 1] > 1.005, 0
+    for shift in np.linspace(0.0, 1.2, 49):
+        u.x.array[::2][upper] = shift
+        before = contact.multiplier_nodes.copy()
+        equations.evaluate(start=False)
+        changes += (before != contact.multiplier_nodes).any()
+        found = contact.operators
+        contact.evaluate(u.x.array, equations.linearization)
+        for name in ("D", "gap", "weight", "diagonal"):
+            again = getattr(contact.operators, name)
+            assert np.array_equal(getattr(found, name), again, equal_nan=True), name
+    assert changes > 2

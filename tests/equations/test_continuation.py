@@ -128,3 +128,15 @@ def test_plain_loop_takes_the_iterations_of_a_path():
     # a path knows the unloaded state, too
     assert counts[True][2:] == [step.report.num_iterations for step in path.steps][2:]
     assert sum(counts[True]) < sum(counts[False])
+
+
+def test_bodies_with_inertia_start_from_the_last_state():
+    """Their acceleration is a load, too; a state of statics has none."""
+    starts, states = pressed_twice()
+    motion = fm.Dynamics(starts.problem, 1.0)
+    states = [states[-1]]
+    for y in (-0.11, -0.12, -0.13):
+        starts.scene.loads["push"].value[:] = (0.0, y)
+        motion.step(0.1)
+        assert np.array_equal(starts.u[-1], states[-1])
+        states.append(starts.state())

@@ -43,7 +43,7 @@ def test_first_solve_is_on_the_contact_dofs_and_says_why():
     assert f"factored once, Newton's method on {dofs} contact dofs" in report.solver
     assert "predicted: once" in report.solver and report.solver in str(report)
     general, other = solved(linear_elastic, linear_bulk=False)
-    assert "factors by mumps" in other.solver
+    assert "factors by" in other.solver
     assert report.num_iterations == other.num_iterations and not report.notes
     assert largest(nodal(scene.problem) - nodal(general.problem)) < 1e-9
 
@@ -52,7 +52,7 @@ def test_first_solve_is_on_the_contact_dofs_and_says_why():
 def test_no_other_residual_counts_as_linear(material):
     scene, report = solved(material)
     assert not scene.problem.equations.bulk.is_linear
-    assert "linear bulk" not in report.solver and "factors by mumps" in report.solver
+    assert "linear bulk" not in report.solver and "factors by" in report.solver
 
 
 @pytest.mark.parametrize(

@@ -104,3 +104,20 @@ def test_pattern_is_made_once_while_contact_grows(degree, algorithm, monkeypatch
         num_active.append(problem.equations.contacts[0].active.sum())
     assert num_active[-1] > 2 * num_active[0]
     assert len(made) == 1
+
+
+def test_multiplier_of_a_node_that_has_just_left_needs_room(monkeypatch):
+    """Until the next solve it acts where the node is now, though the node is open."""
+    scene = pressed_blocks(**MESH)
+    scene.loads["push"].value[1] = -0.01
+    scene.problem.solve()
+    system, contact, u = scene.problem.equations.system, scene.contact, scene.u
+    assert not system._update_pattern()
+    X = u.function_space.tabulate_dof_coordinates()
+    u.x.array[::2][X[:, 1] > 1.0] += 2 * MARGIN * MASTER_FACET
+    contact.evaluate(u.x.array, scene.problem.equations.linearization)
+    z = contact.z
+    contact.change(active=np.zeros_like(contact.active), z=np.zeros_like(z))
+    assert not system._update_pattern()
+    contact.change(z=z)
+    assert system._update_pattern()

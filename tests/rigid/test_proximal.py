@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: MIT
+"""The proximal point method: where its solves begin, and how long their springs may be."""
+
+import numpy as np
+import pytest
+from small_scenes import pushed_block
+
+import fenics_mortar as fm
+from fenics_mortar.equations import solver
+from fenics_mortar.rigid import proximal
+
+
+class Scripted:
+    """Equations, their springs and solves: each solve ends as the script says, and moves by one."""
+
+    def __init__(self, script):
+        self.script, self.place, self.springs, self.anchored = list(script), 0, self, []
+
+    def state(self):
+        return self.place
+
+    def restore(self, state):
+        self.place = state
+
+    def anchor(self, elongation):
+        self.anchored.append((self.place, elongation))
+
+    def remove_springs(self):
+        pass
+
+    def max_motion(self):
+        return 1.0 if "yes" in self.script or "no" in self.script else 0.0
+
+    def solve(self, equations, options):
+        self.place += 1
+        report = fm.NewtonReport(converged=True)
+        if self.script and self.script.pop(0) == "no":
+            raise fm.NotConvergedError("scripted", report)
+        return report
+
+
+def run(monkeypatch, script):
+    scripted = Scripted(script.split())
+    monkeypatch.setattr(proximal, "solve", scripted.solve)
+    failed = fm.NotConvergedError("at first", fm.NewtonReport(reason="at first"))
+    try:
+        proximal.solve_with_springs(scripted, fm.NewtonOptions(), failed)
+    finally:
+        places, elongations = zip(*scripted.anchored, strict=True)
+        scripted.places, scripted.elongations = places, np.array(elongations)
+    return scripted
+
+
+def test_springs_are_anchored_where_the_last_good_solve_ended(monkeypatch):
+    assert run(monkeypatch, "no yes no yes").places == (0, 0, 1, 1)
+
+
+def test_elongation_falls_by_failures_and_grows_again_but_never_beyond_the_first(monkeypatch):
+    """An eighth of it after a failure, twice after a success [shortest facets]."""
+    scripted = run(monkeypatch, "yes no no yes yes yes yes yes yes yes")
+    first = np.array([1, 1, 1 / 8, 1 / 64, 1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1]) / 4
+    assert scripted.elongations == pytest.approx(first)
+
+
+def test_five_failures_in_a_row_are_too_many(monkeypatch):
+    assert run(monkeypatch, "no no no no yes no no no no yes").places[-1] == 1
+    with pytest.raises(fm.NotConvergedError, match="at first"):
+        run(monkeypatch, "no no no no no yes")
+
+
+def test_springs_begin_where_the_solve_without_them_began(monkeypatch):
+    problem = pushed_block(pin=(0,))
+    problem.equations.evaluate(start=True)
+    start, begun = problem.state(), []
+
+    def fails(equations, options):
+        problem.equations.bulk.u.x.array[:] += 1e-3
+        raise fm.NotConvergedError("scripted", fm.NewtonReport())
+
+    def with_springs(equations, options, failed):
+        begun.append(problem.equations.bulk.u.x.array.copy())
+        return fm.NewtonReport(converged=True)
+
+    monkeypatch.setattr(solver, "solve", fails)
+    monkeypatch.setattr(solver, "solve_with_springs", with_springs)
+    monkeypatch.setattr(problem.equations, "drifts", lambda: False)
+    problem._solver._solve_on_all_dofs()
+    assert np.array_equal(begun[0], start.u)
