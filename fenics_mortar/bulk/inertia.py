@@ -120,7 +120,7 @@ class Inertia:
         self.velocity.x.array[:] = rates.velocity
 
     def take(self, rates: Rates, u: Array) -> None:
-        """Go to a state with the rates ``rates`` and the displacement ``u`` (local)."""
+        """Set rates, and c and o so that w at ``u`` is their acceleration (local)."""
         self.rates = rates
         self.factor, self.origin = 1.0, u - rates.acceleration
 

@@ -10,8 +10,7 @@ position, one for each body, restores centre of mass and moments of inertia:
 
 (Khenous, Laborde & Renard 2008 obtain such a matrix by optimization.) If a body has so few cells
 across that s is not positive, W are the smallest weights that extrapolate affine fields. They keep
-all moments without S, but the pressure behind a wave rings with a cell's frequency: 8 % on the bar
-of ``demos/studies/dynamics``, against 0.2 %.
+all moments without S, but the pressure behind a wave rings with the frequency of a cell.
 """
 
 from __future__ import annotations

@@ -378,7 +378,7 @@ class ContactEquations:
         self.motions.places = state.places
         self.crossings.restore(state.standing, state.u)
         if self.bulk.inertia is not None and state.rates is not None:
-            self.bulk.inertia.take(state.rates, state.u)
+            self.bulk.inertia.rates = state.rates
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):
             contact.put(interface)
         self.last_converged = state.converged

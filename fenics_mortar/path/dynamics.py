@@ -148,7 +148,7 @@ class Dynamics:
         if self._rate is not None:
             self._rate.set(*lines[0])
         try:
-            report = problem.solve()
+            report = problem.solve(predict=False)
         except BaseException:
             problem.restore(before)
             raise
@@ -168,9 +168,10 @@ class Dynamics:
         return report, after, work
 
     def _begin(self) -> None:
-        """Find the accelerations at the start of the motion."""
+        """Set the inertia forces of the present state; at the start find the accelerations."""
         inertia, bulk = self._inertia, self.problem.equations.bulk
         if inertia.rates.begun:
+            inertia.take(inertia.rates, bulk.u.x.array)
             return
         if self._rate is not None:  # the velocity as it is
             self._rate.set(1.0, bulk.u.x.array - self.velocity.x.array)
