@@ -162,8 +162,7 @@ class Contact(Interface):
         offset = self._state.offset
         if offset.any():
             operators = operators.less_offset(offset)
-        if not hasattr(self, "now") or operators is not self.now.operators:
-            self.show(operators)
+        self.show(operators)  # also if they are kept ones: the law may have changed
         if self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # by all ranks
 
