@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.utils.arrays import Flags
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import MeshError, MortarError, count_places
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -27,19 +27,33 @@ def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
     if not space.is_axisymmetric:
         return
     comm = space.V.mesh.comm
-    X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
-    on_axis = ROUNDING * max(comm.allgather(float(np.abs(X).max(initial=0.0))))
-    count, where = count_places(comm, X[X[:, 0] < -on_axis])
+    X, rounding = _nodes(space)
+    count, where = count_places(comm, X[X[:, 0] < -rounding])
     if count:
         raise MeshError(
             f"{count} nodes have x < 0, one at {where}: with geometry='axisymmetric' x is the "
             "distance from the axis; expected the half of the meridian plane with x >= 0"
         )
     free = ~prescribed[space.owned_dofs[:, 0]]
-    count, where = count_places(comm, X[(np.abs(X[:, 0]) <= on_axis) & free])
+    count, where = count_places(comm, X[(np.abs(X[:, 0]) <= rounding) & free])
     if count:
         raise MortarError(
             f"{count} nodes on the axis may move away from it, one at {where}: the radial "
             "component is not prescribed; add fm.dirichlet(V, data, name, 0.0, component=0) for "
             "the boundary on the axis"
         )
+
+
+def radial_dofs_on_axis(space: DisplacementSpace) -> Indices:
+    """Owned local dofs of radial components on the axis, (k,); none in a plane (collective)."""
+    if not space.is_axisymmetric:
+        return np.empty(0, np.int64)
+    X, rounding = _nodes(space)
+    return space.owned_dofs[np.abs(X[:, 0]) <= rounding, 0]
+
+
+def _nodes(space: DisplacementSpace) -> tuple[Array, float]:
+    """Positions (n, 2) of the owned nodes, and what is rounding of these [length] (collective)."""
+    X = space.V.tabulate_dof_coordinates()[: space.num_nodes, :2]
+    sizes = space.V.mesh.comm.allgather(float(np.abs(X).max(initial=0.0)))
+    return X, ROUNDING * max(sizes)

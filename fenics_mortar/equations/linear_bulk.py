@@ -17,6 +17,7 @@ from fenics_mortar.la.options import COMPLIANCE
 from fenics_mortar.la.sparse import is_symmetric
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
+from fenics_mortar.utils.errors import MortarError
 
 
 class LinearBulk:
@@ -65,8 +66,14 @@ class LinearBulk:
                 self.words = f"linear bulk factored in every iteration: {obstacle}"
                 return None, [f"linear bulk, but {obstacle}: K is factored in every iteration"]
             equations = SmallSlidingEquations if self._slides_little else ReducedEquations
-            with clock("solve"):
-                self._equations = equations(self._general, self._prefix)
+            try:
+                with clock("solve"):
+                    self._equations = equations(self._general, self._prefix)
+            except MortarError:  # singular: the general path says where
+                if self._wanted:
+                    raise
+                self.words = "linear bulk factored in every iteration: its stiffness is singular"
+                return None, []
             unused = self._general.system.solver.describe_unused(reduced=True)
             return self._equations, [unused]
         return self._equations, []

@@ -167,7 +167,8 @@ def _integrate(
     if slave.degree > 1:
         cover = np.empty(nodes.shape)
         facets.tabulate_covers(geometry[0], nodes, s.ends, s.offsets, s.rule, cover, thickness)
-        nodal = np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
+        nodal = np.zeros(slave.num_nodes)  # bincount of nothing has integers
+        nodal += np.bincount(nodes.ravel(), cover.ravel(), slave.num_nodes)
         slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         multiplier_nodes = multiplier_nodes & (nodal > 0.0)
     weights = hand_over(multiplier_nodes[nodes])

@@ -310,7 +310,8 @@ class MortarOperators:
         """
         s, nodes = self.segments, self.facet_nodes
         change = np.einsum("ejk,ek->ej", self.D, offset[nodes])
-        nodal = np.bincount(nodes.ravel(), change.ravel(), self.slave.num_nodes)
+        nodal = np.zeros(self.slave.num_nodes)  # bincount of nothing has integers
+        nodal += np.bincount(nodes.ravel(), change.ravel(), self.slave.num_nodes)
         self.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])
         return replace(self, gap=self.gap - nodal, dgap=self.dgap - derivative)

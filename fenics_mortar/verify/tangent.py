@@ -16,6 +16,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.bulk.axis import radial_dofs_on_axis
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
@@ -139,6 +140,7 @@ class _Probe:
         size = self.bulk.num_owned
         everywhere = rng.uniform(-length, length, self.bulk.r.getSize())
         self.du: Array = self.bulk.units * everywhere[self.bulk.first : self.bulk.first + size]
+        self.du[radial_dofs_on_axis(self.bulk.space)] = 0.0
         self.u0 = self.bulk.u.x.array[:size].copy()
         self.motions, self.places = problem.motions, problem.motions.places
         self.dq: Array = rng.uniform(-length, length, self.places.shape)

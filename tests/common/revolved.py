@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.bulk.axis import radial_dofs_on_axis
 from meshes.mapped_grids import Grid, block, build
 
 
@@ -118,8 +119,7 @@ def disturbed(scene: Scene) -> Scene:
     bulk = equations.bulk
     perturbation = np.random.default_rng(0).uniform(-0.01, 0.01, bulk.r.getSize())
     scene.u.x.array[: bulk.num_owned] = perturbation[bulk.first :][: bulk.num_owned]
-    X = bulk.V.tabulate_dof_coordinates()[: bulk.space.num_nodes, 0]
-    scene.u.x.array[bulk.space.owned_dofs[np.abs(X) < 1e-14, 0]] = 0.0
+    scene.u.x.array[radial_dofs_on_axis(bulk.space)] = 0.0
     scene.u.x.scatter_forward()
     for contact in equations.contacts:
         contact.evaluate(scene.u.x.array, equations.linearization)

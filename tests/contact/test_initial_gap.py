@@ -134,3 +134,11 @@ def test_offset_moves_the_surface_by_as_much():
         scene.problem.solve()
     z, exact = shifted.contact.z, opened.contact.z
     assert np.abs(z - exact).max() < 1e-3 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_initial_gap_of_a_slave_of_one_facet(degree):
+    """On several ranks all but one have no facet to integrate."""
+    scene = pressed_blocks(n_upper=1, n_lower=3, gap=0.05, degree=degree, pair={"initial_gap": 0.0})
+    scene.problem.solve()
+    assert np.abs(scene.contact.gap[scene.contact.covered]).max() < 1e-12

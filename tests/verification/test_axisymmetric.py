@@ -7,6 +7,8 @@ free at its side where P_rr = mu (a - 1/a) + lambda ln(a^2 b) / a = 0; the press
 
 from itertools import product
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 import revolved
@@ -145,6 +147,10 @@ def pressed_on(count, material, *, overlap, sliding="finite"):
     return float(pressure.mean())
 
 
+# rounding of factors that ranks share is larger
+ROUNDED = 1e-11 if MPI.COMM_WORLD.size == 1 else 5e-11
+
+
 def lame_pressure():
     """Pressure of the press fit by linear elasticity, small against the radii."""
     compliance = 0.0
@@ -197,18 +203,18 @@ def exact_pressure():
 
 def test_press_fit_of_tubes_is_that_of_lame():
     """The error of displacements of degree 2 is of fourth order in nodal forces."""
-    counts, exact = np.array([4, 8, 256]), lame_pressure()
+    counts, exact = (4, 8, 128), lame_pressure()
     options = {"overlap": False, "sliding": "small"}
     errors = [pressed_on(n, revolved.linear_elastic, **options) / exact - 1 for n in counts]
     assert np.log2(errors[0] / errors[1]) > 3.7
-    assert abs(errors[2]) < 2e-11
+    assert abs(errors[2]) < ROUNDED
 
 
 def test_press_fit_of_tubes_at_finite_strain():
-    counts, exact = np.array([4, 8, 256]), exact_pressure()
+    counts, exact = (4, 8, 128), exact_pressure()
     errors = [pressed_on(n, revolved.neo_hookean, overlap=True) / exact - 1 for n in counts]
     assert np.log2(errors[0] / errors[1]) > 3.7
-    assert abs(errors[2]) < 2e-11
+    assert abs(errors[2]) < ROUNDED
 
 
 # Hertz and Sneddon: a half space z < 0 with E* = 1 under bodies that it touches for r < 1
