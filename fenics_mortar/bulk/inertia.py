@@ -81,7 +81,9 @@ class Inertia:
         self.massless = massless
         if massless.size:
             self.M, self._P = redistributed(space, self.M, massless)
-        self.largest_mass: float = self.M.getDiagonal().max()[1]
+        diagonal = self.M.getDiagonal()
+        self.largest_mass: float = diagonal.max()[1]
+        self._no_mass: Flags = diagonal.array_r == 0.0
         self._input, self._output = self.M.createVecs()
         self._solver: PETSc.KSP | None = None
         self.velocity = fem.Function(space.whole, name="velocity")
@@ -217,7 +219,7 @@ class Inertia:
         """
         if self._solver is None:
             self._solver = self._create_solver(prescribed)
-        right, answer = self.M.createVecs()
+        right, answer = self._input, self._output
         right.array[:] = force
         if self._P is not None:
             self._P.multTranspose(right, answer)
@@ -231,7 +233,7 @@ class Inertia:
 
     def _fixed(self, prescribed: Flags) -> Flags:
         """Marks of the owned dofs that are prescribed or have no mass."""
-        return prescribed[: self._space.num_owned] | (self.M.getDiagonal().array_r == 0.0)
+        return prescribed[: self._space.num_owned] | self._no_mass
 
     def _create_solver(self, prescribed: Flags) -> PETSc.KSP:
         """Solver for accelerations that are zero where ``_fixed``, as the forces are.

@@ -324,7 +324,9 @@ class Dynamics:
     def _positions(self) -> Array:
         """Present positions of the nodes, an array of all local dofs."""
         bulk = self.problem.equations.bulk
-        return bulk.space.positions() + bulk.u.x.array
+        x = bulk.u.x.array.copy()
+        x[bulk.space.dofs] = bulk.positions()
+        return x
 
 
 def _check(

@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies.common import read_mesh
 from demos.studies.dynamics.scenes import (
     RHO,
     E,
@@ -23,7 +24,7 @@ from demos.studies.dynamics.scenes import (
 from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.path.energy_return import fraction_of_impulse
 from fenics_mortar.path.time_scheme import GeneralizedAlpha
-from meshes.mapped_grids import Grid, block
+from meshes.mapped_grids import Grid, block, build
 
 C = np.sqrt(E / RHO)  # speed of waves in a bar with nu = 0
 
@@ -406,3 +407,25 @@ def test_no_error_estimate_without_inertia():
     made.dynamics("massless")
     with pytest.raises(fm.MortarError, match="inertia"):
         made.problem.estimate()
+
+
+@pytest.mark.serial
+def test_mixed_functions_move():
+    """An incompressible block of Taylor-Hood elements rebounds."""
+    grid = Grid("block", block(3, 5, width=1.0, height=1.0, corner=(0.0, 0.02)))
+    data = read_mesh(lambda: build([grid], cell="triangle"))
+    W = fm.mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+    w = fem.Function(W)
+    (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
+    F = ufl.Identity(2) + ufl.grad(u)
+    J, inverse = ufl.det(F), ufl.inv(F).T
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    stress = E / 3.0 * (F - inverse) + p * J * inverse
+    residual = ufl.inner(stress, ufl.grad(v)) * dx + (J - 1.0) * q * dx
+    pair = fm.ContactPair(data, "block/bottom", fm.Plane((0.0, 0.0), (0.0, 1.0)))
+    problem = fm.ContactProblem(residual, w, [pair], petsc_options_prefix="mixed_")
+    motion = fm.Dynamics(problem, RHO)
+    motion.velocity.x.array[problem.equations.bulk.space.dofs[:, 1]] = -0.5
+    record = motion.run(0.6, fm.SteppingOptions(step=0.015))
+    assert motion.momentum()[1] > 0.3
+    assert 0.8 < record.steps[-1].energies.kinetic / record.start.kinetic < 1.0
