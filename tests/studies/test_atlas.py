@@ -162,7 +162,6 @@ PINNED = {
     ("island", "0.001", "whole_facet"): ("wrong", "force"),
     ("corner_on_corner", "0.01", "default"): ("converged", ""),
     ("corner_on_corner", "0.01", "plain_frozen"): ("failed", "not converged in 30 iterations"),
-    ("corner_on_corner", "0.01", "no_normals"): ("failed", "not converged in 30 iterations"),
     ("sandwich", "slave-master 0.0", "default"): ("converged", ""),
     ("three_bodies", "0.0", "default"): ("converged", ""),
     ("unit_of_length", "1e-06", "default"): ("converged", ""),
