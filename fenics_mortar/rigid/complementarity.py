@@ -24,7 +24,7 @@ import numpy.typing as npt
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 
-from fenics_mortar.utils.rounding import EPSILON, SUM_ROUNDING
+from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -129,7 +129,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
         ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
         first = int(np.argmin(ways))
         row, last = int(falling[first]), int(np.flatnonzero(rows == z_0)[0])
-        if table[last, -1] + falls[last] * ways[first] <= EPSILON * n:
+        if table[last, -1] + falls[last] * ways[first] <= SUM_ROUNDING:
             row = last
     return None
 
