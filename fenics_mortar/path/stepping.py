@@ -84,18 +84,18 @@ def follow_path(
     path, time, step = PathReport(), start, options.step
     largest = options.largest or options.step
     predictor = Predictor(problem.equations, start)
-    forces, kept = forces_of(problem), Before(problem.equations, problem.adequacy)
+    forces, last = forces_of(problem), _LastStep(start, Before(problem.equations, problem.adequacy))
     solver = AlternateDamping(problem)
 
     def load(time: float) -> None:
         call_together(problem.comm, "set_loads", partial(set_loads, time))
 
-    while time < stop:
-        step = min(step, stop - time)
-        if stop - time - step < ROUNDING * step:
-            step = stop - time
-        accepted = predictor.last
-        with _kept(kept, time):
+    with _kept(last):
+        while time < stop:
+            step = min(step, stop - time)
+            if stop - time - step < ROUNDING * step:
+                step = stop - time
+            accepted = predictor.last
             load(time + step)
             try:
                 report = predictor.solve(
@@ -117,17 +117,15 @@ def follow_path(
                 continue
             before_forces, forces = forces, forces_of(problem)
             work = work_of(problem, accepted, predictor.last, before_forces, forces)
-        time, kept = (
-            (stop if step == stop - time else time + step),
-            Before(problem.equations, problem.adequacy),
-        )
-        path.steps.append(PathStep(time, step, report, path.failures, work))
-        path.failures = []
-        _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
-        if on_step is not None:
-            call_together(problem.comm, "on_step", partial(on_step, time, report))
-        if report.num_iterations <= options.easy:
-            step = min(options.growth * step, largest)
+            time = stop if step == stop - time else time + step
+            last.now = time, Before(problem.equations, problem.adequacy)
+            path.steps.append(PathStep(time, step, report, path.failures, work))
+            path.failures = []
+            _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
+            if on_step is not None:
+                call_together(problem.comm, "on_step", partial(on_step, time, report))
+            if report.num_iterations <= options.easy:
+                step = min(options.growth * step, largest)
     path.finished = True
     return path
 
@@ -149,15 +147,27 @@ def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: An
         raise ValueError(f"on_step={on_step!r}: expected a function of time and report, or None")
 
 
+class _LastStep:
+    """The last accepted step of a path.
+
+    Attributes:
+        now: Its time, and the snapshot of the problem then; replaced at once.
+    """
+
+    def __init__(self, time: float, before: Before) -> None:
+        self.now = time, before
+
+
 @contextmanager
-def _kept(before: Before, time: float) -> Iterator[None]:
-    """Context of a step: any error but a failed solve restores the state before the step."""
+def _kept(last: _LastStep) -> Iterator[None]:
+    """Context of a path: any error but a failed solve restores the last accepted step."""
     try:
         yield
     except NotConvergedError:
         raise
     except BaseException as error:
         ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
+        time, before = last.now
         before.take_back(renew=not ours)
         error.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
         raise
