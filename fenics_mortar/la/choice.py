@@ -60,11 +60,12 @@ def system_of(
 def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
     """Whether factors without pivoting are tried first: few unknowns on one rank (collective).
 
-    Their elimination order is of SuiteSparse.
+    Their elimination order is AMD's, of SuiteSparse; newer PETSc lists it under its own name.
     """
     given = PETSc.Options(prefix).getAll() or options
     few = bulk.comm.size == 1 and bulk.r.getSize() <= FEW
-    return few and not given and PETSc.Sys.hasExternalPackage("suitesparse")
+    has_amd = any(PETSc.Sys.hasExternalPackage(name) for name in ("suitesparse", "amd"))
+    return few and not given and has_amd
 
 
 def _is_for_multigrid(

@@ -65,6 +65,7 @@ class Scene:
     def set_velocity(self, motion: fm.Dynamics, velocities: dict[str, Sequence[float]]) -> None:
         """Give bodies a velocity and a spin about the origin: (v_x, v_y, omega)."""
         V = motion.velocity.function_space
+        self.data.mesh.topology.create_connectivity(2, 2)
         for name, (x, y, spin) in velocities.items():
             cells = self.data.cell_tags.find(self.data.bodies[name])
             dofs = fem.locate_dofs_topological(V, 2, cells)
