@@ -118,7 +118,7 @@ def follow_path(
             before_forces, forces = forces, forces_of(problem)
             work = work_of(problem, accepted, predictor.last, before_forces, forces)
             time = stop if step == stop - time else time + step
-            last.now = time, Before(problem.equations, problem.adequacy)
+            last.reached = time, Before(problem.equations, problem.adequacy)
             path.steps.append(PathStep(time, step, report, path.failures, work))
             path.failures = []
             _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
@@ -151,11 +151,11 @@ class _LastStep:
     """The last accepted step of a path.
 
     Attributes:
-        now: Its time, and the snapshot of the problem then; replaced at once.
+        reached: Its time, and the snapshot of the problem then; replaced at once.
     """
 
     def __init__(self, time: float, before: Before) -> None:
-        self.now = time, before
+        self.reached = time, before
 
 
 @contextmanager
@@ -167,7 +167,7 @@ def _kept(last: _LastStep) -> Iterator[None]:
         raise
     except BaseException as error:
         ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
-        time, before = last.now
+        time, before = last.reached
         before.take_back(renew=not ours)
         error.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
         raise
