@@ -38,6 +38,8 @@ MAX_GROWTHS = 4
 class Bulk:
     """Residual r = f_int - f_ext and tangent K of the bodies, assembled by dolfinx.
 
+    More than 20 methods: residual, tangent, prescribed values and norms share their vectors.
+
     Args:
         residual: UFL form, linear in a test function of the space of ``u``.
         u: Displacement, alone or in a mixed function.
