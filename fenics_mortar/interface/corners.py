@@ -23,11 +23,11 @@ import numpy.typing as npt
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Turn of the outline at a node, in the undeformed mesh, above which it is a corner [radian]: that
-# of a regular hexagon. No curve is meshed coarser.
+# A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
+# a regular hexagon; curves are meshed finer.
 TURN = np.pi / 3.0
-# Parts of the master that are farther from a corner than the nearest one by less than this part of
-# its facets face it as well [1]: their mean direction counts.
+# Master facets count as equally near to a corner if their distances differ by less than this
+# fraction of the corner's shorter facet [1]; their mean direction is taken.
 ALIKE = 0.1
 
 

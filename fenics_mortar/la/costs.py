@@ -35,7 +35,7 @@ class Costs:
     per_entry: float = 24.0
 
     def factors(self, unknowns: int, iterations: int) -> float:
-        """Seconds of so many iterations with a factorization each."""
+        """Seconds of ``iterations`` iterations, with a factorization in each."""
         return 1e-6 * unknowns * (self.first + iterations * self.iteration)
 
     def compliance(self, unknowns: int, contact_dofs: int) -> float:
