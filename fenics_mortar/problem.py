@@ -346,7 +346,7 @@ class ContactProblem:
                 bodies have inertia.
         """
         if self.equations.bulk.inertia is not None:
-            raise MortarError("the error estimate does not support inertia: expected a static problem")
+            raise MortarError("estimate() does not support inertia: expected a static problem")
         self._renew_if_interrupted()
         if self._estimator is None:
             self._estimator = Estimator(self.equations.bulk)
