@@ -284,7 +284,7 @@ class ContactProblem:
             moments that keep the obstacles in place, shape (obstacles, 3), equal on all ranks.
         """
         self.equations.evaluate_operators()
-        return self.equations.forces()
+        return self.equations.residual.forces()
 
     # Other models
 
