@@ -224,7 +224,7 @@ def test_positions(degree):
     def value(t):
         then, now = (scenes.moved(problem, state, d, t) for state in (before, present))
         scenes.count_slip_from(problem, then, now)
-        force = problem.equations.forces()[1]
+        force = problem.equations.residual.forces()[1]
         force[prescribed] = 0.0
         return np.concatenate([*comm.allgather(force), scenes.rows(problem, frames)])
 
