@@ -294,9 +294,15 @@ class ContactFields(InterfaceFields):
         iterate the gap grows from step to step to the next one that is in equilibrium.
         """
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
-        unstable = self.operators.diagonal * np.abs(by_gap) > FADES_FAST * self.sides.stiffness
-        by_gap = np.where(unstable, 0.0, by_gap)
+        if not self.operators.linearization.exact:
+            by_gap = np.where(self.fades_fast, 0.0, by_gap)
         return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
+
+    @property
+    def fades_fast(self) -> Flags:
+        """Nodes where adhesion fades faster than the body follows, (slave nodes,), bool."""
+        slope = self.operators.diagonal * np.abs(self.adhesion[1])
+        return slope > FADES_FAST * self.sides.stiffness
 
     @property
     def steepness(self) -> float:

@@ -100,7 +100,14 @@ class Row(NamedTuple):
 
 
 class Law(ABC):
-    """Base class of all laws; all methods act on all slave nodes at once and are local."""
+    """Base class of all laws; all methods act on all slave nodes at once and are local.
+
+    Attributes:
+        parameters: Names of attributes, real numbers or arrays of these, by which results may be
+            differentiated: ``tangential`` and ``adhesion`` have to be analytic in them.
+    """
+
+    parameters: tuple[str, ...] = ()
 
     @abstractmethod
     def branch(self, node: Nodal, before: Branches) -> Branches:
@@ -267,6 +274,8 @@ class Coulomb(Friction):
         ValueError: If an argument has a value that is not allowed.
     """
 
+    parameters = ("mu", "max_shear")
+
     def __init__(
         self,
         mu: float,
@@ -321,6 +330,8 @@ class Tresca(Friction):
     Raises:
         ValueError: If an argument has a value that is not allowed.
     """
+
+    parameters = ("stress",)
 
     def __init__(self, stress: float, *, c_t: float = 0.1) -> None:
         super().__init__(c_t)
