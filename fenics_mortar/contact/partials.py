@@ -41,7 +41,7 @@ class PairVector(NamedTuple):
 
 @dataclass(frozen=True)
 class Dofs:
-    """Dofs of both surfaces of a pair, numbered 0, 1, ...: slave nodes first (local methods).
+    """Dofs of both surfaces of a pair, numbered 0, 1, ...: slave nodes first.
 
     Args:
         sides: Slave and master.
@@ -64,55 +64,51 @@ class Dofs:
         return self.order.size
 
     def places(self, dofs: Indices) -> Indices:
-        """Numbers of global ``dofs`` of the surfaces, of any shape; ``size`` for -1."""
+        """Numbers of global ``dofs`` of the surfaces, of any shape; ``size`` for -1 (local)."""
         at = np.searchsorted(self.sorted_dofs, np.maximum(dofs, self.sorted_dofs[0]))
         return np.where(dofs >= 0, self.order[at], self.size)
 
     def flat(self, on_slave: Array, on_master: Array) -> Array:
-        """Values at the dofs, and a zero for -1, shape (size + 1,)."""
+        """Values at the dofs, and a zero for -1, shape (size + 1,) (local)."""
         return np.concatenate([on_slave.ravel(), on_master.ravel(), [0.0]])
 
     def split(self, values: Array) -> tuple[Array, Array]:
-        """Inverse of ``flat``: shapes (slave nodes, 2) and (master nodes, 2)."""
+        """Inverse of ``flat``: shapes (slave nodes, 2) and (master nodes, 2) (local)."""
         end = 2 * self.sides[0].num_nodes
         return values[:end].reshape(-1, 2), values[end : self.size].reshape(-1, 2)
 
+    def along(self, blocks: Sequence[Block], values: Array, count: int) -> Array:
+        """Product of blocks with dofs as columns, summed over the ranks (collective).
 
-def multiply(dofs: Dofs, blocks: Sequence[Block], values: Array, count: int) -> Array:
-    """Product of blocks with dofs as columns, summed over the ranks (collective).
+        Args:
+            blocks: Blocks of this rank; rows are numbers from 0 to ``count`` - 1.
+            values: Result of ``flat``.
+            count: Number of rows.
 
-    Args:
-        dofs: Dofs of the pair.
-        blocks: Blocks of this rank; rows are numbers from 0 to ``count`` - 1.
-        values: Result of ``Dofs.flat``.
-        count: Number of rows.
+        Returns:
+            The product, shape (count,).
+        """
+        product = np.zeros(count)
+        for block in blocks:
+            part = np.einsum("brc,bc->br", block.values, values[self.places(block.columns)])
+            np.add.at(product, block.rows, part)
+        self.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
+        return product
 
-    Returns:
-        The product, shape (count,).
-    """
-    product = np.zeros(count)
-    for block in blocks:
-        part = np.einsum("brc,bc->br", block.values, values[dofs.places(block.columns)])
-        np.add.at(product, block.rows, part)
-    dofs.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
-    return product
+    def back(self, blocks: Sequence[Block], values: Array) -> Array:
+        """Product of the transposed blocks, summed over the ranks: as ``flat`` (collective).
 
-
-def multiply_transposed(dofs: Dofs, blocks: Sequence[Block], values: Array) -> Array:
-    """Product of the transposed blocks, summed over the ranks: as ``Dofs.flat`` (collective).
-
-    Args:
-        dofs: Dofs of the pair.
-        blocks: Blocks of this rank, with dofs as columns.
-        values: Values of the rows, shape (rows,).
-    """
-    product = np.zeros(dofs.size + 1)
-    for block in blocks:
-        part = np.einsum("brc,br->bc", block.values, values[block.rows])
-        np.add.at(product, dofs.places(block.columns), part)
-    dofs.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
-    product[-1] = 0.0
-    return product
+        Args:
+            blocks: Blocks of this rank, with dofs as columns.
+            values: Values of the rows, shape (rows,).
+        """
+        product = np.zeros(self.size + 1)
+        for block in blocks:
+            part = np.einsum("brc,br->bc", block.values, values[block.rows])
+            np.add.at(product, self.places(block.columns), part)
+        self.sides[0].comm.Allreduce(MPI.IN_PLACE, product)
+        product[-1] = 0.0
+        return product
 
 
 @dataclass(frozen=True)
@@ -135,13 +131,13 @@ class NodalDerivative:
     def along(self, direction: PairVector) -> Array:
         """Change of the values along a direction, shape (slave nodes,) (collective)."""
         values = self.dofs.flat(direction.on_slave, direction.on_master)
-        change = multiply(self.dofs, self.blocks, values, len(self.by_z))
+        change = self.dofs.along(self.blocks, values, len(self.by_z))
         by_z = np.einsum("jc,jc->j", self.by_z, direction.z)
         return change + by_z + self.by_motion @ direction.motion
 
     def back(self, weights: Array) -> PairVector:
         """Gradient of the sum of the values times ``weights`` (slave nodes,) (collective)."""
-        product = multiply_transposed(self.dofs, self.blocks, weights)
+        product = self.dofs.back(self.blocks, weights)
         on_slave, on_master = self.dofs.split(product)
         z, motion = weights[:, None] * self.by_z, weights @ self.by_motion
         return PairVector(on_slave, on_master, z, motion)

@@ -28,6 +28,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC, ContactFields
 from fenics_mortar.contact.partials import Dofs, NodalDerivative, PairVector, rows_at_nodes
+from fenics_mortar.contact.partials_fields import off_planes
 from fenics_mortar.contact.slip import Partners
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.facing import nearest_facets
@@ -123,7 +124,7 @@ class History:
         self._contact = contact
         f = contact.now
         dofs = Dofs((contact.slave, contact.master))
-        self.slip = _masked(slip_derivative(contact, earlier, dofs), contact)
+        self.slip = off_planes(slip_derivative(contact, earlier, dofs), contact)
         self.shear = shear_derivative(earlier, dofs)
         scaled, row = contact.frame()[2], f.tangential_row
         redundant = f.state.redundant / ELASTIC
@@ -139,17 +140,6 @@ class History:
         by_slip = np.einsum("jc,jc->j", self._by_slip, rows)
         by_shear = np.einsum("jc,jc->j", self._by_shear, rows)
         return self.slip.back(by_slip).plus(self.shear.back(by_shear))
-
-
-def _masked(derivative: NodalDerivative, contact: Contact) -> NodalDerivative:
-    """The derivative with zeros at nodes on symmetry planes, where slip is zero (local)."""
-    kept = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, 1.0)
-    blocks = [
-        Block(block.rows, block.columns, block.values * kept[block.rows][:, :, None])
-        for block in derivative.blocks
-    ]
-    by_z, by_motion = kept[:, None] * derivative.by_z, kept[:, None] * derivative.by_motion
-    return NodalDerivative(derivative.dofs, blocks, by_z, by_motion)
 
 
 def shear_derivative(earlier: Earlier, dofs: Dofs) -> NodalDerivative:

@@ -9,7 +9,7 @@ given multipliers do not depend on the obstacle.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -42,19 +42,31 @@ class _Changed:
         return self._obstacle.motions(x, arm)
 
 
-def rows_by_shape(
+class FieldChange(NamedTuple):
+    """Changes of nodal fields, each of shape (slave nodes,); multipliers z are fixed.
+
+    Attributes:
+        gap: Of the weighted gaps [length^2].
+        z_n, z_tau: Of pressure and shear [stress].
+        slip: Of the slip of the step [length].
+    """
+
+    gap: Array
+    z_n: Array
+    z_tau: Array
+    slip: Array
+
+
+def change_by_shape(
     contact: Contact, name: str, direction: Array, earlier: Earlier | None = None
-) -> Array:
-    """Change of the rows along a direction of a parameter of the shape (collective).
+) -> FieldChange:
+    """Change of fields along a direction of a parameter of the shape (collective).
 
     Args:
         contact: The contact, evaluated; its obstacle in the present place.
         name: Name of the parameter, see ``Obstacle.shape``.
         direction: Shape of the parameter, in its unit.
         earlier: Accepted state that slip is counted from; needed with friction.
-
-    Returns:
-        Shape (slave nodes, 2) [stress length].
 
     Raises:
         MortarError: If sliding is small.
@@ -69,19 +81,29 @@ def rows_by_shape(
     )
     o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
     dtau = np.stack([-dn[:, 1], dn[:, 0]], axis=1)
-    rows = weights_of_gaps(contact) * gap[:, None]
     slip = np.zeros(len(gap))
     if contact.pair.law.has_friction:
         slip = np.einsum("jc,jc->j", dtau, contact.partners.apart(o))
         if earlier is not None:
             slip += _slip_of_earlier(contact, earlier, name, direction)
         slip = np.where(np.isfinite(contact.plane_normals[:, 0]), 0.0, slip)
-    pressure = np.einsum("jc,jc->j", dn, f.state.z)
-    shear = np.einsum("jc,jc->j", dtau, f.state.z)
+    z = f.state.z
+    return FieldChange(gap, np.einsum("jc,jc->j", dn, z), np.einsum("jc,jc->j", dtau, z), slip)
+
+
+def rows_by_shape(
+    contact: Contact, name: str, direction: Array, earlier: Earlier | None = None
+) -> Array:
+    """Change of the rows along a direction of a parameter of the shape (collective).
+
+    Returns shape (slave nodes, 2) [stress length]; arguments: see ``change_by_shape``.
+    """
+    change = change_by_shape(contact, name, direction, earlier)
+    rows = weights_of_gaps(contact) * change.gap[:, None]
     _, _, *laws = contact.frame()
-    for scaled, row in zip(laws, f.law_rows, strict=True):
-        change = row.by_z_n * pressure + row.by_z_tau * shear + row.by_slip * slip
-        rows = rows - scaled * change[:, None]
+    for scaled, row in zip(laws, contact.now.law_rows, strict=True):
+        of_row = row.by_z_n * change.z_n + row.by_z_tau * change.z_tau + row.by_slip * change.slip
+        rows = rows - scaled * of_row[:, None]
     return rows
 
 

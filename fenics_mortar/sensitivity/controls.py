@@ -8,7 +8,7 @@ before.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +26,6 @@ from fenics_mortar.sensitivity.pair_vectors import (
     contact_of,
     from_rows,
     rows_at,
-    scales_of,
     zeros,
 )
 from fenics_mortar.utils.arguments import check_choice
@@ -35,34 +34,6 @@ from fenics_mortar.utils.errors import MortarError
 
 # The state at the start of the step, or its ``History``, which saves to evaluate it again.
 Before = State | History | None
-
-
-class Control(Protocol):
-    """Values that a solution depends on."""
-
-    name: str
-
-    def get(self, problem: ContactProblem) -> Array:
-        """Present values (local)."""
-
-    def set(self, problem: ContactProblem, values: Array) -> None:
-        """Set the values, equal on all ranks (local)."""
-
-    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """Change of the residuals along a change ``dm`` of the values (collective).
-
-        Args:
-            problem: The problem at the end of the step, evaluated with ``EXACT``.
-            dm: Shape of the values.
-            before: State at the start of the step, where slip that depends on it does on the
-                control.
-        """
-
-    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """Gradient of the scalar product of residuals and ``y``, shape of the values.
-
-        Equal on all ranks; collective. Arguments: see ``jvp``.
-        """
 
 
 class LawParameter:
@@ -78,11 +49,11 @@ class LawParameter:
         self.name = f"{name} of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``."""
+        """See ``protocols.Control``."""
         return parameter(contact_of(problem.equations, self.pair).pair.law, self.parameter)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``."""
+        """See ``protocols.Control``."""
         law = contact_of(problem.equations, self.pair).pair.law
         check_choice(f"parameter of {law!r}", self.parameter, law.parameters)
         new = np.asarray(values, float)
@@ -90,13 +61,13 @@ class LawParameter:
         law.check()
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
+        """See ``protocols.Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         rows = rows_by_parameter(contact, self.parameter, np.asarray(dm, float))
         return from_rows(problem.equations, {self.pair: rows})
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
+        """See ``protocols.Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
 
@@ -112,21 +83,21 @@ class Offset:
         self.pair, self.name = pair, f"offset of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape (slave nodes,) [length]."""
+        """See ``protocols.Control``: shape (slave nodes,) [length]."""
         return contact_of(problem.equations, self.pair).offset.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``."""
+        """See ``protocols.Control``."""
         contact_of(problem.equations, self.pair).offset = values
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
+        """See ``protocols.Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         check_exact(contact)
         return from_rows(problem.equations, {self.pair: rows_by_offset(contact, np.asarray(dm))})
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
+        """See ``protocols.Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         check_exact(contact)
         return offset_by_rows(contact, rows_at(y, self.pair, contact))
@@ -144,22 +115,22 @@ class Interference:
         self._offset, self._value = Offset(pair), 0.0
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: the length that ``set`` has added, shape () [length]."""
+        """See ``protocols.Control``: the length that ``set`` has added, shape () [length]."""
         return np.asarray(self._value)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``; nodes beyond the other surface have the offset without effect."""
+        """See ``protocols.Control``; without effect beyond the other surface."""
         new = np.asarray(values, float).item()
         self._offset.set(problem, self._offset.get(problem) + (new - self._value))
         self._value = new
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
+        """See ``protocols.Control``; ``before`` is not used."""
         everywhere = np.full(len(self._offset.get(problem)), np.asarray(dm, float).item())
         return self._offset.jvp(problem, everywhere)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
+        """See ``protocols.Control``; ``before`` is not used."""
         return np.asarray(self._offset.vjp(problem, y).sum())
 
 
@@ -181,14 +152,14 @@ class _OfObstacle:
         raise NotImplementedError
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``; ``before`` is not used."""
+        """See ``protocols.Control``; ``before`` is not used."""
         change = zeros(problem.equations)
         assert change.q is not None
         change.q[self._number(problem)] = np.where(self._mine(problem), -np.asarray(dm), 0.0)
         return change
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``; ``before`` is not used."""
+        """See ``protocols.Control``; ``before`` is not used."""
         if y.q is None:
             return np.zeros(3)
         return np.where(self._mine(problem), -y.q[self._number(problem)], 0.0)
@@ -206,11 +177,11 @@ class ObstaclePlace(_OfObstacle):
         return f"place of '{self.obstacle.name}'"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape (3,)."""
+        """See ``protocols.Control``: shape (3,)."""
         return self.obstacle.place.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``; driven motions stay."""
+        """See ``protocols.Control``; driven motions stay."""
         self.obstacle.place = np.where(self._mine(problem), values, self.obstacle.place)
 
     def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
@@ -229,11 +200,11 @@ class ObstacleLoad(_OfObstacle):
         return f"load of '{self.obstacle.name}'"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``: shape (3,), 0 for prescribed motions."""
+        """See ``protocols.Control``: shape (3,), 0 for prescribed motions."""
         return np.nan_to_num(self.obstacle.load)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``; prescribed motions stay so."""
+        """See ``protocols.Control``; prescribed motions stay so."""
         self.obstacle.load = np.where(self._mine(problem), values, np.nan)
 
     def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
@@ -254,11 +225,11 @@ class ObstacleShape:
         self.name = f"{name} of '{obstacle.name}'"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``Control``."""
+        """See ``protocols.Control``."""
         return np.array(self.obstacle.shape()[self.parameter])
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``Control``."""
+        """See ``protocols.Control``."""
         self.obstacle.set_shape(self.parameter, np.asarray(values, float))
 
     def _pairs(self, problem: ContactProblem, before: Before) -> list[tuple[int, Any, Any]]:
@@ -272,7 +243,7 @@ class ObstacleShape:
         return found
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``Control``."""
+        """See ``protocols.Control``."""
         rows = {
             i: rows_by_shape(contact, self.parameter, np.asarray(dm, float), earlier)
             for i, contact, earlier in self._pairs(problem, before)
@@ -280,7 +251,7 @@ class ObstacleShape:
         return from_rows(problem.equations, rows)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``Control``."""
+        """See ``protocols.Control``."""
         gradient = np.zeros_like(self.get(problem))
         for i, contact, earlier in self._pairs(problem, before):
             rows = rows_at(y, i, contact)
@@ -305,16 +276,3 @@ def history_of(problem: ContactProblem, before: Before) -> History | None:
                     " expected before=..."
                 )
     return before
-
-
-__all__ = [
-    "Control",
-    "Interference",
-    "LawParameter",
-    "ObstacleLoad",
-    "ObstaclePlace",
-    "ObstacleShape",
-    "Offset",
-    "history_of",
-    "scales_of",
-]
