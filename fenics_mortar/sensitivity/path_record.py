@@ -29,11 +29,13 @@ class Step:
         state: The state.
         data: Values of the constants and functions of the forms, see ``Data``.
         laws: Attributes of the law of each pair.
+        shapes: Parameters of the shape of each obstacle.
     """
 
     state: State
     data: tuple[Array, ...]
     laws: tuple[dict[str, Any], ...]
+    shapes: tuple[dict[str, Array], ...]
 
 
 class Data:
@@ -123,7 +125,8 @@ class RecordedPath:
         """Record of the present state."""
         contacts = self.problem.equations.contacts
         laws = tuple(dict(vars(c.pair.law)) if hasattr(c.pair, "law") else {} for c in contacts)
-        return Step(self.problem.state(), self._data.values(), laws)
+        shapes = tuple(obstacle.shape() for obstacle in self.problem.obstacles)
+        return Step(self.problem.state(), self._data.values(), laws, shapes)
 
     def before(self, number: int) -> State | None:
         """State before the step ``number``."""
@@ -140,6 +143,10 @@ class RecordedPath:
         for contact, law in zip(self.problem.equations.contacts, step.laws, strict=True):
             if law:
                 vars(contact.pair.law).update(law)
+        for obstacle, shape in zip(self.problem.obstacles, step.shapes, strict=True):
+            for name, now in obstacle.shape().items():
+                if not np.array_equal(now, shape[name]):
+                    obstacle.set_shape(name, shape[name])
 
     @contextmanager
     def visited(self) -> Iterator[None]:
