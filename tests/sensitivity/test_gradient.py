@@ -112,7 +112,7 @@ def test_friction_force_on_a_wedge():
     """H / P = (mu + t) / (1 - mu t) of a rigid plane with slope t that slides on a block."""
     slope, friction = 0.2, 0.3
     plane = fm.Plane((0.5, 1.1), (slope, -1.0))
-    places = [(0.0, -0.15, 0.0), (0.1, -0.15, 0.0)]
+    places = [(s, 0.2 * s - 0.12, 0.0) for s in (0.0, 0.1)]
     scene = obstacle_on_block(plane, fm.Coulomb(friction), places=places)
     path, mu = scene.solve(), scene.controls["mu"]
     pair = scene.problem.equations.contacts[0]
