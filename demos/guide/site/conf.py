@@ -10,7 +10,9 @@ root = Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(root)]
 
 from docutils import nodes
+from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.util import logging
 
 import fenics_mortar
 
@@ -64,7 +66,11 @@ html_copy_source = False
 
 def formula(text, *, display):
     """A formula as MathML, which browsers draw without scripts and without a network."""
-    return str(tex2mathml(text, as_block=display))
+    try:
+        return str(tex2mathml(text, as_block=display))
+    except MathError as error:
+        logging.getLogger(__name__).warning("formula %s: %s", text, error)
+        return ""
 
 
 def visit_math(translator, node):
