@@ -46,8 +46,7 @@ GROUPS = {
 }
 # Classes that users meet and do not make.
 MET = (Iteration, Nodal, Row, InterfaceState, PairView, State, PathStep, OperatorMatrices)
-OF_CLASSES = ("   :members:", "   :inherited-members: ABC, BaseException, Exception, tuple",
-              "   :show-inheritance:")  # fmt: skip
+OF_CLASSES = ("   :members:", "   :inherited-members: ABC, BaseException, Exception, tuple")
 STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
 
 
@@ -281,7 +280,7 @@ def automodule(module: str) -> list[str]:
     """Directive with the documentation of a module."""
     elsewhere = {full.rpartition(".")[2]: full for full, thing in in_reference().items()
                  if thing.__module__ == module}  # fmt: skip
-    lines = ["```{eval-rst}", f".. automodule:: {module}", "   :members:", "   :show-inheritance:"]
+    lines = ["```{eval-rst}", f".. automodule:: {module}", "   :members:"]
     if not elsewhere:
         return [*lines, "```", ""]
     links = ", ".join(f"{{py:obj}}`{name} <{full}>`" for name, full in elsewhere.items())
