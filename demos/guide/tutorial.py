@@ -302,9 +302,9 @@ if comm.rank == 0:
     time, pressed, sheared, _ = np.array(curve).T
     figure = Figure((5, 3), layout="constrained")
     axes = figure.add_subplot(xlabel="time", ylabel="force [N/mm]")
-    axes.plot(time, 0.3 * pressed, "k--", lw=1, label="0.3 times the normal force")
+    axes.plot(time, 0.3 * pressed, "k--", lw=1, label="0.3 times normal force")
     axes.plot(time, sheared, "o-", ms=3, color="#c8102e", label="shear force")
-    axes.legend(frameon=False)
+    axes.legend(frameon=False, loc="upper left")
     figure.savefig("results/tutorial_3_forces.png", dpi=150)
 
 # ![Shear force over time: it grows until all nodes slide](../pictures/tutorial_3_forces.png)
