@@ -161,7 +161,7 @@ class ContactProblem:
         check_roles(contacts)
         check_cells(bulk)
         check_mesh_overlap(space.V, contacts)
-        bulk.check_input()
+        bulk.input_data.check()
         self.equations = ContactEquations(
             bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions()
         )
@@ -257,7 +257,7 @@ class ContactProblem:
                 law; displacement and multipliers are then restored to their values before the call.
         """
         self._renew_if_interrupted()
-        self.equations.bulk.check_input()
+        self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
             self.newton, accept_violations=accept_violations, predict=predict
         )
@@ -301,7 +301,7 @@ class ContactProblem:
             moments that keep the obstacles in place, shape (obstacles, 3), equal on all ranks.
         """
         self.equations.evaluate_operators()
-        return self.equations.forces()
+        return self.equations.residual.forces()
 
     # Other models
 

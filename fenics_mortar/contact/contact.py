@@ -80,6 +80,7 @@ class Contact(Interface):
         follows_law: Whether the contact law applies to a node: not if a component is prescribed,
             shape (slave nodes,), bool.
         plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
+        master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
         offset, c_n: See ``InterfaceState`` and ``PairView``. May be set.
     """
 
@@ -107,7 +108,7 @@ class Contact(Interface):
         )
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
         on_master, _ = evaluate_normals(self.master, self.master.X, "opposite")
-        self._master_planes = normals_on_planes(on_master, self.master_free)
+        self.master_planes: Array = normals_on_planes(on_master, self.master_free)
         self._multiplier_nodes.possible &= ~self.slave.weightless
         self._may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
@@ -180,7 +181,7 @@ class Contact(Interface):
             _ = self.operators.vectors  # by all ranks
 
     @property
-    def _slip_measure(self) -> Measure:
+    def slip_measure(self) -> Measure:
         """The pair's measure of slip; "partners" on obstacles and with small sliding."""
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.discretization.slip
@@ -262,8 +263,8 @@ class Contact(Interface):
             self.operators,
             self.covered,
             touches,
-            self._slip_measure,
-            master_planes=self._master_planes,
+            self.slip_measure,
+            master_planes=self.master_planes,
             between=self.pair.law.has_friction,
         )
         shear = np.where(self.active, self.z_tau, 0.0)

@@ -95,7 +95,7 @@ class Interface(ABC):
         """
         self.pair = pair
         tags = pair.data.facet_tags
-        slave = extract_surface(space, tags, pair.slave_tag, pair.slave_name)
+        slave = extract_surface(space, tags, pair.slave_tags, pair.slave_name)
         self.slave: Surface = slave.welded(welds)
         self.master: Surface = self._master_surface(space).welded(welds)
         self._check_sides()
@@ -175,7 +175,7 @@ class Interface(ABC):
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side (collective)."""
         name, data = self.pair.master_name, self.pair.data
-        return extract_surface(space, data.facet_tags, data.boundary_tag(self.pair.master), name)
+        return extract_surface(space, data.facet_tags, data.boundary_tags(self.pair.master), name)
 
     def _check_sides(self) -> None:
         both = np.intersect1d(self.slave.nodes, self.master.nodes)

@@ -136,6 +136,7 @@ class Coulomb(Friction):
     """
 
     fields = ("mu",)
+    parameters = ("mu", "max_shear")
 
     def __init__(
         self,
@@ -199,6 +200,8 @@ class Tresca(Friction):
     Raises:
         ValueError: If an argument has a value that is not allowed.
     """
+
+    parameters = ("stress",)
 
     def __init__(self, stress: float, *, c_t: float = 0.1) -> None:
         super().__init__(c_t)

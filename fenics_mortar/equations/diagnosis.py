@@ -47,7 +47,7 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
         )
     loose = np.zeros(diagonal.size, bool)
     loose[dofs] = (diagonal[dofs] == 0.0) & ~bulk.prescribed[dofs]
-    count, where = bulk.count_nodes(loose)
+    count, where = bulk.input_data.count_nodes(loose)
     if count:
         mine = set(floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
         bodies = sorted(set().union(*bulk.comm.allgather(mine)))

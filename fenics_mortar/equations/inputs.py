@@ -155,7 +155,7 @@ class Conflicts:
             for other in range(number):
                 marked = np.zeros(first.size, bool)
                 marked[dofs[differ & (first[dofs] == other)]] = True
-                count, where = bulk.count_nodes(marked)
+                count, where = bulk.input_data.count_nodes(marked)
                 if count:
                     found.append(
                         f"Dirichlet conditions {other} and {number} prescribe different values of "

@@ -22,6 +22,7 @@ from fenics_mortar.contact.tied import Tie
 from fenics_mortar.contact.words import describe_reach
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import place
+from fenics_mortar.utils.markdown import Markdown
 from fenics_mortar.verify.balance import action_and_reaction, balance_of_bodies
 from fenics_mortar.verify.between_nodes import between_nodes, count_unpaired, paired_nodes
 from fenics_mortar.verify.corners import end_pressure, mean_friction, oblique_forces, runs_of
@@ -32,7 +33,7 @@ from fenics_mortar.verify.resultant import beyond_cover
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(Markdown):
     """Measured defects of a state; prints as a Markdown table.
 
     Attributes:
