@@ -32,6 +32,7 @@ from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
 from fenics_mortar.path.energy_return import return_energy
 from fenics_mortar.path.options import SteppingOptions
+from fenics_mortar.path.progress import Progress
 from fenics_mortar.path.time_scheme import GeneralizedAlpha
 from fenics_mortar.path.work import Forces, Work, forces_of, work_of
 from fenics_mortar.problem import ContactProblem
@@ -223,6 +224,9 @@ class Dynamics:
             NotConvergedError: If a step of the smallest size fails. State and time are those of the
                 last step; ``report`` is the ``DynamicsReport``.
             Exception: Any error of ``set_loads`` or ``on_step``.
+
+        Note:
+            Rank 0 logs each step and each cut, see ``progress``.
         """
         with together(self.problem.comm, "run"):
             _check_run(stop, options, set_loads, tolerance, on_step, self.time)
@@ -232,6 +236,7 @@ class Dynamics:
         report = DynamicsReport(self.energies())
         size, forces = options.step, forces_of(self.problem)
         largest = options.step if tolerance is None else (options.largest or options.step)
+        shown = Progress(self.problem.comm, self.time, stop)
         while stop - self.time > ROUNDING * options.smallest:
             start = self.time
             dt = min(size, stop - start)
@@ -248,6 +253,7 @@ class Dynamics:
             except NotConvergedError as failure:
                 self.problem.restore(accepted)
                 report.failures.append(failure.report)
+                shown.cut(start + dt, str(failure), failure.report)
                 if dt <= options.smallest:
                     words = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
                     raise NotConvergedError(f"{words}; {failure}", report) from failure
@@ -259,6 +265,7 @@ class Dynamics:
             forces = after
             done = TimeStep(self.time, newton, report.failures, error, work, self.energies())
             report.steps.append(done)
+            shown.accept(self.time, newton)
             report.failures = []
             size = self._next_size(options, size, largest, error, tolerance)
             if on_step is not None:

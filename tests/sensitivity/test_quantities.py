@@ -120,7 +120,7 @@ def test_explicit_derivatives(name):
     for control in (Offset(0), Interference(0), ObstacleShape(circle, "radius")):
         start = control.get(problem)
         dm = 0.05 * np.random.default_rng(0).uniform(0.5, 1.0, start.shape)
-        derivative = np.vdot(quantity.by_control(problem, control, before), dm)
+        derivative = np.sum(quantity.by_control(problem, control, before) * dm)
 
         def value(t, control=control, start=start, dm=dm):
             control.set(problem, start + t * dm)
