@@ -76,7 +76,6 @@ class Law(ABC):
     parameters: tuple[str, ...] = ()
     memory: tuple[str, ...] = ()
     fields: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
     needs_time: bool = False
     bridges_gap: bool = False
 
