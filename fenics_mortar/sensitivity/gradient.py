@@ -24,7 +24,7 @@ from dolfinx import fem
 
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.controls import Before, Control
+from fenics_mortar.sensitivity.controls import Before
 from fenics_mortar.sensitivity.forms import put_owned
 from fenics_mortar.sensitivity.history import History
 from fenics_mortar.sensitivity.kinks import Kink, find_kinks, nearest
@@ -33,6 +33,7 @@ from fenics_mortar.sensitivity.linearization import linearize
 from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import (
+    Control,
     Quantity,
     as_list,
     check_dependence,
