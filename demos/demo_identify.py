@@ -57,7 +57,10 @@ bcs = [fm.dirichlet(V, data, "lower/bottom", np.zeros(2)), fm.dirichlet(V, data,
 pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
 problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="identify_")
 unloaded, slides = problem.state(), np.linspace(0.0, 0.06, 13)
-forces, mu = [fm.TotalForce(0, axis) for axis in np.eye(2)], fm.LawParameter(0, "mu")
+forces, mu = (
+    [fm.sensitivity.TotalForce(0, axis) for axis in np.eye(2)],
+    fm.sensitivity.LawParameter(0, "mu"),
+)
 
 
 def misfit_and_gradient(parameters):  # J and its derivatives by E / 100 and mu
@@ -68,7 +71,7 @@ def misfit_and_gradient(parameters):  # J and its derivatives by E / 100 and mu
         push.value[:] = (slide, -0.02)
         problem.solve(predict=False)
         path.record()
-    found = fm.gradient(forces, [E, mu], path, over_steps=fm.least_squares(measured))
+    found = fm.gradient(forces, [E, mu], path, over_steps=fm.sensitivity.least_squares(measured))
     curves.append(found.values)
     return found.value, np.array([100 * found[E], found[mu]])
 

@@ -65,6 +65,8 @@ class Interface(ABC):
         read_only("_state.redundant"),
     )
     partners, accepted = read_only("_state.partners"), read_only("_state.accepted")
+    past, committed = read_only("_state.past"), read_only("_state.committed")
+    load_time = read_only("_state.load_time")
     operators, covered, acts = (
         read_only("now.operators"),
         read_only("now.covered"),
@@ -74,7 +76,7 @@ class Interface(ABC):
     pressure, slip, z_tau = read_only("now.pressure"), read_only("now.slip"), read_only("now.z_tau")
     shear, shear_force = read_only("now.shear"), read_only("now.shear_force")
     total_force, steepness = read_only("now.total_force"), read_only("now.steepness")
-    gap = read_only("now.gap")
+    gap, closing_gap = read_only("now.gap"), read_only("now.gap")
 
     def __init__(
         self,
@@ -129,6 +131,11 @@ class Interface(ABC):
     def show(self, operators: MortarOperators) -> None:
         """Set the operators of the present displacement (local)."""
         self.now = self._fields(operators)
+
+    @property
+    def full_offset(self) -> Array:
+        """The offset, with that of a contact law, shape (slave nodes,) [length]."""
+        return np.asarray(self.offset)
 
     @abstractmethod
     def _fields(self, operators: MortarOperators) -> InterfaceFields:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.bulk.residual import MIN_FRACTION
+from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.equations.undo import Before
@@ -90,12 +91,14 @@ def follow_path(
     given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
     check_same_words(problem.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
+    start_clock(problem.equations.contacts, start)
     largest = options.largest or options.step
     predictor = Predictor(problem.equations, start)
     forces, last = forces_of(problem), _LastStep(start, Before(problem.equations, problem.adequacy))
     solver = AlternateDamping(problem)
 
     def load(time: float) -> None:
+        problem.time = time
         call_together(problem.comm, "set_loads", partial(set_loads, time))
 
     with _kept(last), Progress(problem.comm, start, stop, bar=progress) as shown:

@@ -16,6 +16,7 @@ from fenics_mortar.equations.general import State
 from fenics_mortar.equations.undo import Before
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.pair_vectors import check_law
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
@@ -72,7 +73,8 @@ class RecordedPath:
 
     >>> path = fm.RecordedPath(problem)  # at the state that the path begins with
     >>> fm.follow_path(problem, set_loads, options, on_step=path.record)
-    >>> gradient = fm.gradient(fm.TotalForce(0, (1.0, 0.0)), [E, fm.LawParameter(0, "mu")], path)
+    >>> mu = sensitivity.LawParameter(0, "mu")
+    >>> gradient = fm.gradient(sensitivity.TotalForce(0, (1.0, 0.0)), [E, mu], path)
 
     The state at the start is given: derivatives do not go beyond it. Each record holds the
     displacement, the interface states and the values of all constants and functions of the
@@ -90,27 +92,32 @@ class RecordedPath:
 
     Raises:
         ValueError: If ``problem`` is of another type.
-        MortarError: If the problem has inertia.
+        MortarError: If the problem has inertia, or a law a memory or a closing gap.
     """
 
     def __init__(self, problem: ContactProblem, *, also: Sequence[Any] = ()) -> None:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         if problem.equations.bulk.inertia is not None:
             raise MortarError("dynamics have no derivatives: expected a static problem")
+        for contact in problem.equations.contacts:
+            check_law(contact)
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[Step] = []
 
     @classmethod
     def of_state(cls, problem: ContactProblem) -> RecordedPath:
-        """Path of the present state alone; the state that slip counts from is given."""
+        """Path of the present state of ``problem``; the state that slip counts from is given."""
         path = cls(problem)
         path.start = None
         path.record()
         return path
 
-    def record(self, *_: Any) -> None:
-        """Add the present state; arguments are ignored, as those of ``follow_path``'s ``on_step``.
+    def record(self, *arguments: Any) -> None:
+        """Add the present state.
+
+        Args:
+            arguments: Ignored, so that ``follow_path`` may call this method as its ``on_step``.
 
         Raises:
             MortarError: On all ranks, if the last solve did not end in the present state.
@@ -129,7 +136,7 @@ class RecordedPath:
         return Step(self.problem.state(), self._data.values(), laws, shapes)
 
     def before(self, number: int) -> State | None:
-        """State before the step ``number``."""
+        """State before the step ``number`` (local)."""
         return self.steps[number - 1].state if number else self.start
 
     def go_to(self, number: int) -> None:

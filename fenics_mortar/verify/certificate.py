@@ -141,12 +141,12 @@ def _certify_pair(
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
-    limit = contact.law_calls.friction_limit(contact.pair.law, pressure, contact.operators.x)
+    limit = contact.now.friction_limit(pressure)
     limit = np.where(contact.active, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
-    gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
+    gap = np.nan_to_num(contact.closing_gap) / contact.nodal_lengths
     return PairCertificate(
         **action_and_reaction(contact),
         tension=max(float(tension.max()), 0.0) / largest,

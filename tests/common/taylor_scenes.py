@@ -14,6 +14,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar import sensitivity
 from fenics_mortar.sensitivity.over_steps import last
 from fenics_mortar.sensitivity.protocols import controls_of, dot, quantities_of
 from meshes import two_blocks
@@ -98,8 +99,8 @@ def blocks(law=None, material=neo_hookean, *, degree=1, pair=None, places=PRESS,
     given = {"petsc_options_prefix": "taylor_", "newton": TIGHT, **more}
     problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, **given)
     controls = {
-        "E": E, "load": load, "place": push, "interference": fm.Interference(0),
-        "mu": fm.LawParameter(0, "mu"), "stress": fm.LawParameter(0, "stress"),
+        "E": E, "load": load, "place": push, "interference": sensitivity.Interference(0),
+        "mu": sensitivity.LawParameter(0, "mu"), "stress": sensitivity.LawParameter(0, "stress"),
     }  # fmt: skip
 
     def move(place):
@@ -121,8 +122,9 @@ def obstacle_on_block(obstacle, law=None, *, degree=1, places=ROLL, **more):
     given = {"petsc_options_prefix": "taylor_", "newton": TIGHT, **more}
     problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, **given)
     controls = {
-        "E": E, "place": fm.ObstaclePlace(obstacle), "mu": fm.LawParameter(0, "mu"),
-        **{name: fm.ObstacleShape(obstacle, name) for name in obstacle.shape()},
+        "E": E, "place": sensitivity.ObstaclePlace(obstacle),
+        "mu": sensitivity.LawParameter(0, "mu"),
+        **{name: sensitivity.ObstacleShape(obstacle, name) for name in obstacle.shape()},
     }  # fmt: skip
 
     def move(place):

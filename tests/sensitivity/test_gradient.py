@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar import sensitivity
 
 comm = MPI.COMM_WORLD
 LAWS = {
@@ -19,7 +20,7 @@ LAWS = {
     "Coulomb": (lambda: fm.Coulomb(0.3), ["mu"], [0.1]),
 }
 FORMS = ["E", "load", "place"], [30.0, 3.0, 0.02]
-FORCE = fm.TotalForce(0, (1.0, 0.3))
+FORCE = sensitivity.TotalForce(0, (1.0, 0.3))
 
 
 def energy(scene):
@@ -31,10 +32,10 @@ def energy(scene):
 OBJECTIVES = {
     "form": energy,
     "force": lambda _: FORCE,
-    "moment": lambda _: fm.Moment(0, (1.0, 0.5)),
-    "peak": lambda _: fm.PeakPressure(0),
-    "pressure": lambda _: fm.PressureIntegral(0, 2),
-    "misfit": lambda _: (FORCE - 2.0) ** 2 + 3.0 * fm.FrictionWork(0),
+    "moment": lambda _: sensitivity.Moment(0, (1.0, 0.5)),
+    "peak": lambda _: sensitivity.PeakPressure(0),
+    "pressure": lambda _: sensitivity.PressureIntegral(0, 2),
+    "misfit": lambda _: (FORCE - 2.0) ** 2 + 3.0 * sensitivity.FrictionWork(0),
 }
 
 
@@ -55,13 +56,19 @@ def test_objectives_of_a_sliding_path(name):
 def test_function_of_the_values_of_all_steps():
     """History and explicit terms of every step."""
     scene = blocks(fm.Coulomb(0.3), places=SLIDE)
-    objectives = [FORCE, fm.FrictionWork(0), energy(scene)]
-    misfit = fm.least_squares(np.ones((len(SLIDE), 3)), scale=[1.0, 0.1, 2.0])
+    objectives = [FORCE, sensitivity.FrictionWork(0), energy(scene)]
+    misfit = sensitivity.least_squares(np.ones((len(SLIDE), 3)), scale=[1.0, 0.1, 2.0])
     gradient = check(
         scene, objectives, ["E", "place", "mu", "load"], [30.0, 0.02, 0.1, 3.0], over_steps=misfit
     )
     assert gradient.values.shape == (5, 3)
-    check(scene, fm.FrictionWork(0), ["mu", "place"], [0.1, 0.02], over_steps=fm.total)
+    check(
+        scene,
+        sensitivity.FrictionWork(0),
+        ["mu", "place"],
+        [0.1, 0.02],
+        over_steps=sensitivity.total,
+    )
 
 
 @pytest.mark.parametrize(
@@ -85,7 +92,7 @@ def test_elements_systems_and_models(options):
 
 def test_interference():
     scene = blocks(places=PRESS)
-    check(scene, fm.PeakPressure(0), ["interference", "E"], [0.02, 30.0])
+    check(scene, sensitivity.PeakPressure(0), ["interference", "E"], [0.02, 30.0])
 
 
 @pytest.mark.parametrize("law", ["none", "Coulomb"])
@@ -104,7 +111,7 @@ def test_force_is_proportional_to_the_modulus():
     scene = blocks(material=linear)
     scene.solve()
     E = scene.controls["E"]
-    gradient = fm.gradient(fm.TotalForce(0, (0.0, 1.0)), E, scene.problem)
+    gradient = fm.gradient(sensitivity.TotalForce(0, (0.0, 1.0)), E, scene.problem)
     assert gradient[E] == pytest.approx(gradient.value / 100.0, rel=1e-10)
 
 
@@ -117,7 +124,7 @@ def test_friction_force_on_a_wedge():
     path, mu = scene.solve(), scene.controls["mu"]
     pair = scene.problem.equations.contacts[0]
     assert pair.sliding[pair.active].all()
-    H, P = (fm.gradient(fm.TotalForce(0, axis), mu, path) for axis in np.eye(2))
+    H, P = (fm.gradient(sensitivity.TotalForce(0, axis), mu, path) for axis in np.eye(2))
     sign = np.sign(H.value / P.value)
     ratio = sign * H.value / P.value
     t = (ratio - friction) / (1.0 + friction * ratio)  # of the plane, or its negative
