@@ -17,6 +17,7 @@ from fenics_mortar.sensitivity.controls import (
 )
 from fenics_mortar.sensitivity.gradient import Gradient
 from fenics_mortar.sensitivity.kinks import Kink
+from fenics_mortar.sensitivity.nodal_positions import NodalPositions
 from fenics_mortar.sensitivity.over_steps import last, least_squares, total
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import Control, Quantity
@@ -43,6 +44,7 @@ __all__ = [
     "LawParameter",
     "MeanGap",
     "Moment",
+    "NodalPositions",
     "ObstacleLoad",
     "ObstaclePlace",
     "ObstacleShape",

@@ -84,9 +84,20 @@ class Path:
         return path
 
 
-def blocks(law=None, material=neo_hookean, *, degree=1, pair=None, places=PRESS, mesh=None, **more):
-    """Two blocks; controls: modulus, body force, place, mu or stress, interference."""
+def blocks(
+    law=None,
+    material=neo_hookean,
+    *,
+    degree=1,
+    pair=None,
+    places=PRESS,
+    mesh=None,
+    bend=0.0,
+    **more,
+):
+    """Two blocks, bent; controls: modulus, body force, place, mu or stress, interference."""
     data = read(two_blocks.build, **{**MESH, **(mesh or {})})
+    data.mesh.geometry.x[:, :2] += bend * wave(*data.mesh.geometry.x[:, :2].T)
     V = fm.vector_space(data.mesh, degree)
     u, v = fem.Function(V), ufl.TestFunction(V)
     E, load = fem.Constant(data.mesh, 100.0), fem.Function(V, name="load")
@@ -133,6 +144,11 @@ def obstacle_on_block(obstacle, law=None, *, degree=1, places=ROLL, **more):
     return Path(problem, u, controls, move, places)
 
 
+def wave(x, y):
+    """A smooth field, shape (n, 2)."""
+    return np.stack([np.sin(3.0 * x + y), np.cos(2.0 * y - x)], axis=1)
+
+
 def value_of(path, objective, over_steps=last):
     """The objective of a recorded path."""
     problem, values = path.problem, []
@@ -152,8 +168,7 @@ def directions_of(scene, names, sizes):
         value = control.get(scene.problem)
         if getattr(control, "is_distributed", False):
             x, y = scene.problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2].T
-            wave = np.stack([np.sin(3.0 * x + y), np.cos(2.0 * y - x)], axis=1)
-            found.append(size * wave.ravel()[: value.size])
+            found.append(size * wave(x, y).ravel()[: value.size])
         else:
             found.append(size * rng.uniform(0.5, 1.0, value.shape))
     return found

@@ -5,7 +5,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from taylor_scenes import PRESS, SLIDE, blocks, check, linear, obstacle_on_block
+from taylor_scenes import PRESS, SLIDE, blocks, check, linear, obstacle_on_block, value_of, wave
 
 import ufl
 from dolfinx import fem
@@ -101,6 +101,26 @@ def test_obstacle(law):
     made, names, sizes = LAWS[law]
     scene = obstacle_on_block(fm.Circle((0.52, 1.8), 0.8), made())
     check(scene, FORCE, ["E", "place", "radius", *names], [30.0, 0.01, 0.05, *sizes])
+
+
+@pytest.mark.parametrize("name", ["form", "force", "misfit"])
+def test_nodal_positions(name):
+    """Shape derivatives, against problems on meshes that are bent as well."""
+    X, law = sensitivity.NodalPositions(), fm.Coulomb(0.3)
+    scene = blocks(law, places=SLIDE[:3])
+    path, objective = scene.solve(), OBJECTIVES[name](scene)
+    gradient = fm.gradient(objective, X, path)
+    x, y = scene.problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2].T
+    direction = wave(x, y).ravel()[: gradient[X].size]
+    slope = comm.allreduce(float(gradient[X] @ direction))
+    tangent = fm.tangent_linear(objective, X, direction, path)
+    assert tangent.derivative == pytest.approx(slope, rel=1e-10)
+    remainders = []
+    for step in (1e-3, 5e-4, 2.5e-4):
+        bent = blocks(law, places=SLIDE[:3], bend=step)
+        value = value_of(bent.solve(), OBJECTIVES[name](bent))
+        remainders.append(abs(value - gradient.value - step * slope))
+    assert (np.log2(np.array(remainders[:-1]) / remainders[1:]) > 1.9).all(), remainders
 
 
 # Exact derivatives
