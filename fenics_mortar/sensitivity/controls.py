@@ -20,7 +20,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.history import History, has_history
 from fenics_mortar.sensitivity.pair_vectors import (
     check_exact,
     contact_of,
@@ -67,6 +67,9 @@ class Control(Protocol):
 class LawParameter:
     """A parameter of the law of a pair, see ``Law.parameters``.
 
+    A parameter that varies in space, see ``Law.fields``, has its values at the slave nodes at the
+    last solve; ``set`` replaces a function by such values.
+
     Args:
         pair: Number of the pair.
         name: Name of the parameter, such as "mu".
@@ -78,13 +81,13 @@ class LawParameter:
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``."""
-        return parameter(contact_of(problem.equations, self.pair).pair.law, self.parameter)
+        return parameter(contact_of(problem.equations, self.pair), self.parameter)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``."""
         law = contact_of(problem.equations, self.pair).pair.law
         check_choice(f"parameter of {law!r}", self.parameter, law.parameters)
-        new = np.asarray(values, float)
+        new = np.array(values, float)
         setattr(law, self.parameter, new if new.ndim else new.item())
         law.check()
 
@@ -296,8 +299,7 @@ def history_of(problem: ContactProblem, before: Before) -> History | None:
         return History(problem, before)
     if before is None:
         for contact in problem.equations.contacts:
-            law = contact.pair.law if hasattr(contact.pair, "law") else None
-            if law is not None and law.has_friction:
+            if has_history(contact):
                 raise MortarError(
                     f"the slip of {contact.pair!r} depends on the control through the state before:"
                     " expected before=..."
