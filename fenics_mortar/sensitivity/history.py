@@ -15,7 +15,14 @@ from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, check_exact, rows_at, zeros
+from fenics_mortar.sensitivity.pair_vectors import (
+    add_pair,
+    at_pair,
+    check_exact,
+    from_rows,
+    rows_at,
+    zeros,
+)
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -61,11 +68,8 @@ class History:
 
     def jvp(self, ds: LinearVector) -> LinearVector:
         """Change of the residuals along a change ``ds`` of the state before."""
-        change = zeros(self._equations)
-        assert change.z is not None
-        for i, pair in self.pairs.items():
-            change.z[i][:] += pair.along(at_pair(self._equations, i, ds))
-        return change
+        e = self._equations
+        return from_rows(e, {i: pair.along(at_pair(e, i, ds)) for i, pair in self.pairs.items()})
 
     def vjp(self, y: LinearVector) -> LinearVector:
         """Gradient of the scalar product of the residuals and ``y`` by the state before."""
