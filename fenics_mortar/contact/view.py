@@ -86,7 +86,7 @@ class PairView:
 
     @property
     def active(self) -> Flags:
-        """Active set: nodes whose gap is closed, shape (slave nodes,), bool."""
+        """Active set, the nodes whose gap is closed, shape (slave nodes,), bool."""
         return self._interface.active.copy()
 
     @property

@@ -21,7 +21,7 @@ comm = MPI.COMM_WORLD
 def surface(build, name, degree=1, **options):
     data = read(build, **options)
     V = fm.vector_space(data.mesh, degree)
-    return V, extract_surface(DisplacementSpace(V), data.facet_tags, data.boundary_tag(name), name)
+    return V, extract_surface(DisplacementSpace(V), data.facet_tags, data.boundary_tags(name), name)
 
 
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
@@ -74,7 +74,7 @@ def test_numbering_does_not_depend_on_the_number_of_ranks():
     _, side = surface(two_blocks.build, "upper/bottom")
     data = read(two_blocks.build, comm=MPI.COMM_SELF)
     space = DisplacementSpace(fm.vector_space(data.mesh, 1))
-    alone = extract_surface(space, data.facet_tags, data.boundary_tag("upper/bottom"), "alone")
+    alone = extract_surface(space, data.facet_tags, data.boundary_tags("upper/bottom"), "alone")
     assert np.abs(side.X - alone.X).max() < 1e-15
     assert np.array_equal(side.facets, alone.facets)
 
