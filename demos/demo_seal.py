@@ -94,7 +94,7 @@ for fluid.value, y in path:
     excess.append(min(lid.pressure.max(), floor.pressure.max()) - fluid.value)
     if comm.rank == 0:
         print(f"fluid {fluid.value:.1f} MPa, lid at {1 + y:.1f} mm, excess {excess[-1]:.3f} MPa")
-fm.plot(problem, "results/seal.png", stress=-p, label="pressure in the cord [MPa]")
+fm.plot(problem, "results/seal.png", stress=-p, label="pressure [MPa]", units=("mm", "MPa"))
 # -
 
 # ## Check
