@@ -19,6 +19,7 @@ from fenics_mortar.io.picture import plot
 from fenics_mortar.io.table import contact_table
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.mesh.dirichlet import dirichlet
+from fenics_mortar.mesh.from_arrays import mesh_from_arrays
 from fenics_mortar.mesh.gmsh_reader import read_gmsh
 from fenics_mortar.models.adequacy import AdequacyCheck
 from fenics_mortar.models.elastic_obstacle import ElasticObstacle
@@ -33,6 +34,28 @@ from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.report import PathReport
 from fenics_mortar.path.stepping import follow_path
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.controls import (
+    Interference,
+    LawParameter,
+    ObstacleLoad,
+    ObstaclePlace,
+    ObstacleShape,
+    Offset,
+)
+from fenics_mortar.sensitivity.gradient import Gradient, gradient
+from fenics_mortar.sensitivity.over_steps import least_squares, total
+from fenics_mortar.sensitivity.path_record import RecordedPath
+from fenics_mortar.sensitivity.quantities import (
+    ContactLength,
+    FrictionWork,
+    MeanGap,
+    Moment,
+    PeakPressure,
+    PressureFunctional,
+    PressureIntegral,
+    TotalForce,
+)
+from fenics_mortar.sensitivity.tangent_linear import TangentLinear, tangent_linear
 from fenics_mortar.utils.compat import mixed_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.verify.certificate import Certificate
@@ -47,6 +70,7 @@ __all__ = [
     "AdequacyReport",
     "Certificate",
     "Circle",
+    "ContactLength",
     "ContactPair",
     "ContactProblem",
     "Coulomb",
@@ -55,36 +79,57 @@ __all__ = [
     "DynamicsReport",
     "ElasticObstacle",
     "ErrorEstimate",
+    "FrictionWork",
     "Frictionless",
+    "Gradient",
+    "Interference",
     "Law",
+    "LawParameter",
     "LinearVector",
+    "MeanGap",
     "MeshData",
     "MeshError",
+    "Moment",
     "MortarError",
     "NewtonOptions",
     "NewtonReport",
     "NotConvergedError",
     "Obstacle",
+    "ObstacleLoad",
+    "ObstaclePlace",
+    "ObstacleShape",
+    "Offset",
     "PairCertificate",
     "PathReport",
+    "PeakPressure",
     "Plane",
     "Polygon",
+    "PressureFunctional",
+    "PressureIntegral",
+    "RecordedPath",
     "ResultsWriter",
     "SignedDistance",
     "Spline",
     "SteppingOptions",
     "SurfaceError",
     "TangentCheck",
+    "TangentLinear",
     "TiedPair",
+    "TotalForce",
     "Tresca",
     "Velocity",
     "contact_table",
     "dirichlet",
     "follow_path",
+    "gradient",
+    "least_squares",
     "load_state",
+    "mesh_from_arrays",
     "mixed_space",
     "plot",
     "read_gmsh",
     "save_state",
+    "tangent_linear",
+    "total",
     "vector_space",
 ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from fenics_mortar.contact.discretization import Discretization, as_discretization
 from fenics_mortar.contact.laws import Frictionless, Law
-from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.errors import check_same_words, together
@@ -30,10 +30,11 @@ class ContactPair:
 
     Args:
         data: Mesh, tags and names.
-        slave: Name or tag of the side that carries the multiplier (the finer or softer one).
-        master: Name or tag of the other side, or an obstacle. Several pairs may share a master. A
-            slave with several masters needs one pair for each; see ``redundancy`` for nodes that
-            touch two of them.
+        slave: Name or tag of the side that carries the multiplier (the finer or softer one), or a
+            list of them, which is one surface.
+        master: Name or tag of the other side or a list of them, or an obstacle. Several pairs may
+            share a master. A slave with several masters of different law or search needs one pair
+            for each; see ``redundancy`` for nodes that touch two of them.
         law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or a user's law, see ``laws``.
             Nodes with a prescribed component, as on symmetry planes, are frictionless.
         search_radius: Largest distance of partners along the slave normal, in front of the slave
@@ -60,8 +61,8 @@ class ContactPair:
     def __init__(
         self,
         data: MeshData,
-        slave: str | int,
-        master: str | int | Obstacle,
+        slave: Names,
+        master: Names | Obstacle,
         *,
         law: Law | None = None,
         search_radius: float | None = None,
@@ -70,7 +71,7 @@ class ContactPair:
         discretization: str | Discretization = "default",
     ) -> None:
         self.data = data
-        self.slave_name, self.master_name = str(slave), str(master)
+        self.slave_name, self.master_name = joined_names(slave), joined_names(master)
         self.master = master
         self.search_radius, self.initial_gap = search_radius, initial_gap
         self.sliding: Sliding = sliding
@@ -80,13 +81,13 @@ class ContactPair:
             self._set_up(discretization)
         with together(data.mesh.comm, "ContactPair"):
             self._set_up(discretization)
-            self.slave_tag = data.boundary_tag(slave)
+            self.slave_tags = data.boundary_tags(slave)
             if not isinstance(master, Obstacle):
-                data.boundary_tag(master)
+                data.boundary_tags(master)
         check_same_words(data.mesh.comm, "ContactPair", vars(self))
-        for name in (slave, master):
-            if not isinstance(name, Obstacle):
-                data.boundary_facets(name)
+        for names in (slave, master):
+            if not isinstance(names, Obstacle):
+                data.boundary_facets(names)
 
     def _set_up(self, discretization: Any) -> None:
         """Set the discretization and check all options (local)."""

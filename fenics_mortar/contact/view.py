@@ -86,7 +86,7 @@ class PairView:
 
     @property
     def active(self) -> Flags:
-        """Active set: nodes whose gap is closed, shape (slave nodes,), bool."""
+        """Active set, the nodes whose gap is closed, shape (slave nodes,), bool."""
         return self._interface.active.copy()
 
     @property
@@ -126,12 +126,12 @@ class PairView:
 
         May be set. An interference of the mesh is ramped by ``contact.offset = (1 - t) * overlap``
         with ``t`` from 0 to 1, where ``overlap = np.nan_to_num(contact.gap).clip(max=0)`` at the
-        start.
+        start; the wear of the last step is taken off by ``contact.offset -= depth``.
 
         Raises:
             ValueError: If the new offset has a wrong shape or is not finite.
         """
-        return self._interface.offset
+        return self._interface.offset.copy()
 
     @offset.setter
     def offset(self, lengths: Array) -> None:

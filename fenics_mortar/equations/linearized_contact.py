@@ -126,7 +126,8 @@ class LinearizedContact:
             return False
         pressure = self._typical_pressure()
         return all(
-            isinstance(law, Coulomb | Frictionless) and not law.has_adhesion for law in laws
+            isinstance(law, Coulomb | Frictionless) and not (law.has_adhesion or law.has_layer)
+            for law in laws
         ) and not any(contact.now.strength(pressure)[1].any() for contact in self._contacts)
 
     def choose_sets(self, mark: Callable[[], None]) -> bool:

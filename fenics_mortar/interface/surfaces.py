@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Contact surfaces: the facets of a tag as curves, replicated on every rank.
+"""Contact surfaces: the facets of some tags as curves, replicated on every rank.
 
 A curve has O(sqrt(N)) nodes if the bulk has N, so every rank holds all of it: the contact
 evaluation does not depend on the ownership of facets. Nodes are numbered along the curves. Start
@@ -28,6 +28,7 @@ ranks in each linear iteration, and each rank factorizes the whole strip. The RE
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -52,7 +53,7 @@ MIN_WEIGHT = 0.05
 
 @dataclass(frozen=True)
 class Surface:
-    """Facets of one boundary tag; equal on all ranks except ``owned`` and ``local_dofs``.
+    """Facets of some boundary tags; equal on all ranks except ``owned`` and ``local_dofs``.
 
     Attributes:
         name: Name used in messages.
@@ -267,25 +268,27 @@ class Surface:
         target[self.local_dofs] += values[self.owned]
 
 
-def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: str) -> Surface:
-    """Extract the facets of ``tag`` as curves (collective).
+def extract_surface(
+    space: DisplacementSpace, facet_tags: Any, tags: Sequence[int], name: str
+) -> Surface:
+    """Extract the facets of some tags as curves (collective).
 
     Args:
         space: Nodes and dofs of the displacement, degree 1 or 2.
         facet_tags: Facet tags of the mesh.
-        tag: Tag of the surface.
+        tags: Tags of the surface.
         name: Name used in messages.
 
     Returns:
         The surface.
 
     Raises:
-        SurfaceError: If no facet has the tag, if a facet is not on the boundary of the mesh or has
-            zero length, or if more than two facets meet at a node. Raised on all ranks.
+        SurfaceError: If no facet has one of the tags, if a facet is not on the boundary of the mesh
+            or has zero length, or if more than two facets meet at a node. Raised on all ranks.
     """
     V = space.V
     comm = V.mesh.comm
-    branches = comm.allgather(local_facets(V, facet_tags, tag, name))
+    branches = comm.allgather(local_facets(V, facet_tags, tags, name))
     ends, coordinates, given = (np.concatenate(branch) for branch in zip(*branches, strict=True))
     nodes, X, facets = number_nodes(ends, coordinates, given, name)
     order, facets, previous, following = order_curves(facets, X, name)

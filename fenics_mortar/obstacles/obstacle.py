@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.obstacles.points import check_finite, check_vector
+from fenics_mortar.obstacles.shape_change import differentiate_shape
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotFiniteError, place
@@ -156,6 +157,27 @@ class Obstacle(ABC):
         one, zero = np.ones_like(r[:, 0]), np.zeros_like(r[:, 0])
         rows = ((one, zero), (zero, one), (-r[:, 1], r[:, 0]))
         return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+
+    # Shape, for sensitivities; see ``shape_change``
+
+    def shape(self) -> dict[str, Array]:
+        """Parameters of the shape by name, arrays; none by default."""
+        return {}
+
+    def set_shape(self, name: str, values: Array) -> None:
+        """Set a parameter of the shape; pivot and place stay.
+
+        Raises:
+            ValueError: If there is no such parameter, or its value is not allowed.
+        """
+        raise ValueError(f"'{self.name}' has no parameter '{name}' of its shape")
+
+    def local_by_shape(self, x: Array, name: str, direction: Array) -> tuple[Array, Array]:
+        """Derivatives of ``local`` along a direction of a parameter: phi (n,), gradient (n, 2).
+
+        By default extrapolated difference quotients of a copy, see ``shape_change``.
+        """
+        return differentiate_shape(self, x, name, direction)
 
     @abstractmethod
     def local(self, x: Array) -> Fields:

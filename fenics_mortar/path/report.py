@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.work import Work
+from fenics_mortar.utils.markdown import Markdown
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class PathStep:
 
 
 @dataclass
-class PathReport:
+class PathReport(Markdown):
     """Record of a path, complete on success and on failure; prints as a Markdown table.
 
     All methods are local.
