@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from typing import Any, Literal, get_args
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from fenics_mortar.contact.discretization import Discretization, as_discretization
 from fenics_mortar.contact.laws import Frictionless, Law
-from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.mesh.data import MeshData, as_list
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.errors import check_same_words, together
@@ -30,10 +31,11 @@ class ContactPair:
 
     Args:
         data: Mesh, tags and names.
-        slave: Name or tag of the side that carries the multiplier (the finer or softer one).
+        slave: Name or tag of the side that carries the multiplier (the finer or softer one). If there
+            is no master, a surface or a list of surfaces whose facets may all touch each other.
         master: Name or tag of the other side, or an obstacle. Several pairs may share a master. A
             slave with several masters needs one pair for each; see ``redundancy`` for nodes that
-            touch two of them.
+            touch two of them. ``None`` for contact of a surface with itself, see ``self_contact``.
         law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or a user's law, see ``laws``.
             Nodes with a prescribed component, as on symmetry planes, are frictionless.
         search_radius: Largest distance of partners along the slave normal, in front of the slave
@@ -60,8 +62,8 @@ class ContactPair:
     def __init__(
         self,
         data: MeshData,
-        slave: str | int,
-        master: str | int | Obstacle,
+        slave: str | int | Sequence[str | int],
+        master: str | int | Obstacle | None = None,
         *,
         law: Law | None = None,
         search_radius: float | None = None,
@@ -70,7 +72,8 @@ class ContactPair:
         discretization: str | Discretization = "default",
     ) -> None:
         self.data = data
-        self.slave_name, self.master_name = str(slave), str(master)
+        self.slave_name = ", ".join(str(name) for name in as_list(slave))
+        self.master_name = self.slave_name if master is None else str(master)
         self.master = master
         self.search_radius, self.initial_gap = search_radius, initial_gap
         self.sliding: Sliding = sliding
@@ -80,13 +83,19 @@ class ContactPair:
             self._set_up(discretization)
         with together(data.mesh.comm, "ContactPair"):
             self._set_up(discretization)
-            self.slave_tag = data.boundary_tag(slave)
-            if not isinstance(master, Obstacle):
+            self.slave_tag = self._slave_tags(slave)
+            if master is not None and not isinstance(master, Obstacle):
                 data.boundary_tag(master)
         check_same_words(data.mesh.comm, "ContactPair", vars(self))
         for name in (slave, master):
-            if not isinstance(name, Obstacle):
+            if name is not None and not isinstance(name, Obstacle):
                 data.boundary_facets(name)
+
+    def _slave_tags(self, slave: Any) -> int | tuple[int, ...]:
+        """Tag of the slave, or tags of surfaces that may touch each other (local)."""
+        if self.master is not None:
+            return self.data.boundary_tag(slave)
+        return tuple(self.data.boundary_tag(name) for name in as_list(slave))
 
     def _set_up(self, discretization: Any) -> None:
         """Set the discretization and check all options (local)."""
@@ -109,6 +118,11 @@ class ContactPair:
             check_number("initial_gap", self.initial_gap, "a length, or None", np.isfinite)
         check_kind("law", self.law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")
         self.law.check()
+        if self.master is None and self.discretization.integration != "segments":
+            raise ValueError(
+                f"integration={self.discretization.integration!r} without a master: contact of a "
+                "surface with itself has integration='segments' only"
+            )
 
     def with_options(self, **options: Any) -> ContactPair:
         """Copy of the pair with other options (local).
@@ -130,4 +144,6 @@ class ContactPair:
 
     def __repr__(self) -> str:
         """The two sides."""
+        if self.master is None:
+            return f"ContactPair({self.slave_name!r})"
         return f"ContactPair({self.slave_name!r}, {self.master_name!r})"

@@ -28,6 +28,7 @@ ranks in each linear iteration, and each rank factorizes the whole strip. The RE
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -39,6 +40,7 @@ import numpy.typing as npt
 
 from fenics_mortar.interface.curves import number_nodes, order_curves
 from fenics_mortar.interface.measures import facet_measures
+from fenics_mortar.interface.roles import Roles
 from fenics_mortar.interface.tagged_facets import local_facets
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import NodalThickness
@@ -68,6 +70,7 @@ class Surface:
         local_dofs: Local dofs of the nodes owned by this rank, shape (owned nodes, 2).
         comm: Communicator of the mesh.
         thickness: Out-of-plane thickness; ``None`` if it is one.
+        roles: Which facets are masters of which, of a surface that may touch itself.
     """
 
     name: str
@@ -82,6 +85,7 @@ class Surface:
     local_dofs: Indices
     comm: MPI.Comm
     thickness: NodalThickness | None = None
+    roles: Roles | None = None
 
     @cached_property
     def num_nodes(self) -> int:
@@ -267,25 +271,27 @@ class Surface:
         target[self.local_dofs] += values[self.owned]
 
 
-def extract_surface(space: DisplacementSpace, facet_tags: Any, tag: int, name: str) -> Surface:
-    """Extract the facets of ``tag`` as curves (collective).
+def extract_surface(
+    space: DisplacementSpace, facet_tags: Any, tags: int | Sequence[int], name: str
+) -> Surface:
+    """Extract the facets of one or several tags as curves (collective).
 
     Args:
         space: Nodes and dofs of the displacement, degree 1 or 2.
         facet_tags: Facet tags of the mesh.
-        tag: Tag of the surface.
+        tags: Tag of the surface, or several.
         name: Name used in messages.
 
     Returns:
         The surface.
 
     Raises:
-        SurfaceError: If no facet has the tag, if a facet is not on the boundary of the mesh or has
-            zero length, or if more than two facets meet at a node. Raised on all ranks.
+        SurfaceError: If no facet has one of the tags, if a facet is not on the boundary of the mesh
+            or has zero length, or if more than two facets meet at a node. Raised on all ranks.
     """
     V = space.V
     comm = V.mesh.comm
-    branches = comm.allgather(local_facets(V, facet_tags, tag, name))
+    branches = comm.allgather(local_facets(V, facet_tags, tags, name))
     ends, coordinates, given = (np.concatenate(branch) for branch in zip(*branches, strict=True))
     nodes, X, facets = number_nodes(ends, coordinates, given, name)
     order, facets, previous, following = order_curves(facets, X, name)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,15 +17,17 @@ from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import SurfaceError, count_places
 
 
-def local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices, Array, Indices]:
-    """Facets of a tag that this rank owns (collective).
+def local_facets(
+    V: Any, facet_tags: Any, tags: int | Sequence[int], name: str
+) -> tuple[Indices, Array, Indices]:
+    """Facets of one or several tags that this rank owns (collective).
 
     A facet is included if any rank tags it, whether that rank owns the facet or not.
 
     Args:
         V: Space of the displacement.
         facet_tags: Facet tags of the mesh.
-        tag: The tag.
+        tags: The tag or tags.
         name: Name of the surface, used in messages.
 
     Returns:
@@ -39,7 +42,8 @@ def local_facets(V: Any, facet_tags: Any, tag: int, name: str) -> tuple[Indices,
     mesh.topology.create_connectivity(2, 1)
     facet_map = mesh.topology.index_map(1)
     begin, end = facet_map.local_range
-    tagged = facet_map.local_to_global(facet_tags.find(tag).astype(np.int32))
+    found = [facet_tags.find(tag) for tag in np.atleast_1d(tags)]
+    tagged = facet_map.local_to_global(np.concatenate(found).astype(np.int32))
     tagged = np.unique(np.concatenate(mesh.comm.allgather(tagged)))
     tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
     inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)

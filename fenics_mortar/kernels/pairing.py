@@ -37,6 +37,7 @@ from fenics_mortar.kernels.projection import (
     side_of_ray,
     slave_to_master,
 )
+from fenics_mortar.kernels.roles import keep_masters
 from fenics_mortar.kernels.shapes import tabulate_shapes
 from fenics_mortar.utils.rounding import HALF_FACET
 
@@ -167,7 +168,7 @@ def is_next(master_facets, one, other):
 
 @kernel
 def facet_segments(
-    geometry, slave, master_facets, hits, radius, limits, found, view=None, number=0
+    geometry, slave, master_facets, hits, radius, limits, found, view=None, number=0, roles=None
 ):
     """Fill ``found`` with the segments of one slave facet; return their number.
 
@@ -180,7 +181,8 @@ def facet_segments(
         limits: (smallest cosine [1], length in xi that is rounding [1]).
         found: Rows as in ``keep_nearest``, shape (h, 6) or longer; filled.
         view: As in ``is_hidden``; None skips the test.
-        number: Number of the slave facet in ``view``.
+        number: Number of the slave facet in ``view`` and ``roles``.
+        roles: As in ``roles.keep_masters``, if slave and master are one surface.
     """
     x, n, m = geometry
     min_cosine, min_cover = limits
@@ -207,6 +209,8 @@ def facet_segments(
         found[count, 4], found[count, 5] = is_node[0], is_node[1]
         count += 1
     kept = keep_nearest(found, count, min_cover)
+    if roles is not None:
+        kept = keep_masters(found, kept, roles, number)
     edge = x[slave[-1]] - x[slave[0]]
     length = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
     kept = keep_near_parts(found, kept, master_facets, length)
