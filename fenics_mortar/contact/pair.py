@@ -26,13 +26,21 @@ def check_radius(search_radius: Any) -> None:
         check_number("search_radius", search_radius, expected, lambda r: r > 0.0)
 
 
+def _name_of(surfaces: Any) -> str:
+    """Name of one or several surfaces for messages (local)."""
+    first, *others = as_list(surfaces) or [""]
+    if len(others) < 2:
+        return " and ".join(map(str, (first, *others)))
+    return f"{first} and {len(others)} others"
+
+
 class ContactPair:
     """Contact of a slave with a master surface or a rigid obstacle.
 
     Args:
         data: Mesh, tags and names.
-        slave: Name or tag of the side that carries the multiplier (the finer or softer one). If there
-            is no master, a surface or a list of surfaces whose facets may all touch each other.
+        slave: Name or tag of the side that has the multiplier (the finer or softer one). Without a
+            master: one or several surfaces whose facets may all touch each other.
         master: Name or tag of the other side, or an obstacle. Several pairs may share a master. A
             slave with several masters needs one pair for each; see ``redundancy`` for nodes that
             touch two of them. ``None`` for contact of a surface with itself, see ``self_contact``.
@@ -72,7 +80,7 @@ class ContactPair:
         discretization: str | Discretization = "default",
     ) -> None:
         self.data = data
-        self.slave_name = ", ".join(str(name) for name in as_list(slave))
+        self.slave_name = _name_of(slave)
         self.master_name = self.slave_name if master is None else str(master)
         self.master = master
         self.search_radius, self.initial_gap = search_radius, initial_gap

@@ -4,16 +4,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scenes import TIGHT, internal, neo_hookean, read
 
+import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
 from meshes import mapped_grids
-from meshes.mapped_grids import Grid, sector
+from meshes.mapped_grids import Grid, block, mapped, sector
 
 E, NU = 100.0, 0.3
 
@@ -30,7 +32,7 @@ class Driven:
 
     def __init__(
         self, grids: list[Grid], parts: dict[str, Any], pairs: Any, *, problem: Any = None,
-        order: int = 1, stiffness: float = E, reverse: bool = False,
+        order: int = 1, reverse: bool = False, foundation: float = 0.0,
     ) -> None:  # fmt: skip
         """Set up.
 
@@ -40,8 +42,8 @@ class Driven:
             pairs: Function of the mesh data that returns the pairs.
             problem: Options of the problem.
             order: Order of cells and displacement.
-            stiffness: Young's modulus [stress].
             reverse: Whether the nodes are numbered from the other end.
+            foundation: Stiffness of springs at all points [stress / length^2].
         """
         grids = [backwards(grid) for grid in grids] if reverse else grids
         self.data = read(lambda: mapped_grids.build(grids, order=order))
@@ -50,7 +52,9 @@ class Driven:
         for name, where in parts.items():
             self.moved[name] = fem.Constant(self.data.mesh, (0.0, 0.0))
             bcs.append(fem.dirichletbc(self.moved[name], fem.locate_dofs_geometrical(V, where), V))
-        residual = internal(self.u, neo_hookean(self.u, stiffness, NU))
+        residual = internal(self.u, neo_hookean(self.u, E, NU))
+        if foundation:
+            residual += foundation * ufl.inner(self.u, ufl.TestFunction(V)) * ufl.dx
         options = {"petsc_options_prefix": "test_self_", "newton": TIGHT, **(problem or {})}
         self.problem = fm.ContactProblem(residual, self.u, pairs(self.data), bcs=bcs, **options)
 
@@ -151,5 +155,37 @@ def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any)
         [Grid("tube", shape, joined=names, closed=True)],
         {"low": held(-1.0), "high": held(1.0)},
         pairs,
+        **options,
+    )
+
+
+def ten_bodies(pairs: Any, *, seed: int = 1, foundation: float = 0.5, **options: Any) -> Driven:
+    """Ten blocks of random sizes between a ground and a tool, on weak springs."""
+    rng = np.random.default_rng(seed)
+    grids, y = [], 0.0
+    for layer, count in enumerate((3, 4, 3)):
+        height, cuts = rng.uniform(0.5, 0.8), np.linspace(0.0, 3.0, count + 1)
+        cuts[1:-1] += rng.uniform(-0.12, 0.12, count - 1)
+        for i, (a, b) in enumerate(pairwise(cuts)):
+            bulge = rng.uniform(0.0, 0.03)
+
+            def position(s: Any, t: Any, a=a, b=b, y=y, height=height, bulge=bulge) -> Any:
+                bent = bulge * np.sin(np.pi * s) * (t - 0.5)
+                return a + (b - a - 0.01) * s, y + height * t + bent
+
+            shape = mapped(int(rng.integers(5, 9)), int(rng.integers(3, 5)), position)
+            name = f"b{layer}{i}"
+            names = dict.fromkeys(mapped_grids.SIDES, f"{name}/outline")
+            grids.append(Grid(name, shape, joined=names))
+        y += height + 0.03
+    tool = block(13, 2, width=3.2, height=0.3, corner=(-0.1, y))
+    ground = block(11, 2, width=3.4, height=0.3, corner=(-0.2, -0.33))
+    grids += [Grid("tool", tool), Grid("ground", ground)]
+    names = [f"{grid.name}/outline" for grid in grids[:-2]] + ["tool/bottom", "ground/top"]
+    return Driven(
+        grids,
+        {"low": lambda x: x[1] < -0.329, "high": lambda x: x[1] > y + 0.299},
+        lambda data: pairs(data, names),
+        foundation=foundation,
         **options,
     )

@@ -3,7 +3,6 @@
 
 import numpy as np
 import pytest
-from refusal import COMM
 from self_scenes import c_ring, strip_in_s, tube
 
 import fenics_mortar as fm
