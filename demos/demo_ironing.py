@@ -72,7 +72,8 @@ def move(way):
 def keep(way, report):
     rows.append((way, *problem.equations.contacts[0].total_force, report.num_iterations))
     if np.isclose(way, 6.0):
-        fm.plot(problem, "results/ironing.png", stress=-(P * F.T / J)[1, 1], label="pressure [MPa]")
+        shown = {"label": "vertical compression [MPa]", "units": ("mm", "MPa")}
+        fm.plot(problem, "results/ironing.png", stress=-(P * F.T / J)[1, 1], **shown)
 
 
 rows, options = [], fm.SteppingOptions(step)

@@ -30,12 +30,12 @@ import numpy as np
 from fenics_mortar.contact.active_set import next_sets
 from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.instant import Instant, first_instant
 from fenics_mortar.contact.integration import NO_PLACE, Integration
 from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only
 from fenics_mortar.contact.law_calls import LawCalls, raise_noted
 from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
-from fenics_mortar.contact.moments import Moment, first_moment
 from fenics_mortar.contact.multiplier_nodes import MultiplierNodes, normals_on_planes
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.parameters import Parameters
@@ -280,20 +280,20 @@ class Contact(Interface):
         Evaluates its parameters that vary in space; a law with other memory than the last one
         starts with its initial memory.
         """
-        law, moment = self.pair.law, self._state.committed
+        law, instant = self.pair.law, self._state.committed
         self.parameters = self._parameters.sample(law) if law.fields else {}
         self._kind = LawFields if law.sees_nodes else ContactFields
-        if moment is None or moment.begins(law):
-            moment = first_moment(law, self.slave, 0.0 if moment is None else moment.time)
-            self.change(committed=moment, past=moment)
+        if instant is None or instant.begins(law):
+            instant = first_instant(law, self.slave, 0.0 if instant is None else instant.time)
+            self.change(committed=instant, past=instant)
 
-    def remembered(self) -> Moment:
+    def remembered(self) -> Instant:
         """Time and memory at the end of the present step (local)."""
         law, node = self.pair.law, self.nodal
         memory = node.memory
         if law.memory:
             memory = self.law_calls.remember(law, node, self.branch)
-        return Moment.of(self._state.load_time, node.step, memory)
+        return Instant.of(self._state.load_time, node.step, memory)
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""

@@ -24,6 +24,9 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import ROUNDING
 
+# Parts of the state that the arguments of a law depend on, and its tangential row.
+SEEN = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "past")
+RULED = (*SEEN, "active", "branch", "redundant")
 # Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
 # the strains e; the shear is 1000 e times the pressure.
 ELASTIC = 1e3
@@ -260,22 +263,18 @@ class ContactFields(InterfaceFields):
         on_plane = np.isfinite(self.sides.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
 
-    @field("z", "multiplier_nodes", "partners", "c_n", "load_time", "past")
+    @field(*SEEN)
     def nodal(self) -> Nodal:
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
         stiffness = self.sides.modulus / self.nodal_lengths
         c_n = self.state.c_n * stiffness
         needs_slip = type(self.sides.pair.law) is not Frictionless
         slip = self.slip if needs_slip else np.zeros_like(stiffness)
-        time, past, places = (
-            self.state.load_time,
-            self.state.past,
-            (self.sides.slave.X, self.operators.x),
-        )
+        X, time, past = self.sides.slave.X, self.state.load_time, self.state.past
         step = time - past.time if time > past.time else past.step
         return Nodal(
-            self.mean_gap, slip, self.z_n, self.z_tau, stiffness, c_n, *places, time, step,
-            past.memory, self.sides.parameters,
+            self.mean_gap, slip, self.z_n, self.z_tau, stiffness, c_n, X, self.operators.x, time,
+            step, past.memory, self.sides.parameters,
         )  # fmt: skip
 
     @property
@@ -294,17 +293,7 @@ class ContactFields(InterfaceFields):
         """Work of friction in the step, with the shear at its end [stress length^2]."""
         return float(self.shear_force @ np.where(self.state.active, self.slip, 0.0))
 
-    @field(
-        "z",
-        "active",
-        "branch",
-        "multiplier_nodes",
-        "redundant",
-        "partners",
-        "c_n",
-        "load_time",
-        "past",
-    )
+    @field(*RULED)
     def tangential_row(self) -> Row:
         """Tangential row of all nodes, open ones as if active, each (slave nodes,).
 
@@ -328,17 +317,7 @@ class ContactFields(InterfaceFields):
         elastic = Row(shear - k * self.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
         return Row(*(np.where(state.redundant, a, b) for a, b in zip(elastic, row, strict=True)))
 
-    @field(
-        "z",
-        "active",
-        "branch",
-        "multiplier_nodes",
-        "redundant",
-        "partners",
-        "c_n",
-        "load_time",
-        "past",
-    )
+    @field(*RULED)
     def law_rows(self) -> tuple[Row, ...]:
         """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,).
 

@@ -60,6 +60,8 @@ class Law(ABC):
     """Base class of all laws; all methods act on all slave nodes at once and are local.
 
     Attributes:
+        parameters: Names of attributes, real numbers or arrays of these, by which results may be
+            differentiated: ``tangential`` and ``adhesion`` have to be analytic in them.
         memory: Names of the numbers that the law keeps at each node.
         fields: Names of parameters that may vary in space: attributes that are a number, an array
             (slave nodes,), a function of undeformed positions (n, 2), or a scalar function of
@@ -71,9 +73,9 @@ class Law(ABC):
         bridges_gap: Whether the tangential row also holds at open nodes with adhesion.
     """
 
+    parameters: tuple[str, ...] = ()
     memory: tuple[str, ...] = ()
     fields: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
     needs_time: bool = False
     bridges_gap: bool = False
 
@@ -197,13 +199,17 @@ class Law(ABC):
     @property
     def has_adhesion(self) -> bool:
         """Whether the law has adhesion."""
-        kind = type(self)
-        return kind.adhesion is not Law.adhesion or kind.adhesion_at is not Law.adhesion_at
+        return type(self).adhesion is not Law.adhesion or self.pulls_by_node
 
     @property
     def has_layer(self) -> bool:
         """Whether the law has a closing gap of its own."""
         return type(self).closing_gap is not Law.closing_gap
+
+    @property
+    def pulls_by_node(self) -> bool:
+        """Whether the adhesion depends on more than the gap."""
+        return type(self).adhesion_at is not Law.adhesion_at
 
     @property
     def varying(self) -> dict[str, Any]:
@@ -220,7 +226,7 @@ class Law(ABC):
             or self.has_layer
             or self.bridges_gap
             or self.varying
-            or kind.adhesion_at is not Law.adhesion_at
+            or self.pulls_by_node
             or kind.friction_limit is Law.friction_limit
         )
 

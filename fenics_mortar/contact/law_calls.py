@@ -17,8 +17,8 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.contact.instant import check_memory
 from fenics_mortar.contact.laws import BUILT_IN, Array, Branches, Law, Nodal, Row
-from fenics_mortar.contact.moments import check_memory
 from fenics_mortar.utils.errors import NotFiniteError, leave_together, place
 
 Marks = npt.NDArray[np.bool_]

@@ -7,13 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_mortar.contact.fields import ContactFields, field
+from fenics_mortar.contact.fields import RULED, SEEN, ContactFields, field
 from fenics_mortar.contact.nodal import Nodal, Row, through
 from fenics_mortar.utils.arrays import Array, Flags
-
-# Parts of the state that the arguments of a law depend on.
-SEEN = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "past")
-ALL = (*SEEN, "active", "branch", "redundant")
 
 
 class LawFields(ContactFields):
@@ -86,7 +82,7 @@ class LawFields(ContactFields):
         """See ``ContactFields``."""
         return self.state.active | self.attracted
 
-    @field(*ALL)
+    @field(*RULED)
     def law_rows(self) -> tuple[Row, ...]:
         """See ``ContactFields``; with a closing gap of the law its row is the third."""
         tangential, opening = ContactFields.law_rows.func(self)

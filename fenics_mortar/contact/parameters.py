@@ -10,8 +10,8 @@ import numpy as np
 
 from dolfinx import fem
 
+from fenics_mortar.contact.instant import check_numbers
 from fenics_mortar.contact.law import Law
-from fenics_mortar.contact.moments import check_numbers
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.rounding import EPSILON
 
+# Arguments of a law that its residual depends on.
+ARRAYS = ("gap", "slip", "z_n", "z_tau", "stiffness", "c_n")
 # Complex step [1]: its square is below the rounding of any number that is not tiny itself.
 STEP = 1e-30
 # Real step of difference quotients, relative to the parameter, and largest relative difference to
@@ -95,8 +98,11 @@ def _derivatives(contact: Contact, name: str, direction: Array) -> tuple[Array, 
 
 def _rho(law: Law, f: Any) -> Any:
     """Residual of the law; its arguments are complex, so that its arrays may be."""
-    node = Nodal(**{name: values.astype(complex) for name, values in vars(f.nodal).items()})
-    return law.tangential(node, f.state.branch).residual
+    node: Nodal = f.nodal
+    arguments: dict[str, Any] = {name: getattr(node, name).astype(complex) for name in ARRAYS}
+    own = {name for name in law.parameters if isinstance(getattr(law, name), np.ndarray)}
+    arguments["fields"] = {name: v for name, v in node.fields.items() if name not in own}
+    return law.tangential(replace(node, **arguments), f.state.branch).residual
 
 
 def _adhesion(law: Law, gap: Array) -> Any:

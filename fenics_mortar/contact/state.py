@@ -10,7 +10,7 @@ from fenics_mortar.contact.laws import Branches
 from fenics_mortar.utils.arrays import Array, Flags, freeze
 
 # Parts of a state that follow from the others at the end of a solve: files have none of them.
-# Moments are written by ``moments``.
+# Instants are written by ``instant``.
 DERIVED = {"derived": True}
 
 
@@ -36,8 +36,8 @@ class InterfaceState:
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
         reference: Operators of the undeformed mesh, with small sliding.
         load_time: Time of the present loads, at the end of the step.
-        past: ``Moment`` of the start of the step, whose memory the law sees; ``None`` for a tie.
-        committed: ``Moment`` of the last accepted state, used in the next step.
+        past: ``Instant`` of the start of the step, whose memory the law sees; ``None`` for a tie.
+        committed: ``Instant`` of the last accepted state, used in the next step.
         borne: Nodes with tensile multiplier and compressive force, and the forces of all nodes, for
             the next active set; see ``Contact.move``.
     """

@@ -9,9 +9,9 @@ from dataclasses import replace
 from mpi4py import MPI
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.instant import Instant
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_noted
-from fenics_mortar.contact.moments import Moment
 from fenics_mortar.utils.errors import MortarError
 
 
@@ -41,7 +41,7 @@ def _check_time(contact: Contact) -> None:
         )
 
 
-def moments_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Moment | None]:
+def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant | None]:
     """Time and memory of all pairs at the end of the present step; ``None`` for ties (collective).
 
     Raises:
@@ -52,16 +52,16 @@ def moments_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Moment | N
     return found
 
 
-def commit(contacts: Sequence[Interface], moments: Sequence[Moment | None]) -> None:
+def commit(contacts: Sequence[Interface], instants: Sequence[Instant | None]) -> None:
     """Set the accepted time and memory, from which the next step starts (local)."""
-    for contact, moment in zip(contacts, moments, strict=True):
-        contact.change(committed=moment)
+    for contact, instant in zip(contacts, instants, strict=True):
+        contact.change(committed=instant)
 
 
 def start_clock(contacts: Sequence[Interface], time: float) -> None:
     """Set the time of the accepted state (local)."""
     for contact in contacts:
-        moment = contact.state.committed
-        if moment is not None and moment.time != time:
-            moment = replace(moment, time=time)
-        contact.change(committed=moment, load_time=time)
+        instant = contact.state.committed
+        if instant is not None and instant.time != time:
+            instant = replace(instant, time=time)
+        contact.change(committed=instant, load_time=time)

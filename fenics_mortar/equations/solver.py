@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.steps import begin_step, commit, moments_of
+from fenics_mortar.contact.steps import begin_step, commit, instants_of
 from fenics_mortar.contact.words import describe_start
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
@@ -99,7 +99,7 @@ class Solver:
                 self._accept_moved()
             report = self._solve()
             moved += e.floating.check()
-            moments = moments_of(e.comm, e.contacts)
+            instants = instants_of(e.comm, e.contacts)
         except Exception:  # of whatever kind, for all ranks alike
             e.last_converged = False
             e.crossings.leave()
@@ -109,7 +109,7 @@ class Solver:
         accepted = [(contact.accepted, contact.state.committed) for contact in e.contacts]
         for contact in e.contacts:
             contact.accept()
-        commit(e.contacts, moments)
+        commit(e.contacts, instants)
         e.bulk.free_garbage()
         passages = e.crossings.passages(e.motions.places)
         report.certificate = replace(
@@ -124,8 +124,8 @@ class Solver:
         self._starts = []
         if violations and not accept_violations:
             e.last_converged = False
-            for contact, (partners, moment) in zip(e.contacts, accepted, strict=True):
-                contact.change(accepted=partners, committed=moment)
+            for contact, (partners, instant) in zip(e.contacts, accepted, strict=True):
+                contact.change(accepted=partners, committed=instant)
             e.crossings.leave()
             raise _wrong_state(report, violations)
         e.crossings.accept(e.motions.places)

@@ -57,7 +57,7 @@ class State:
         )
 
     def counting_slip_from(self, other: State) -> State:
-        """This state with the partners, moments and accepted positions of ``other``."""
+        """This state with the partners, instants and accepted positions of ``other``."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
         return replace(
             self,

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.moments import moment_arrays, take_moment
+from fenics_mortar.contact.instant import instant_arrays, take_instant
 from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.mesh.numbering import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
@@ -91,7 +91,7 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
             contact.refer_to(kept["reference_place"][i], kept["multiplier_nodes"][i])
         values = {name: kept[name][i] for name in INDEPENDENT}
         contact.change(**{name: value[()] for name, value in values.items()})  # numbers as such
-        take_moment(contact, data[f"clock{i}"], data[f"memory{i}"])
+        take_instant(contact, data[f"clock{i}"], data[f"memory{i}"])
     inertia = problem.equations.bulk.inertia
     if inertia is not None:
         inertia.take_kept(data, problem.equations.bulk.u.x.array)
@@ -121,7 +121,7 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
     for i, contact in enumerate(problem.equations.contacts):
         kept = {name: getattr(contact, name, np.full(3, np.nan)) for name in KEPT}  # ties lack some
         data |= {f"{name}{i}": np.asarray(value) for name, value in kept.items()}
-        names, data[f"clock{i}"], data[f"memory{i}"] = moment_arrays(contact)
+        names, data[f"clock{i}"], data[f"memory{i}"] = instant_arrays(contact)
         data[f"memorized{i}"] = np.array(names, str)
     return data
 

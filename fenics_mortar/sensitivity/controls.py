@@ -8,7 +8,7 @@ before.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +36,34 @@ from fenics_mortar.utils.errors import MortarError
 Before = State | History | None
 
 
+class Control(Protocol):
+    """Values that a solution depends on."""
+
+    name: str
+
+    def get(self, problem: ContactProblem) -> Array:
+        """Present values (local)."""
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Set the values, equal on all ranks (local)."""
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """Change of the residuals along a change ``dm`` of the values (collective).
+
+        Args:
+            problem: The problem at the end of the step, evaluated with ``EXACT``.
+            dm: Shape of the values.
+            before: State at the start of the step, where slip that depends on it does on the
+                control.
+        """
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """Gradient of the scalar product of residuals and ``y``, shape of the values.
+
+        Equal on all ranks; collective. Arguments: see ``jvp``.
+        """
+
+
 class LawParameter:
     """A parameter of the law of a pair, see ``Law.parameters``.
 
@@ -49,11 +77,11 @@ class LawParameter:
         self.name = f"{name} of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         return parameter(contact_of(problem.equations, self.pair).pair.law, self.parameter)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         law = contact_of(problem.equations, self.pair).pair.law
         check_choice(f"parameter of {law!r}", self.parameter, law.parameters)
         new = np.asarray(values, float)
@@ -61,13 +89,13 @@ class LawParameter:
         law.check()
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         rows = rows_by_parameter(contact, self.parameter, np.asarray(dm, float))
         return from_rows(problem.equations, {self.pair: rows})
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
 
@@ -83,28 +111,28 @@ class Offset:
         self.pair, self.name = pair, f"offset of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``: shape (slave nodes,) [length]."""
+        """See ``Control``: shape (slave nodes,) [length]."""
         return contact_of(problem.equations, self.pair).offset.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         contact_of(problem.equations, self.pair).offset = values
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         check_exact(contact)
         return from_rows(problem.equations, {self.pair: rows_by_offset(contact, np.asarray(dm))})
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         check_exact(contact)
         return offset_by_rows(contact, rows_at(y, self.pair, contact))
 
 
 class Interference:
-    """One length added to the offsets of all nodes of a pair.
+    """Mean offset of a pair, which shifts the offsets of all nodes alike.
 
     Args:
         pair: Number of the pair.
@@ -112,25 +140,24 @@ class Interference:
 
     def __init__(self, pair: int) -> None:
         self.pair, self.name = pair, f"interference of pair {pair}"
-        self._offset, self._value = Offset(pair), 0.0
+        self._offset = Offset(pair)
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``: the length that ``set`` has added, shape () [length]."""
-        return np.asarray(self._value)
+        """See ``Control``: shape () [length]."""
+        return np.asarray(self._offset.get(problem).mean())
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``; without effect beyond the other surface."""
-        new = np.asarray(values, float).item()
-        self._offset.set(problem, self._offset.get(problem) + (new - self._value))
-        self._value = new
+        """See ``Control``; without effect beyond the other surface."""
+        shift = np.asarray(values, float).item() - self.get(problem)
+        self._offset.set(problem, self._offset.get(problem) + shift)
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         everywhere = np.full(len(self._offset.get(problem)), np.asarray(dm, float).item())
         return self._offset.jvp(problem, everywhere)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         return np.asarray(self._offset.vjp(problem, y).sum())
 
 
@@ -152,14 +179,14 @@ class _OfObstacle:
         raise NotImplementedError
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         change = zeros(problem.equations)
         assert change.q is not None
         change.q[self._number(problem)] = np.where(self._mine(problem), -np.asarray(dm), 0.0)
         return change
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         if y.q is None:
             return np.zeros(3)
         return np.where(self._mine(problem), -y.q[self._number(problem)], 0.0)
@@ -177,11 +204,11 @@ class ObstaclePlace(_OfObstacle):
         return f"place of '{self.obstacle.name}'"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``: shape (3,)."""
+        """See ``Control``: shape (3,)."""
         return self.obstacle.place.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``; driven motions stay."""
+        """See ``Control``; driven motions stay."""
         self.obstacle.place = np.where(self._mine(problem), values, self.obstacle.place)
 
     def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
@@ -200,11 +227,11 @@ class ObstacleLoad(_OfObstacle):
         return f"load of '{self.obstacle.name}'"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``: shape (3,), 0 for prescribed motions."""
+        """See ``Control``: shape (3,), 0 for prescribed motions."""
         return np.nan_to_num(self.obstacle.load)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``; prescribed motions stay so."""
+        """See ``Control``; prescribed motions stay so."""
         self.obstacle.load = np.where(self._mine(problem), values, np.nan)
 
     def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
@@ -225,11 +252,11 @@ class ObstacleShape:
         self.name = f"{name} of '{obstacle.name}'"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         return np.array(self.obstacle.shape()[self.parameter])
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         self.obstacle.set_shape(self.parameter, np.asarray(values, float))
 
     def _pairs(self, problem: ContactProblem, before: Before) -> list[tuple[int, Any, Any]]:
@@ -243,7 +270,7 @@ class ObstacleShape:
         return found
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         rows = {
             i: rows_by_shape(contact, self.parameter, np.asarray(dm, float), earlier)
             for i, contact, earlier in self._pairs(problem, before)
@@ -251,7 +278,7 @@ class ObstacleShape:
         return from_rows(problem.equations, rows)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         gradient = np.zeros_like(self.get(problem))
         for i, contact, earlier in self._pairs(problem, before):
             rows = rows_at(y, i, contact)

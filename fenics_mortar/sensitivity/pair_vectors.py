@@ -75,11 +75,27 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
     Raises:
         ValueError: If it is a tie.
+        MortarError: If derivatives by the state of its law are not implemented.
     """
     contact = equations.contacts[i]
     if not isinstance(contact, Contact):
         raise ValueError(f"pair {i} is tied: expected a contact")
+    check_law(contact)
     return contact
+
+
+def check_law(contact: Any) -> None:
+    """Raise if the law of a contact has a memory, a layer or an adhesion of its own (local).
+
+    Raises:
+        MortarError: For such a law: its memory and its closing gap have no derivatives yet.
+    """
+    law = contact.pair.law if isinstance(contact, Contact) else None
+    if law is not None and (law.memory or law.has_layer or law.bridges_gap or law.pulls_by_node):
+        raise MortarError(
+            f"{law!r} has a memory, a closing gap or an adhesion of its own, which have no "
+            "sensitivities: expected a law with tangential, friction_limit and adhesion alone"
+        )
 
 
 def check_exact(contact: Any) -> None:

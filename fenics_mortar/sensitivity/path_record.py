@@ -16,6 +16,7 @@ from fenics_mortar.equations.general import State
 from fenics_mortar.equations.undo import Before
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.pair_vectors import check_law
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
@@ -88,13 +89,15 @@ class RecordedPath:
 
     Raises:
         ValueError: If ``problem`` is of another type.
-        MortarError: If the problem has inertia.
+        MortarError: If the problem has inertia, or a law a memory or a closing gap.
     """
 
     def __init__(self, problem: ContactProblem, *, also: Sequence[Any] = ()) -> None:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         if problem.equations.bulk.inertia is not None:
             raise MortarError("dynamics have no derivatives: expected a static problem")
+        for contact in problem.equations.contacts:
+            check_law(contact)
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[Step] = []

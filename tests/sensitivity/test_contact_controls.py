@@ -11,7 +11,7 @@ from test_adhesion import Sticky, columns
 
 import fenics_mortar as fm
 from fenics_mortar.contact.laws import Row
-from fenics_mortar.interface.mortar import EXACT
+from fenics_mortar.interface.mortar import EXACT, Linearization
 from fenics_mortar.sensitivity.controls import (
     Interference,
     LawParameter,
@@ -150,9 +150,14 @@ def test_adhesion_of_open_nodes():
     assert contact.attracted.any()
     check(problem, LawParameter(0, "pull"))
     check(problem, Offset(0), step=0.01)
-    slope = contact.now.law_rows[1].by_gap
-    problem.equations.linearization = EXACT
-    assert (slope[contact.attracted] != 0.0).all()
+    contact.pair.law.pull = 1000.0
+    slopes = []
+    for linearization in (EXACT, Linearization()):
+        problem.equations.linearization = linearization
+        problem.equations.evaluate_operators()
+        slopes.append(contact.now.law_rows[1].by_gap[contact.attracted])
+    assert contact.now.fades_fast[contact.attracted].all()
+    assert (slopes[0] != 0.0).all() and (slopes[1] == 0.0).all()
 
 
 @pytest.mark.parametrize("degree", [1, 2])

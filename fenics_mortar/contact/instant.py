@@ -17,7 +17,7 @@ from fenics_mortar.utils.errors import call_together, check_same
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class Instant:
     """Time and memory at an accepted state, a value.
 
     Attributes:
@@ -31,8 +31,8 @@ class Moment:
     memory: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, time: float, step: float, memory: Mapping[str, Array]) -> Moment:
-        """A moment with copies of the arrays (local)."""
+    def of(cls, time: float, step: float, memory: Mapping[str, Array]) -> Instant:
+        """An instant with copies of the arrays (local)."""
         kept = {name: np.array(values, float) for name, values in memory.items()}
         for values in kept.values():
             values.flags.writeable = False
@@ -43,7 +43,7 @@ class Moment:
         return tuple(self.memory) != tuple(law.memory)
 
 
-def first_moment(law: Law, slave: Surface, time: float) -> Moment:
+def first_instant(law: Law, slave: Surface, time: float) -> Instant:
     """Time and initial memory of a law (collective).
 
     Raises:
@@ -56,7 +56,7 @@ def first_moment(law: Law, slave: Surface, time: float) -> Moment:
 
     memory = call_together(slave.comm, f"{law!r}", initial) if law.memory else {}
     check_same(slave.comm, [(f"{name} of {law!r}", values) for name, values in memory.items()])
-    return Moment.of(time, 1.0, memory)
+    return Instant.of(time, 1.0, memory)
 
 
 def check_memory(law: Law, what: str, answer: Any, count: int) -> dict[str, Array]:
@@ -85,21 +85,21 @@ def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:
     return array.astype(float)
 
 
-def moment_arrays(contact: Any) -> tuple[list[str], Array, Array]:
+def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
     """Names of the memory, time and step (2,), and memory (names, slave nodes), for files (local).
 
     Without names and memory for a tie.
     """
-    moment, count = contact.state.committed or Moment(), contact.slave.num_nodes
-    values = np.array(list(moment.memory.values()), float).reshape(-1, count)
-    return list(moment.memory), np.array([moment.time, moment.step]), values
+    instant, count = contact.state.committed or Instant(), contact.slave.num_nodes
+    values = np.array(list(instant.memory.values()), float).reshape(-1, count)
+    return list(instant.memory), np.array([instant.time, instant.step]), values
 
 
-def take_moment(contact: Any, clock: Array, values: Array) -> None:
-    """Go to a moment of a file with the memory of the present law (local)."""
+def take_instant(contact: Any, clock: Array, values: Array) -> None:
+    """Go to an instant of a file with the memory of the present law (local)."""
     time, step = map(float, clock)
-    moment = contact.state.committed
-    if moment is not None:
-        memory = dict(zip(moment.memory, values, strict=True))
-        contact.change(committed=Moment.of(time, step, memory))
+    instant = contact.state.committed
+    if instant is not None:
+        memory = dict(zip(instant.memory, values, strict=True))
+        contact.change(committed=Instant.of(time, step, memory))
     contact.change(load_time=time)
