@@ -17,6 +17,8 @@ Beside the tangential row and an adhesion, see ``laws``, a law may have
 Each method sees all of ``Nodal``: positions, time, step and memory. Derivatives are the law's own,
 or those of ``nodal.row_of``. Archard's wear with Coulomb's friction, h' = wear z_n |u'|:
 
+>>> from fenics_mortar.contact.laws import Coulomb
+>>> from fenics_mortar.contact.nodal import magnitude, row_of
 >>> class Worn(Coulomb):
 ...     memory = ("depth",)
 ...
@@ -32,6 +34,8 @@ or those of ``nodal.row_of``. Archard's wear with Coulomb's friction, h' = wear 
 ...
 ...     def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
 ...         return {"depth": self.depth(node)}
+>>> Worn(0.3, wear=1e-4).memory
+('depth',)
 """
 
 from __future__ import annotations
