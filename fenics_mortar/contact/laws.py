@@ -36,6 +36,8 @@ Example: a regularized Coulomb law with a single branch,
 ...
 ...     def friction_limit(self, pressure: Array) -> Array:
 ...         return self.mu * pressure
+>>> Creeping(0.3, 0.01).friction_limit(np.array([0.0, 2.0]))
+array([0. , 0.6])
 
 and Coulomb friction with an adhesion that decays with the gap:
 
@@ -43,6 +45,8 @@ and Coulomb friction with an adhesion that decays with the gap:
 ...     def adhesion(self, gap: Array) -> tuple[Array, Array]:
 ...         pull = 2.0 * np.exp(-gap / 0.01)
 ...         return pull, -pull / 0.01
+>>> Sticky(0.3).has_adhesion
+True
 
 ``ContactProblem.check_tangent`` verifies the derivatives. Results must be finite, equal on all
 ranks, and one number per node. Otherwise, or if a law raises, the solve ends with an error on all

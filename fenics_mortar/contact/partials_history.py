@@ -126,9 +126,10 @@ class History:
         dofs = Dofs((contact.slave, contact.master))
         self.slip = off_planes(slip_derivative(contact, earlier, dofs), contact)
         self.shear = shear_derivative(earlier, dofs)
-        scaled, row = contact.frame()[2], f.tangential_row
-        redundant = f.state.redundant / ELASTIC
-        self._by_slip, self._by_shear = -scaled * row.by_slip[:, None], scaled * redundant[:, None]
+        laws = contact.frame()[2:]
+        terms = [s * row.by_slip[:, None] for s, row in zip(laws, f.law_rows, strict=True)]
+        self._by_slip = -np.sum(terms, axis=0)
+        self._by_shear = laws[0] * (f.state.redundant / ELASTIC)[:, None]
 
     def along(self, direction: PairVector) -> Array:
         """Change of the rows, shape (slave nodes, 2) [stress length]."""

@@ -8,7 +8,7 @@ before.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.history import History, has_history
 from fenics_mortar.sensitivity.pair_vectors import (
     check_exact,
     contact_of,
@@ -36,8 +36,40 @@ from fenics_mortar.utils.errors import MortarError
 Before = State | History | None
 
 
-class LawParameter:
+class Control(Protocol):
+    """Values that a solution depends on.
+
+    Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
+    ``before``, at the start of the step, which is needed where slip depends on the control through
+    it: a ``State``, or its ``History``.
+
+    Attributes:
+        name: Name for messages.
+    """
+
+    name: str
+
+    def get(self, problem: ContactProblem) -> Array:
+        """Present values (local), of shape () if it is one number [their unit]."""
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Set the ``values``, equal on all ranks (local)."""
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """Change of the residuals along a change ``dm`` of the values (collective)."""
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """Gradient of the scalar product of residuals and ``y`` (collective).
+
+        Equal on all ranks, of the shape of the values [units of the product over theirs].
+        """
+
+
+class LawParameter(Control):
     """A parameter of the law of a pair, see ``Law.parameters``.
+
+    A parameter that varies in space, see ``Law.fields``, has its values at the slave nodes at the
+    last solve; ``set`` replaces a function by such values.
 
     Args:
         pair: Number of the pair.
@@ -49,30 +81,30 @@ class LawParameter:
         self.name = f"{name} of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``."""
-        return parameter(contact_of(problem.equations, self.pair).pair.law, self.parameter)
+        """See ``Control``."""
+        return parameter(contact_of(problem.equations, self.pair), self.parameter)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         law = contact_of(problem.equations, self.pair).pair.law
         check_choice(f"parameter of {law!r}", self.parameter, law.parameters)
-        new = np.asarray(values, float)
+        new = np.array(values, float)
         setattr(law, self.parameter, new if new.ndim else new.item())
         law.check()
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         rows = rows_by_parameter(contact, self.parameter, np.asarray(dm, float))
         return from_rows(problem.equations, {self.pair: rows})
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
 
 
-class Offset:
+class Offset(Control):
     """The nodal offsets of a pair, see ``PairView.offset``.
 
     Args:
@@ -83,28 +115,28 @@ class Offset:
         self.pair, self.name = pair, f"offset of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``: shape (slave nodes,) [length]."""
+        """See ``Control``: shape (slave nodes,) [length]."""
         return contact_of(problem.equations, self.pair).offset.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         contact_of(problem.equations, self.pair).offset = values
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         check_exact(contact)
         return from_rows(problem.equations, {self.pair: rows_by_offset(contact, np.asarray(dm))})
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         contact = contact_of(problem.equations, self.pair)
         check_exact(contact)
         return offset_by_rows(contact, rows_at(y, self.pair, contact))
 
 
-class Interference:
-    """One length added to the offsets of all nodes of a pair.
+class Interference(Control):
+    """Mean offset of a pair, which shifts the offsets of all nodes alike.
 
     Args:
         pair: Number of the pair.
@@ -112,37 +144,39 @@ class Interference:
 
     def __init__(self, pair: int) -> None:
         self.pair, self.name = pair, f"interference of pair {pair}"
-        self._offset, self._value = Offset(pair), 0.0
+        self._offset = Offset(pair)
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``: the length that ``set`` has added, shape () [length]."""
-        return np.asarray(self._value)
+        """See ``Control``: shape () [length]."""
+        return np.asarray(self._offset.get(problem).mean())
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``; without effect beyond the other surface."""
-        new = np.asarray(values, float).item()
-        self._offset.set(problem, self._offset.get(problem) + (new - self._value))
-        self._value = new
+        """See ``Control``; without effect beyond the other surface."""
+        shift = np.asarray(values, float).item() - self.get(problem)
+        self._offset.set(problem, self._offset.get(problem) + shift)
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         everywhere = np.full(len(self._offset.get(problem)), np.asarray(dm, float).item())
         return self._offset.jvp(problem, everywhere)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         return np.asarray(self._offset.vjp(problem, y).sum())
 
 
-class _OfObstacle:
+class _OfObstacle(Control):
     """Values of an obstacle in the rows of its motions.
 
     Args:
         obstacle: The obstacle.
     """
 
+    quantity: str
+
     def __init__(self, obstacle: Obstacle) -> None:
         self.obstacle = obstacle
+        self.name = f"{self.quantity} of '{obstacle.name}'"
 
     def _number(self, problem: ContactProblem) -> int:
         return problem.obstacles.index(self.obstacle)
@@ -152,14 +186,14 @@ class _OfObstacle:
         raise NotImplementedError
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         change = zeros(problem.equations)
         assert change.q is not None
         change.q[self._number(problem)] = np.where(self._mine(problem), -np.asarray(dm), 0.0)
         return change
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``; ``before`` is not used."""
+        """See ``Control``; ``before`` is not used."""
         if y.q is None:
             return np.zeros(3)
         return np.where(self._mine(problem), -y.q[self._number(problem)], 0.0)
@@ -171,17 +205,14 @@ class ObstaclePlace(_OfObstacle):
     Values of driven motions have no effect.
     """
 
-    @property
-    def name(self) -> str:
-        """Name for reports."""
-        return f"place of '{self.obstacle.name}'"
+    quantity = "place"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``: shape (3,)."""
+        """See ``Control``: shape (3,)."""
         return self.obstacle.place.copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``; driven motions stay."""
+        """See ``Control``; driven motions stay."""
         self.obstacle.place = np.where(self._mine(problem), values, self.obstacle.place)
 
     def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
@@ -194,24 +225,21 @@ class ObstacleLoad(_OfObstacle):
     Values of prescribed motions have no effect.
     """
 
-    @property
-    def name(self) -> str:
-        """Name for reports."""
-        return f"load of '{self.obstacle.name}'"
+    quantity = "load"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``: shape (3,), 0 for prescribed motions."""
+        """See ``Control``: shape (3,), 0 for prescribed motions."""
         return np.nan_to_num(self.obstacle.load)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``; prescribed motions stay so."""
+        """See ``Control``; prescribed motions stay so."""
         self.obstacle.load = np.where(self._mine(problem), values, np.nan)
 
     def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
         return np.isfinite(self.obstacle.load)
 
 
-class ObstacleShape:
+class ObstacleShape(Control):
     """A parameter of the shape of an obstacle, see ``Obstacle.shape``.
 
     Args:
@@ -225,11 +253,11 @@ class ObstacleShape:
         self.name = f"{name} of '{obstacle.name}'"
 
     def get(self, problem: ContactProblem) -> Array:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         return np.array(self.obstacle.shape()[self.parameter])
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         self.obstacle.set_shape(self.parameter, np.asarray(values, float))
 
     def _pairs(self, problem: ContactProblem, before: Before) -> list[tuple[int, Any, Any]]:
@@ -243,7 +271,7 @@ class ObstacleShape:
         return found
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         rows = {
             i: rows_by_shape(contact, self.parameter, np.asarray(dm, float), earlier)
             for i, contact, earlier in self._pairs(problem, before)
@@ -251,7 +279,7 @@ class ObstacleShape:
         return from_rows(problem.equations, rows)
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """See ``protocols.Control``."""
+        """See ``Control``."""
         gradient = np.zeros_like(self.get(problem))
         for i, contact, earlier in self._pairs(problem, before):
             rows = rows_at(y, i, contact)
@@ -269,8 +297,7 @@ def history_of(problem: ContactProblem, before: Before) -> History | None:
         return History(problem, before)
     if before is None:
         for contact in problem.equations.contacts:
-            law = contact.pair.law if hasattr(contact.pair, "law") else None
-            if law is not None and law.has_friction:
+            if has_history(contact):
                 raise MortarError(
                     f"the slip of {contact.pair!r} depends on the control through the state before:"
                     " expected before=..."

@@ -55,8 +55,8 @@ class Scene:
         self.start, self.shift = self.problem.state(), np.zeros(2)
 
     def solve(self) -> fm.RecordedPath:
-        """Solve all steps from the undeformed state."""
-        self.problem.restore(self.start)
+        """Solve all steps from the undeformed state, with the present offsets."""
+        self.problem.restore(self.start.with_settings_of(self.problem.state()))
         path = fm.RecordedPath(self.problem)
         for push in self.pushes:
             self.controls["push"].value[:] = push + self.shift

@@ -9,6 +9,7 @@ import sensitivity_scenes as scenes
 from friction_scenes import block_on
 
 import fenics_mortar as fm
+from fenics_mortar.contact.nodal import magnitude, row_of
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.sensitivity.history import History
 from fenics_mortar.sensitivity.pair_vectors import at_pair
@@ -134,3 +135,31 @@ def test_without_friction_there_is_no_history():
     history = History(scene.problem, before)
     d = scenes.random_vector(scene.problem, 1)
     assert not history.any and not any(z.any() for z in history.jvp(d).z)
+
+
+class Worn(fm.Coulomb):
+    """Wear by Archard's law."""
+
+    memory = ("depth",)
+
+    def depth(self, node):
+        return node.memory["depth"] + 0.01 * node.z_n * magnitude(node.slip)
+
+    def closing_gap(self, node):
+        return row_of(lambda at: at.gap + self.depth(at), node)
+
+    def remember(self, node, branch):
+        return {"depth": self.depth(node)}
+
+
+def test_memory_is_refused_through_steps_and_given_within_one():
+    """The gap of a worn surface depends on the slip, also of sliding nodes."""
+    scene, before, _ = scenes.two_steps(Worn(0.05))
+    with pytest.raises(fm.MortarError, match="has memory"):
+        History(scene.problem, before)
+    scene.contact.pair.law = forgetful = Worn(0.05)
+    type(forgetful).memory = ()
+    try:
+        check(scene.problem, before)
+    finally:
+        type(forgetful).memory = ("depth",)
