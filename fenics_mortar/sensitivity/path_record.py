@@ -30,11 +30,13 @@ class Step:
         state: The state.
         data: Values of the constants and functions of the forms, see ``Data``.
         laws: Attributes of the law of each pair.
+        shapes: Parameters of the shape of each obstacle.
     """
 
     state: State
     data: tuple[Array, ...]
     laws: tuple[dict[str, Any], ...]
+    shapes: tuple[dict[str, Array], ...]
 
 
 class Data:
@@ -71,7 +73,8 @@ class RecordedPath:
 
     >>> path = fm.RecordedPath(problem)  # at the state that the path begins with
     >>> fm.follow_path(problem, set_loads, options, on_step=path.record)
-    >>> gradient = fm.gradient(fm.TotalForce(0, (1.0, 0.0)), [E, fm.LawParameter(0, "mu")], path)
+    >>> mu = sensitivity.LawParameter(0, "mu")
+    >>> gradient = fm.gradient(sensitivity.TotalForce(0, (1.0, 0.0)), [E, mu], path)
 
     The state at the start is given: derivatives do not go beyond it. Each record holds the
     displacement, the interface states and the values of all constants and functions of the
@@ -104,14 +107,17 @@ class RecordedPath:
 
     @classmethod
     def of_state(cls, problem: ContactProblem) -> RecordedPath:
-        """Path of the present state alone; the state that slip counts from is given."""
+        """Path of the present state of ``problem``; the state that slip counts from is given."""
         path = cls(problem)
         path.start = None
         path.record()
         return path
 
-    def record(self, *_: Any) -> None:
-        """Add the present state; arguments are ignored, as those of ``follow_path``'s ``on_step``.
+    def record(self, *arguments: Any) -> None:
+        """Add the present state.
+
+        Args:
+            arguments: Ignored, so that ``follow_path`` may call this method as its ``on_step``.
 
         Raises:
             MortarError: On all ranks, if the last solve did not end in the present state.
@@ -126,10 +132,11 @@ class RecordedPath:
         """Record of the present state."""
         contacts = self.problem.equations.contacts
         laws = tuple(dict(vars(c.pair.law)) if hasattr(c.pair, "law") else {} for c in contacts)
-        return Step(self.problem.state(), self._data.values(), laws)
+        shapes = tuple(obstacle.shape() for obstacle in self.problem.obstacles)
+        return Step(self.problem.state(), self._data.values(), laws, shapes)
 
     def before(self, number: int) -> State | None:
-        """State before the step ``number``."""
+        """State before the step ``number`` (local)."""
         return self.steps[number - 1].state if number else self.start
 
     def go_to(self, number: int) -> None:
@@ -143,6 +150,10 @@ class RecordedPath:
         for contact, law in zip(self.problem.equations.contacts, step.laws, strict=True):
             if law:
                 vars(contact.pair.law).update(law)
+        for obstacle, shape in zip(self.problem.obstacles, step.shapes, strict=True):
+            for name, now in obstacle.shape().items():
+                if not np.array_equal(now, shape[name]):
+                    obstacle.set_shape(name, shape[name])
 
     @contextmanager
     def visited(self) -> Iterator[None]:

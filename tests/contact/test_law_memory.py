@@ -15,6 +15,7 @@ from scenes import linear_elastic, nodal, pair_options, pressed_blocks
 import fenics_mortar as fm
 from demos.laws import Cohesive, NormalCompliance, RateAndState, Stribeck, Worn
 from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.partials_law import rows_by_parameter
 from fenics_mortar.utils.errors import NotFiniteError
 
 comm = MPI.COMM_WORLD
@@ -241,6 +242,19 @@ def test_wrong_fields_are_refused(mu, words):
         drive(scene, [1])
     law.mu = 0.1
     drive(scene, [1])
+
+
+def test_derivative_by_nodal_coefficients_of_friction():
+    """One number for all nodes is the sum of the nodal derivatives."""
+    found = []
+    for mu in (0.1, np.full(4, 0.1)):
+        scene = blocks(fm.Coulomb(mu))
+        drive(scene, [1, 2])
+        assert scene.contact.sliding.any()
+        contact = scene.contact
+        found.append(rows_by_parameter(contact, "mu", np.ones(np.shape(mu))))
+    assert np.abs(found[0]).max() > 0.0
+    assert found[1] == pytest.approx(found[0], abs=1e-12 * np.abs(found[0]).max())
 
 
 LAWS = {
