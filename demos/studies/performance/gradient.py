@@ -50,9 +50,9 @@ for step in range(1, 21):
     iterations += problem.solve().num_iterations
     path.record()
 forward = comm.allreduce(time.process_time() - start, MPI.MAX)
-forces = [fm.TotalForce(0, direction) for direction in np.eye(2)]
-controls = [E, fm.LawParameter(0, "mu"), load]
-misfit = fm.least_squares(np.zeros((20, 2)))
+forces = [fm.sensitivity.TotalForce(0, direction) for direction in np.eye(2)]
+controls = [E, fm.sensitivity.LawParameter(0, "mu"), load]
+misfit = fm.sensitivity.least_squares(np.zeros((20, 2)))
 for words in ("first, with compilation", "second"):
     start = time.process_time()
     gradient = fm.gradient(forces, controls, path, over_steps=misfit)
