@@ -47,6 +47,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row
+from fenics_mortar.utils.errors import in_words
 
 # Distance from a kink of the complementarity functions [1] within which a node counts as on it:
 # that of the shear over the friction limit, and that of the gap over the nodal length. Larger than
@@ -82,6 +83,10 @@ class Law(ABC):
     fields: tuple[str, ...] = ()
     needs_time: bool = False
     bridges_gap: bool = False
+
+    def __repr__(self) -> str:
+        """Name and public numbers, equal on all ranks."""
+        return in_words(self)
 
     @abstractmethod
     def branch(self, node: Nodal, before: Branches) -> Branches:
