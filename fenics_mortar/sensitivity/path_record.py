@@ -87,12 +87,12 @@ class RecordedPath:
     """Accepted states of a problem, in the order of their load steps; all methods are collective.
 
     Slip counts from the state before, so that a path with friction has to be recorded without gaps,
-    one call of ``record`` after each solve:
+    one call of ``record`` after each solve::
 
-    >>> path = fm.RecordedPath(problem)  # at the state that the path begins with
-    >>> fm.follow_path(problem, set_loads, options, on_step=path.record)
-    >>> mu = sensitivity.LawParameter(0, "mu")
-    >>> gradient = fm.gradient(sensitivity.TotalForce(0, (1.0, 0.0)), [E, mu], path)
+        path = fm.RecordedPath(problem)  # at the state that the path begins with
+        fm.follow_path(problem, set_loads, options, on_step=path.record)
+        mu = fm.sensitivity.LawParameter(0, "mu")
+        gradient = fm.gradient(fm.sensitivity.TotalForce(0, (1.0, 0.0)), [E, mu], path)
 
     The state at the start is given: derivatives do not go beyond it. Each record holds the
     displacement, the interface states and the values of all constants and functions of the
