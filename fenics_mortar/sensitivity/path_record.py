@@ -107,7 +107,11 @@ class RecordedPath:
 
     @classmethod
     def of_state(cls, problem: ContactProblem) -> RecordedPath:
-        """Path of the present state of ``problem``; the state that slip counts from is given."""
+        """Path of the present state alone, with the state that slip counts from given (collective).
+
+        Args:
+            problem: The problem, converged in that state.
+        """
         path = cls(problem)
         path.start = None
         path.record()
