@@ -12,6 +12,7 @@ import numpy as np
 
 from dolfinx import fem
 
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.undo import Before
 from fenics_mortar.interface.mortar import EXACT
@@ -29,7 +30,7 @@ class Step:
     Attributes:
         state: The state.
         data: Values of the constants and functions of the forms, see ``Data``.
-        laws: Attributes of the law of each pair.
+        laws: Attributes of the laws of the contacts.
         shapes: Parameters of the shape of each obstacle.
     """
 
@@ -48,7 +49,9 @@ class Data:
     """
 
     def __init__(self, problem: ContactProblem, more: Sequence[Any] = ()) -> None:
-        self._objects = list(dict.fromkeys([*problem.equations.bulk.data, *more]))
+        laws = [vars(contact.pair.law) for contact in _with_law(problem)]
+        of_laws = [value for law in laws for value in law.values() if _is_data(value)]
+        self._objects = list(dict.fromkeys([*problem.equations.bulk.data, *of_laws, *more]))
 
     def values(self) -> tuple[Array, ...]:
         """Copies of the present values."""
@@ -58,6 +61,21 @@ class Data:
         """Set all values."""
         for data, value in zip(self._objects, values, strict=True):
             _array_of(data)[...] = value
+
+
+def _is_data(value: Any) -> bool:
+    """Whether a value is a constant or function of dolfinx (local)."""
+    return isinstance(value, (fem.Constant, fem.Function))
+
+
+def _with_law(problem: ContactProblem) -> list[Contact]:
+    """The contacts of a problem without its ties (local)."""
+    return [c for c in problem.equations.contacts if isinstance(c, Contact)]
+
+
+def _copies(values: dict[str, Any]) -> dict[str, Any]:
+    """Attributes with copies of arrays (local)."""
+    return {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in values.items()}
 
 
 def _array_of(data: Any) -> Array:
@@ -134,8 +152,7 @@ class RecordedPath:
 
     def present(self) -> Step:
         """Record of the present state."""
-        contacts = self.problem.equations.contacts
-        laws = tuple(dict(vars(c.pair.law)) if hasattr(c.pair, "law") else {} for c in contacts)
+        laws = tuple(_copies(vars(contact.pair.law)) for contact in _with_law(self.problem))
         shapes = tuple(obstacle.shape() for obstacle in self.problem.obstacles)
         return Step(self.problem.state(), self._data.values(), laws, shapes)
 
@@ -151,9 +168,9 @@ class RecordedPath:
 
     def _put_values(self, step: Step) -> None:
         self._data.put(step.data)
-        for contact, law in zip(self.problem.equations.contacts, step.laws, strict=True):
-            if law:
-                vars(contact.pair.law).update(law)
+        for contact, law in zip(_with_law(self.problem), step.laws, strict=True):
+            vars(contact.pair.law).update(law)
+            contact.take_law()
         for obstacle, shape in zip(self.problem.obstacles, step.shapes, strict=True):
             for name, now in obstacle.shape().items():
                 if not np.array_equal(now, shape[name]):

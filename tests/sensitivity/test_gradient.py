@@ -199,6 +199,15 @@ def test_steps_contribute_the_derivatives_by_their_own_values():
         assert part.any()  # the shear remembers
 
 
+def test_paths_with_a_missing_step_are_refused():
+    """Slip counts from a state that the path does not have."""
+    scene = blocks(fm.Coulomb(0.3), places=SLIDE[:3])
+    path = scene.solve()
+    del path.steps[1]
+    with pytest.raises(fm.MortarError, match="does not count from the state before"):
+        fm.gradient(FORCE, scene.controls["E"], path)
+
+
 def test_undecided_nodes_are_named():
     """Touching without pressure: each node is about to open and to close."""
     scene = blocks(places=[(0.0, 0.0)])
