@@ -81,7 +81,8 @@ problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
 problem.solve()
 contact = problem.equations.contacts[0]
 z, fitted, force = contact.operators.x[:, 1], contact.pressure, []
-fm.plot(problem, "results/press_fit.png", stress=hoop_stress, label="hoop [MPa]", scale=200.0)
+shown = {"label": "hoop stress [MPa]", "units": ("mm", "MPa"), "scale": 200.0}
+fm.plot(problem, "results/press_fit.png", stress=hoop_stress, **shown)
 law.mu = friction
 for step in range(1, 9):
     pull.value = 0.004 * step

@@ -82,7 +82,8 @@ def follow(set_loads: Callable[[float], None]) -> None:
 
 follow(lambda time: punch.push(y=-1.6 * time))
 start = punch.place[1]
-fm.plot(problem, "results/rollers.png", stress=(P * F.T / J)[0, 0], label="horizontal stress [MPa]")
+shown = {"label": "horizontal stress [MPa]", "units": ("mm", "MPa")}
+fm.plot(problem, "results/rollers.png", stress=(P * F.T / J)[0, 0], **shown)
 follow(lambda time: punch.move(y=start - 4.0 * time))
 # -
 

@@ -84,7 +84,8 @@ with fm.ResultsWriter("results/two_blocks", problem, {"stress": P * F.T / J}) as
             )
 
 table = fm.contact_table(problem)
-fm.plot(problem, "results/two_blocks.png", stress=-(P * F.T / J)[1, 1], label="compression [MPa]")
+shown = {"label": "vertical compression [MPa]", "units": ("mm", "MPa")}
+fm.plot(problem, "results/two_blocks.png", stress=-(P * F.T / J)[1, 1], **shown)
 if comm.rank == 0:
     print(f"\n{table}")
 

@@ -12,10 +12,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from mpi4py import MPI
+
 import gmsh
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+import fenics_mortar as fm
 from meshes._shared import check_cell, name_group, write
 
 SIDES = ("bottom", "right", "top", "left")
@@ -97,8 +100,8 @@ def sector(
     return mapped(columns, rows, position)
 
 
-def build(grids: Sequence[Grid], *, cell: str = "quadrilateral", order: int = 1) -> Any:
-    """Build all bodies as a new model of the running gmsh session; return ``gmsh.model``.
+def arrays(grids: Sequence[Grid], *, cell: str = "quadrilateral", order: int = 1) -> dict[str, Any]:
+    """Points, cells, bodies and boundaries of all grids: arguments of ``mesh_from_arrays``.
 
     Args:
         grids: The bodies.
@@ -106,42 +109,63 @@ def build(grids: Sequence[Grid], *, cell: str = "quadrilateral", order: int = 1)
         order: Order of the cells; of order 2, whose sides bend, each takes 3 x 3 nodes of a grid.
     """
     check_cell(cell)
-    gmsh.model.add("mapped_grids")
-    lines: dict[str, list[np.ndarray]] = {}
-    first = 1
+    points, cells, bodies = [], [], {}
+    facets: dict[str, list[np.ndarray]] = {}
+    num_points = num_cells = 0
     for grid in grids:
-        numbers = first + grid.numbers()
-        first = int(numbers.max()) + 1
-        add_cells(grid, numbers, cell, order)
+        numbers = grid.numbers()
+        x = grid.x.reshape(-1, 2)[np.unique(numbers, return_index=True)[1]]
+        own = num_points + cells_of(numbers, x, cell, order)
+        numbers = num_points + numbers
         sides = (numbers[:, 0], numbers[-1], numbers[::-1, -1], numbers[0, ::-1])
         for side, nodes in zip(SIDES, sides):
             if not grid.closed or side in ("bottom", "top"):
-                facets = sliding_window_view(nodes, order + 1)[::order]
-                lines.setdefault(grid.boundary(side), []).append(facets[:, LINE[order]])
-    for name, facets in lines.items():
-        curve = gmsh.model.addDiscreteEntity(1)
-        kind = gmsh.model.mesh.getElementType("Line", order)
-        gmsh.model.mesh.addElementsByType(curve, kind, [], np.concatenate(facets).ravel())
-        name_group(1, [curve], name)
+                pieces = sliding_window_view(nodes, order + 1)[::order]
+                facets.setdefault(grid.boundary(side), []).append(pieces[:, LINE[order]])
+        bodies[grid.name] = num_cells + np.arange(len(own))
+        points.append(x)
+        cells.append(own)
+        num_points, num_cells = num_points + len(x), num_cells + len(own)
+    return {
+        "points": np.concatenate(points),
+        "cells": np.concatenate(cells),
+        "bodies": bodies,
+        "boundaries": {name: np.concatenate(pieces) for name, pieces in facets.items()},
+    }
+
+
+def mesh(grids: Sequence[Grid], *, comm: MPI.Comm = MPI.COMM_WORLD, **options: Any) -> fm.MeshData:
+    """Mesh of all bodies (collective); see ``arrays`` for the options."""
+    return fm.mesh_from_arrays(**arrays(grids, **options), comm=comm)
+
+
+def build(grids: Sequence[Grid], *, cell: str = "quadrilateral", order: int = 1) -> Any:
+    """Build all bodies as a new model of the running gmsh session; return ``gmsh.model``."""
+    found = arrays(grids, cell=cell, order=order)
+    x = np.pad(found["points"], ((0, 0), (0, 1)))
+    gmsh.model.add("mapped_grids")
+    parts = [(2, GMSH_FAMILIES[cell], n, found["cells"][c]) for n, c in found["bodies"].items()]
+    parts += [(1, "Line", name, facets) for name, facets in found["boundaries"].items()]
+    for dim, family, name, nodes in parts:
+        entity = gmsh.model.addDiscreteEntity(dim)
+        if dim == 2:
+            own = np.unique(nodes)
+            gmsh.model.mesh.addNodes(2, entity, own + 1, x[own].ravel())
+        kind = gmsh.model.mesh.getElementType(family, order)
+        gmsh.model.mesh.addElementsByType(entity, kind, [], nodes.ravel() + 1)
+        name_group(dim, [entity], name)
     return gmsh.model
 
 
-def add_cells(grid: Grid, numbers: np.ndarray, cell: str, order: int) -> None:
-    """Add nodes and cells of one body."""
-    surface = gmsh.model.addDiscreteEntity(2)
-    tags, place = np.unique(numbers, return_index=True)
-    x = np.zeros((tags.size, 3))
-    x[:, :2] = grid.x.reshape(-1, 2)[place]
-    gmsh.model.mesh.addNodes(2, surface, tags, x.ravel())
-    cells = sliding_window_view(numbers, (order + 1, order + 1))[::order, ::order]
-    cells = cells.reshape(-1, order + 1, order + 1)
-    corners = cells[:, ::order, ::order].reshape(-1, 4)[:, [0, 2, 3, 1]]
-    if turns_left(x[:, :2], corners - tags[0]) < 0.0:
-        cells = cells[:, :, ::-1]
-    nodes = [cells[:, i, j] for branch in NODES[cell][order] for i, j in branch]
-    kind = gmsh.model.mesh.getElementType(GMSH_FAMILIES[cell], order)
-    gmsh.model.mesh.addElementsByType(surface, kind, [], np.stack(nodes, axis=1).ravel())
-    name_group(2, [surface], grid.name)
+def cells_of(numbers: np.ndarray, x: np.ndarray, cell: str, order: int) -> np.ndarray:
+    """Nodes of the cells of a grid of ``numbers`` at ``x`` (n, 2), counterclockwise."""
+    squares = sliding_window_view(numbers, (order + 1, order + 1))[::order, ::order]
+    squares = squares.reshape(-1, order + 1, order + 1)
+    corners = squares[:, ::order, ::order].reshape(-1, 4)[:, [0, 2, 3, 1]]
+    if turns_left(x, corners) < 0.0:
+        squares = squares[:, :, ::-1]
+    nodes = [squares[:, i, j] for piece in NODES[cell][order] for i, j in piece]
+    return np.stack(nodes, axis=1).reshape(-1, len(NODES[cell][order][0]))
 
 
 def turns_left(x: np.ndarray, quads: np.ndarray) -> float:

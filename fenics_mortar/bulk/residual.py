@@ -38,8 +38,6 @@ MAX_GROWTHS = 4
 class Bulk:
     """Residual r = f_int - f_ext and tangent K of the bodies, assembled by dolfinx.
 
-    More than 20 methods: residual, tangent, prescribed values and norms share their vectors.
-
     Args:
         residual: UFL form, linear in a test function of the space of ``u``.
         u: Displacement, alone or in a mixed function.
@@ -50,11 +48,13 @@ class Bulk:
     Attributes:
         V: Space of the displacement alone.
         residual: The form.
+        data: Constants and functions of residual and tangent without the displacement.
         cells: The cells of this rank.
         units: Amount of each unknown owned here that counts like a displacement of one, shape
             (num_owned,); see ``units``.
         to_force: Factor that turns the residual of each equation into a force, shape (num_owned,).
         stiffness: Force of a displacement of one, once ``set_units`` has been called [stress].
+        input_data: What the user changes between solves: prescribed values, constants, functions.
         K: Tangent without boundary conditions, shape (N, N) [stress].
         r: Residual without contact forces and boundary conditions, shape (N,) [stress length].
         num_patterns: Number of matrices created for ``K`` so far.
@@ -84,7 +84,9 @@ class Bulk:
             self.is_linear = self.u not in expanded.coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
         self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
-        self._input = InputData(u, self.bcs, (residual, jacobian), space)
+        data = [*residual.constants(), *residual.coefficients(), *self._tangent_data]
+        self.data = [value for value in dict.fromkeys(data) if value is not u]
+        self.input_data = InputData(u, self.bcs, (residual, jacobian), space)
         self._data: list[Array] = []
         self._K_is_whole = False  # neither outdated nor with anything else in it
         self.inertia: Any = None  # an Inertia
@@ -230,28 +232,6 @@ class Bulk:
         """
         mine = np.abs(values[: self.num_owned]) / self.units
         return self.comm.allreduce(float(mine.max(initial=0.0)), MPI.MAX)
-
-    def check_input(self) -> None:
-        """Refuse values that are not finite or differ between ranks, and moved meshes (collective).
-
-        Raises:
-            MortarError: On all ranks; names the value and its position.
-        """
-        self._input.check()
-
-    def loads(self) -> list[Array]:
-        """Copies of prescribed values and of the data of the forms, see ``InputData`` (local)."""
-        return self._input.loads()
-
-    def count_nodes(self, dofs: Flags) -> tuple[int, str]:
-        """Number of nodes with any of the marked local dofs, and a place (collective).
-
-        Unknowns other than the displacement count as nodes in the middle of a cell.
-
-        Args:
-            dofs: Marks of all local dofs, ghosts included, shape (local dofs,), bool.
-        """
-        return self._input.count_nodes(dofs)
 
     def by_input_node(self) -> tuple[Indices, Array]:
         """Names (n, k) and values (n, 2) of all nodes, see ``numbering`` (collective)."""

@@ -65,6 +65,8 @@ class Interface(ABC):
         read_only("_state.redundant"),
     )
     partners, accepted = read_only("_state.partners"), read_only("_state.accepted")
+    past, committed = read_only("_state.past"), read_only("_state.committed")
+    load_time = read_only("_state.load_time")
     operators, covered, acts = (
         read_only("now.operators"),
         read_only("now.covered"),
@@ -74,7 +76,7 @@ class Interface(ABC):
     pressure, slip, z_tau = read_only("now.pressure"), read_only("now.slip"), read_only("now.z_tau")
     shear, shear_force = read_only("now.shear"), read_only("now.shear_force")
     total_force, steepness = read_only("now.total_force"), read_only("now.steepness")
-    gap = read_only("now.gap")
+    gap, closing_gap = read_only("now.gap"), read_only("now.gap")
 
     def __init__(
         self,
@@ -93,7 +95,7 @@ class Interface(ABC):
         """
         self.pair = pair
         tags = pair.data.facet_tags
-        slave = extract_surface(space, tags, pair.slave_tag, pair.slave_name)
+        slave = extract_surface(space, tags, pair.slave_tags, pair.slave_name)
         self.slave: Surface = slave.welded(welds)
         if pair.master is None:
             self.master: Surface = self.slave
@@ -133,6 +135,11 @@ class Interface(ABC):
         """Set the operators of the present displacement (local)."""
         self.now = self._fields(operators)
 
+    @property
+    def full_offset(self) -> Array:
+        """The offset, with that of a contact law, shape (slave nodes,) [length]."""
+        return np.asarray(self.offset)
+
     @abstractmethod
     def _fields(self, operators: MortarOperators) -> InterfaceFields:
         """The fields of the present state with these operators."""
@@ -171,7 +178,7 @@ class Interface(ABC):
     def _master_surface(self, space: DisplacementSpace) -> Surface:
         """Surface of the pair's other side (collective)."""
         name, data = self.pair.master_name, self.pair.data
-        return extract_surface(space, data.facet_tags, data.boundary_tag(self.pair.master), name)
+        return extract_surface(space, data.facet_tags, data.boundary_tags(self.pair.master), name)
 
     def _check_sides(self) -> None:
         both = np.intersect1d(self.slave.nodes, self.master.nodes)

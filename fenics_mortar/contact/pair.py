@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
 from typing import Any, Literal, get_args
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from fenics_mortar.contact.discretization import Discretization, as_discretization
 from fenics_mortar.contact.laws import Frictionless, Law
-from fenics_mortar.mesh.data import MeshData, as_list
+from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.errors import check_same_words, together
@@ -26,24 +25,18 @@ def check_radius(search_radius: Any) -> None:
         check_number("search_radius", search_radius, expected, lambda r: r > 0.0)
 
 
-def _name_of(surfaces: Any) -> str:
-    """Name of one or several surfaces for messages (local)."""
-    first, *others = as_list(surfaces) or [""]
-    if len(others) < 2:
-        return " and ".join(map(str, (first, *others)))
-    return f"{first} and {len(others)} others"
-
-
 class ContactPair:
     """Contact of a slave with a master surface or a rigid obstacle.
 
     Args:
         data: Mesh, tags and names.
-        slave: Name or tag of the side that has the multiplier (the finer or softer one). Without a
-            master: one or several surfaces whose facets may all touch each other.
-        master: Name or tag of the other side, or an obstacle. Several pairs may share a master. A
-            slave with several masters needs one pair for each; see ``redundancy`` for nodes that
-            touch two of them. ``None`` for contact of a surface with itself, see ``self_contact``.
+        slave: Name or tag of the side that carries the multiplier (the finer or softer one), or a
+            list of them, which is one surface. Without a master: surfaces whose facets may all
+            touch each other.
+        master: Name or tag of the other side or a list of them, or an obstacle. Several pairs may
+            share a master. A slave with several masters of different law or search needs one pair
+            for each; see ``redundancy`` for nodes that touch two of them. ``None`` for contact of a
+            surface with itself, see ``self_contact``.
         law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or a user's law, see ``laws``.
             Nodes with a prescribed component, as on symmetry planes, are frictionless.
         search_radius: Largest distance of partners along the slave normal, in front of the slave
@@ -70,8 +63,8 @@ class ContactPair:
     def __init__(
         self,
         data: MeshData,
-        slave: str | int | Sequence[str | int],
-        master: str | int | Obstacle | None = None,
+        slave: Names,
+        master: Names | Obstacle | None = None,
         *,
         law: Law | None = None,
         search_radius: float | None = None,
@@ -80,8 +73,8 @@ class ContactPair:
         discretization: str | Discretization = "default",
     ) -> None:
         self.data = data
-        self.slave_name = _name_of(slave)
-        self.master_name = self.slave_name if master is None else str(master)
+        self.slave_name = joined_names(slave)
+        self.master_name = self.slave_name if master is None else joined_names(master)
         self.master = master
         self.search_radius, self.initial_gap = search_radius, initial_gap
         self.sliding: Sliding = sliding
@@ -91,19 +84,13 @@ class ContactPair:
             self._set_up(discretization)
         with together(data.mesh.comm, "ContactPair"):
             self._set_up(discretization)
-            self.slave_tag = self._slave_tags(slave)
-            if master is not None and not isinstance(master, Obstacle):
-                data.boundary_tag(master)
+            self.slave_tags = data.boundary_tags(slave)
+            if not (master is None or isinstance(master, Obstacle)):
+                data.boundary_tags(master)
         check_same_words(data.mesh.comm, "ContactPair", vars(self))
-        for name in (slave, master):
-            if name is not None and not isinstance(name, Obstacle):
-                data.boundary_facets(name)
-
-    def _slave_tags(self, slave: Any) -> int | tuple[int, ...]:
-        """Tag of the slave, or tags of surfaces that may touch each other (local)."""
-        if self.master is not None:
-            return self.data.boundary_tag(slave)
-        return tuple(self.data.boundary_tag(name) for name in as_list(slave))
+        for names in (slave, master):
+            if not (names is None or isinstance(names, Obstacle)):
+                data.boundary_facets(names)
 
     def _set_up(self, discretization: Any) -> None:
         """Set the discretization and check all options (local)."""

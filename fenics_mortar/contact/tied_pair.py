@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from fenics_mortar.contact.discretization import Discretization, as_discretization
 from fenics_mortar.contact.pair import check_radius
-from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.utils.arguments import check_choice, check_kind
 from fenics_mortar.utils.errors import check_same_words, together
 
@@ -19,9 +19,9 @@ class TiedPair:
 
     Args:
         data: Mesh, tags and names.
-        slave: Name or tag of the side that carries the multiplier; tractions are smoother on the
-            finer or softer side.
-        master: Name or tag of the other side.
+        slave: Name or tag of the side that carries the multiplier, or a list of them, which is one
+            surface; tractions are smoother on the finer or softer side.
+        master: Name or tag of the other side, or a list of them.
         gap: Treatment of gaps between the facets of a curved interface.
 
             - "removed": at set-up the slave nodes of the mesh are moved onto the master, without
@@ -45,8 +45,8 @@ class TiedPair:
     def __init__(
         self,
         data: MeshData,
-        slave: str | int,
-        master: str | int,
+        slave: Names,
+        master: Names,
         *,
         gap: Gap = "removed",
         search_radius: float | None = None,
@@ -54,17 +54,17 @@ class TiedPair:
     ) -> None:
         check_kind("data", data, MeshData, "the MeshData of the mesh")
         self.data = data
-        self.slave_name, self.master_name = str(slave), str(master)
+        self.slave_name, self.master_name = joined_names(slave), joined_names(master)
         self.master = master
         self.gap, self.search_radius = gap, search_radius
         with together(data.mesh.comm, "TiedPair"):
             self.discretization = as_discretization(discretization)
             self.check()
-            self.slave_tag = data.boundary_tag(slave)
-            data.boundary_tag(master)
+            self.slave_tags = data.boundary_tags(slave)
+            data.boundary_tags(master)
         check_same_words(data.mesh.comm, "TiedPair", vars(self))
-        for name in (slave, master):
-            data.boundary_facets(name)
+        for names in (slave, master):
+            data.boundary_facets(names)
 
     def check(self) -> None:
         """Check the options (local).

@@ -18,8 +18,9 @@ class PairView:
 
     All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
     surface, at the present multipliers and the last evaluated displacement; after a solve this is
-    the solution. All attributes but ``forces`` are local. More than 20 methods: one property for
-    each result.
+    the solution. With degree 2, ends and midpoints of facets alternate along each curve, which
+    begins with an end. All attributes but ``forces`` are local. More than 20 methods: one property
+    for each result.
     """
 
     def __init__(self, interface: Interface) -> None:
@@ -41,7 +42,7 @@ class PairView:
 
     @property
     def nodes(self) -> Indices:
-        """Global numbers of the slave nodes, shape (slave nodes,)."""
+        """Global numbers of the slave nodes in the displacement's space, shape (slave nodes,)."""
         return self._interface.slave.nodes.copy()
 
     @property
@@ -86,7 +87,7 @@ class PairView:
 
     @property
     def active(self) -> Flags:
-        """Active set: nodes whose gap is closed, shape (slave nodes,), bool."""
+        """Active set, the nodes whose gap is closed, shape (slave nodes,), bool."""
         return self._interface.active.copy()
 
     @property
@@ -126,16 +127,22 @@ class PairView:
 
         May be set. An interference of the mesh is ramped by ``contact.offset = (1 - t) * overlap``
         with ``t`` from 0 to 1, where ``overlap = np.nan_to_num(contact.gap).clip(max=0)`` at the
-        start.
+        start; the wear of the last step is taken off by ``contact.offset -= depth``.
 
         Raises:
             ValueError: If the new offset has a wrong shape or is not finite.
         """
-        return self._interface.offset
+        return self._interface.offset.copy()
 
     @offset.setter
     def offset(self, lengths: Array) -> None:
         self._interface.offset = lengths
+
+    @property
+    def memory(self) -> dict[str, Array]:
+        """Memory of the law at the last accepted state by name, (slave nodes,) each [its units]."""
+        instant = self._interface.committed
+        return {} if instant is None else {n: v.copy() for n, v in instant.memory.items()}
 
     @property
     def c_n(self) -> float:

@@ -36,7 +36,7 @@ ASIDE = 0.5
 # Longest step over the last one [1], as steps of ``follow_path`` grow.
 LONGEST = 2.0
 # Parts of the state of an interface that a user may have changed since the last solve.
-KEPT = ("z", "active", "branch", "multiplier_nodes", "partners", "accepted")
+KEPT = ("z", "active", "branch", "multiplier_nodes", "partners", "accepted", "committed")
 
 
 class _Loads(NamedTuple):
@@ -105,7 +105,7 @@ class Continuation:
         """The present loads (local)."""
         motions, contacts = self._equations.motions, self._equations.contacts
         on_obstacles = np.where(motions.driven, motions.push(), motions.places)
-        values = [*self._equations.bulk.loads(), *on_obstacles]
+        values = [*self._equations.bulk.input_data.loads(), *on_obstacles]
         values += [np.array(contact.offset, float).ravel() for contact in contacts]
         laws = [in_words(c.pair.law) for c in contacts if isinstance(c, Contact)]
         return _Loads(values, laws)

@@ -47,7 +47,7 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
         )
     loose = np.zeros(diagonal.size, bool)
     loose[dofs] = (diagonal[dofs] == 0.0) & ~bulk.prescribed[dofs]
-    count, where = bulk.count_nodes(loose)
+    count, where = bulk.input_data.count_nodes(loose)
     if count:
         mine = set(floating.labels[: len(dofs)][loose[dofs].any(axis=1)].tolist())
         bodies = sorted(set().union(*bulk.comm.allgather(mine)))
@@ -96,8 +96,8 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> 
             continue
         active = np.array([sets[i][0] for sets in recent])
         wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-        bound = contact.law_calls.friction_limit(contact.pair.law, np.zeros(1), contact.slave.X)
-        if wavers.size and 0.0 < bound[0] < np.inf:
+        bound = contact.now.friction_limit(np.zeros(contact.slave.num_nodes))
+        if wavers.size and 0.0 < bound[wavers[0]] < np.inf:
             return (
                 f"{wavers.size} nodes of '{contact.slave.name}' keep closing and opening, one at "
                 f"{place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} admits shear "

@@ -26,13 +26,13 @@ from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact
-from fenics_mortar.equations.measures import check_alike, rounding_of
+from fenics_mortar.equations.residual import Residual
 from fenics_mortar.equations.set_history import SetHistory
 from fenics_mortar.equations.springs import CombinedSprings
 from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.newton.loop import Status, Step, forcing
+from fenics_mortar.newton.loop import UNSETTLED, Status, Step, forcing
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
@@ -65,8 +65,7 @@ class Increment(NamedTuple):
 class ContactEquations:
     """Bodies, contacts and driven obstacles together; all methods are collective.
 
-    More than 20 methods and 350 lines: the protocols of Newton's method, damping, springs and load
-    paths, and their documentation.
+    More than 20 methods: the protocols of Newton's method, damping, springs and load paths.
 
     Args:
         bulk: Bulk residual and tangent.
@@ -78,6 +77,7 @@ class ContactEquations:
         contacts: The bound pairs.
         motions: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
+        residual: Residual of the last evaluated state, and its forces.
         springs: Anchored springs on bodies and obstacles if Newton's method fails.
         crossings: Detection of crossed surfaces.
         interrupted: Whether an interruption may have left incomplete matrices.
@@ -108,7 +108,10 @@ class ContactEquations:
         self.floating.find()
         self.crossings = Crossings(bulk, contacts, self.floating)
         self.last_converged = self.interrupted = False
-        self.springs = CombinedSprings(self.floating, self.motions, self.stiffest, self.forces)
+        self.residual = Residual(bulk, contacts, self.floating, self.motions, self.stiffest)
+        self.springs = CombinedSprings(
+            self.floating, self.motions, self.stiffest, self.residual.forces
+        )
         self._history = SetHistory(contacts)
         self._loose: list[FloatingBody] = []
 
@@ -145,18 +148,18 @@ class ContactEquations:
             for contact in self.contacts:
                 contact.begin()
         changed = self.evaluate_contacts(start=start)
-        residual, force = self._residual_and_force()
-        self._force = force
+        residual = self.residual.measure()
         self._history.record(residual, changed)
         gap, num_active, sets = 0.0, 0, b""
         for c in self.contacts:
             active = c.active
-            gaps = np.abs(c.gap[active] / c.now.nodal_lengths[active])
+            gaps = np.abs(c.closing_gap[active] / c.now.nodal_lengths[active])
             gap = max(gap, float(gaps.max(initial=0.0)))
             num_active += int(np.count_nonzero(active))
             sets += np.packbits([active, c.multiplier_nodes]).tobytes()
             sets += (active * c.branch).tobytes()
-        return Status(residual, force, gap, num_active, changed, self.roundoff(), sets)
+        force, roundoff = self.residual.force, self.residual.roundoff()
+        return Status(residual, force, gap, num_active, changed, roundoff, sets)
 
     def evaluate_operators(self) -> None:
         """Evaluate the operators of all contacts."""
@@ -179,43 +182,8 @@ class ContactEquations:
     def evaluate_forces(self) -> tuple[Array, Array]:
         """Evaluate all; return forces of bulk and contact, (owned dofs,) each [stress length]."""
         self.evaluate_contacts(start=True)
-        bulk, contact, _ = self.forces()
+        bulk, contact, _ = self.residual.forces()
         return bulk, contact
-
-    def _residual_and_force(self) -> tuple[float, float]:
-        """Norm of all residuals, and reference force [stress length].
-
-        Gaps and distances to prescribed values are converted to forces by the bulk stiffness.
-        """
-        size, prescribed = self.bulk.num_owned, self.bulk.prescribed_dofs
-        contact_force, rows = self._contact_force(), float((self.motions.residual() ** 2).sum())
-        rows_of_contacts = 0.0
-        for contact in self.contacts:
-            rows_of_contacts += float((contact.residual() ** 2).sum())
-        rows += rows_of_contacts
-        raise_noted(self.comm, self.contacts)
-        self._distance = self.bulk.distance_to_prescribed()
-        self._total = total = self.bulk.r.array_r[:size] + contact_force
-        free = self.bulk.to_force * total
-        reactions = free[prescribed]
-        free[prescribed] = self.stiffest * self._distance / self.bulk.units[prescribed]
-        inertia = np.empty(0) if self.bulk.inertia is None else self.bulk.inertia_forces()
-        forces = free @ free, contact_force @ contact_force, reactions @ reactions
-        sums = np.array([*forces, inertia @ inertia, rows, rows**2])
-        self.comm.Allreduce(MPI.IN_PLACE, sums)
-        free2, force2 = sums[0], sums[1:4].max()
-        check_alike(float(sums[4]), float(sums[5]), force2, self.comm.size)
-        return float(np.sqrt(free2 + rows)), float(np.sqrt(force2))
-
-    def roundoff(self) -> float:
-        """Attainable accuracy of the residual, limited by roundoff [stress length]."""
-        inertia = self.bulk.inertia
-        stiffest = self.stiffest + (0.0 if inertia is None else inertia.stiffness)
-        return rounding_of(self.bulk, self.contacts, self._largest_displacement(), stiffest)
-
-    def _largest_displacement(self) -> float:
-        largest = self.bulk.largest(self.bulk.u.x.array)
-        return max(largest, self.motions.largest()) if self.motions.obstacles else largest
 
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase, see ``clock``; maximum over ranks."""
@@ -227,7 +195,9 @@ class ContactEquations:
     def diagnose(self) -> str:
         """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none."""
         recent = self._history.recent
-        return diagnose(self.bulk, self.contacts, self.floating, self.motions, self._force, recent)
+        return diagnose(
+            self.bulk, self.contacts, self.floating, self.motions, self.residual.force, recent
+        )
 
     # Newton iteration
 
@@ -243,23 +213,24 @@ class ContactEquations:
         self.bulk.assemble_tangent()
         if self.floating.bodies:
             self._loose = self.floating.loose()
-            self.floating.add_springs(self._loose, self._total, self._force)
+            self.floating.add_springs(self._loose, self.residual.total, self.residual.force)
         self.system.assemble()
         raise_noted(self.comm, self.contacts)
 
     @clock("solve")
     def solve_linear(self) -> Increment:
         """Solve the linearized equations; the state is not changed."""
-        goal = self.newton.residual_tolerance * self._force
+        residual = self.residual
+        goal = self.newton.residual_tolerance * residual.force
         solver = self.system.solver
         solver.forcing = forcing(self._history.residuals, goal)
-        x, motion = self.system.step(self._distance), NO_MOTION
+        x, motion = self.system.step(residual.distance), NO_MOTION
         if self.motions.obstacles:
-            x, motion = self.motions.solve(x, self.system, self.stiffest, self._force)
+            x, motion = self.motions.solve(x, self.system, self.stiffest, residual.force)
         step, z = self.system.split(x)
         remark, solver.remark = solver.remark, ""
         if self._loose:
-            self.floating.drop_undriven(self._loose, step, self._total, self._force)
+            self.floating.drop_undriven(self._loose, step, residual.total, residual.force)
             remark = "; ".join(filter(None, (remark, self.floating.remark(self._loose))))
         return Increment(step, z, motion, remark)
 
@@ -277,13 +248,17 @@ class ContactEquations:
 
     def _settle_sets(self) -> None:
         """Take the active set of the linearized problem if bodies float and it does not settle."""
-        if not self.floating.bodies or self.floating.anchored or not self._history.is_unsettled:
-            return
+        if self.floating.bodies and not self.floating.anchored and self._history.is_unsettled:
+            self._take_linearized_sets()
+
+    def _take_linearized_sets(self) -> bool:
+        """Take the sets of the linearized problem; return whether they were found."""
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
-        if linearized.applies:
-            self._history.count_call()
-            self.bulk.assemble_tangent()
-            linearized.choose_sets(self._redundancy.mark)
+        if not linearized.applies:
+            return False
+        self._history.count_call()
+        self.bulk.assemble_tangent()
+        return linearized.choose_sets(self._redundancy.mark)
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step.
@@ -293,7 +268,7 @@ class ContactEquations:
             part: Fraction of the increment that was applied [1].
             note: Remark.
         """
-        size = max(self._largest_displacement(), 1e-8 * self._shortest_facet, 1e-300)
+        size = max(self.residual.largest_displacement(), 1e-8 * self._shortest_facet, 1e-300)
         return Step(increment / size, part, note)
 
     @cached_property
@@ -307,46 +282,25 @@ class ContactEquations:
         Contact forces act along averaged normals of facets. Their error drives smooth bodies
         without friction, which may have no equilibrium near by.
         """
-        if self.floating.anchored or self._history.residuals[-1] > RIGID.slight * self._force:
+        if (
+            self.floating.anchored
+            or self._history.residuals[-1] > RIGID.slight * self.residual.force
+        ):
             return ""
         names = self.floating.names(self.floating.loose() or self.floating.bodies)
         return f"only a slight force is left, which moves {names}" if names else ""
 
     def merge_sets(self, period: int) -> str:
-        """Leave a cycle of sets; see ``SetHistory.merge``."""
-        return self._history.merge(period)
+        """Leave a cycle of sets by merging them; see ``SetHistory.merge``.
 
-    # Forces
-
-    def forces(self) -> tuple[Array, Array, Array]:
-        """Bulk residual, contact forces and forces on obstacles at the present state.
-
-        Returns:
-            Bulk residual and contact forces, (owned dofs,) each [stress length], whose sum at
-            prescribed dofs is the support reaction; forces and moments on obstacles, (obstacles, 3)
-            [stress length].
+        Where sets change without a period, or cycle again, those of the linearized problem are
+        taken. Thin plates, for example, bend by more than their gap if a node opens. If bodies
+        float, ``advance`` has taken them before.
         """
-        self.bulk.assemble_residual()
-        bulk = self.bulk.r.array_r[: self.bulk.num_owned].copy()
-        self.floating.add_spring_forces()
-        return bulk, self._contact_force(), self.motions.forces()
-
-    def shear_forces(self) -> tuple[Array, Array]:
-        """Contributions of shear to the last two results of ``forces``."""
-        return self._contact_force("shear"), self.motions.forces("shear")
-
-    @clock("assembly")
-    def _contact_force(self, part: str = "z") -> Array:
-        """B^T z on the owned dofs; with ``part="shear"`` of the tangential multipliers only."""
-        force = np.zeros(self.bulk.num_owned)
-        for contact in self.contacts:
-            if part == "z":
-                on_slave, on_master = contact.now.forces
-            else:
-                on_slave, on_master = contact.operators.force(getattr(contact, part))
-            contact.slave.scatter_add(on_slave, force)
-            contact.master.scatter_add(on_master, force)
-        return force
+        again, words = self._history.has_merged, self._history.merge(period)
+        if (again or period == UNSETTLED) and not self.floating.bodies:
+            words += "; that of the linearized problem is taken" * self._take_linearized_sets()
+        return words
 
     # States
 

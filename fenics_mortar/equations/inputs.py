@@ -87,6 +87,7 @@ class Inputs:
         """Arrays that have to be equal on all ranks, by name."""
         for contact in self._contacts:
             yield f"offset of '{contact.slave.name}'", contact.offset
+            yield "the time", contact.state.load_time
         for obstacle in self._obstacles:
             yield f"the place of obstacle '{obstacle.name}'", obstacle.place
             yield f"the push of obstacle '{obstacle.name}'", obstacle.load
@@ -154,7 +155,7 @@ class Conflicts:
             for other in range(number):
                 marked = np.zeros(first.size, bool)
                 marked[dofs[differ & (first[dofs] == other)]] = True
-                count, where = bulk.count_nodes(marked)
+                count, where = bulk.input_data.count_nodes(marked)
                 if count:
                     found.append(
                         f"Dirichlet conditions {other} and {number} prescribe different values of "

@@ -145,12 +145,15 @@ class ReducedEquations:
         """d_S (size,) [length] for a ``change`` of the prescribed values; complete on rank 0."""
         r = self._bulk.r.array_r[: self._bulk.num_owned]
         step = self._compliance.by_forces(-self._dofs.gather(r))
-        rounding = self._general.roundoff() / self._general.stiffest
+        rounding = self._general.residual.roundoff() / self._general.stiffest
         step += self._compliance.by_prescribed(change, rounding)
         rest = self._bulk.r.duplicate()
         rest.array[:] = np.where(self._inside, -r, 0.0)
         forces = self._bulk.to_force * rest.array_r
-        if np.sqrt(self._comm.allreduce(float(forces @ forces))) > self._general.roundoff():
+        if (
+            np.sqrt(self._comm.allreduce(float(forces @ forces)))
+            > self._general.residual.roundoff()
+        ):
             step += self._dofs.gather(self._compliance.solve(rest).array_r)
         moved = np.zeros(self._bulk.num_owned)
         moved[self._bulk.prescribed_dofs] = change

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Contact surfaces: the facets of a tag as curves, replicated on every rank.
+"""Contact surfaces: the facets of some tags as curves, replicated on every rank.
 
 A curve has O(sqrt(N)) nodes if the bulk has N, so every rank holds all of it: the contact
 evaluation does not depend on the ownership of facets. Nodes are numbered along the curves. Start
@@ -54,7 +54,7 @@ MIN_WEIGHT = 0.05
 
 @dataclass(frozen=True)
 class Surface:
-    """Facets of one boundary tag; equal on all ranks except ``owned`` and ``local_dofs``.
+    """Facets of some boundary tags; equal on all ranks except ``owned`` and ``local_dofs``.
 
     Attributes:
         name: Name used in messages.
@@ -272,14 +272,14 @@ class Surface:
 
 
 def extract_surface(
-    space: DisplacementSpace, facet_tags: Any, tags: int | Sequence[int], name: str
+    space: DisplacementSpace, facet_tags: Any, tags: Sequence[int], name: str
 ) -> Surface:
-    """Extract the facets of one or several tags as curves (collective).
+    """Extract the facets of some tags as curves (collective).
 
     Args:
         space: Nodes and dofs of the displacement, degree 1 or 2.
         facet_tags: Facet tags of the mesh.
-        tags: Tag of the surface, or several.
+        tags: Tags of the surface.
         name: Name used in messages.
 
     Returns:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Facets of a mesh by tag, with their nodes in order and the body on the left."""
+"""Facets of a mesh by tags, with their nodes in order and the body on the left."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from fenics_mortar.utils.errors import SurfaceError, count_places
 
 
 def local_facets(
-    V: Any, facet_tags: Any, tags: int | Sequence[int], name: str
+    V: Any, facet_tags: Any, tags: Sequence[int], name: str
 ) -> tuple[Indices, Array, Indices]:
-    """Facets of one or several tags that this rank owns (collective).
+    """Facets of some tags that this rank owns (collective).
 
     A facet is included if any rank tags it, whether that rank owns the facet or not.
 
     Args:
         V: Space of the displacement.
         facet_tags: Facet tags of the mesh.
-        tags: The tag or tags.
+        tags: The tags.
         name: Name of the surface, used in messages.
 
     Returns:
@@ -42,8 +42,8 @@ def local_facets(
     mesh.topology.create_connectivity(2, 1)
     facet_map = mesh.topology.index_map(1)
     begin, end = facet_map.local_range
-    found = [facet_tags.find(tag) for tag in np.atleast_1d(tags)]
-    tagged = facet_map.local_to_global(np.concatenate(found).astype(np.int32))
+    tagged = np.concatenate([facet_tags.find(tag) for tag in tags])
+    tagged = facet_map.local_to_global(tagged.astype(np.int32))
     tagged = np.unique(np.concatenate(mesh.comm.allgather(tagged)))
     tagged = (tagged[(tagged >= begin) & (tagged < end)] - begin).astype(np.int32)
     inside = np.setdiff1d(tagged, dmesh.exterior_facet_indices(mesh.topology)).astype(np.int32)
@@ -64,6 +64,9 @@ def local_facets(
 def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
     """Local nodes (m, K) of facets in order, with the cell on the left (local).
 
+    The side is that of the cell's corners: all nodes of a thin cell that bends may lie on the
+    other side of the chord of its facet.
+
     Requires the connectivities facets -> cells and cells -> facets.
 
     Args:
@@ -77,9 +80,11 @@ def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
     ends = np.empty((facets.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
     for i, facet in enumerate(facets):
         cell = facet_cells.links(facet)[0]
-        local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
+        of_cell = cell_facets.links(cell)
+        local = int(np.flatnonzero(of_cell == facet)[0])
+        corners = [layout.entity_dofs(0, k)[0] for k in range(of_cell.size)]
         a, b, *inside = dofmap[cell][layout.entity_closure_dofs(1, local)]
-        inward = x[dofmap[cell]].mean(axis=0) - x[a]
+        inward = x[dofmap[cell][corners]].mean(axis=0) - x[a]
         edge = x[b] - x[a]
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
         ends[i] = (a, *inside, b) if on_left else (b, *inside, a)

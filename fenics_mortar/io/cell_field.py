@@ -54,7 +54,7 @@ class CellField:
         try_together(problem.comm, True, compile_it, f"field {name!r} cannot be evaluated")
 
     def evaluate(self) -> Array:
-        """Values, shape (owned cells, *shape of the expression) (local)."""
+        """Values, of shape (owned cells,) and the shape of the expression (local)."""
         cells = np.arange(self._mesh.topology.index_map(2).size_local, dtype=np.int32)
         values = compat.evaluate_expression(self._compiled, self._mesh, cells)
         return np.asarray(values).reshape(cells.size, *self._shape)

@@ -23,39 +23,62 @@ from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.files import try_together, write_whole
 
 INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
+SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
+# A field has both signs if its values of the rarer sign reach this fraction of the others [1]:
+# smaller ones come from the discretization, and half of the colours would remain unused.
+SIGNED = 0.2
+# Mean width of a letter of the legend, of 9 points [inch].
+LETTER = 0.07
+# Place of the legend, below numbers and label of the axis [inch].
+LEGEND = -0.45
 
 
 def plot(
     problem: ContactProblem,
-    path: str | Path,
+    path: str | Path | None = None,
     *,
     stress: Any | None = None,
     label: str = "stress",
     title: str | None = None,
     scale: float = 1.0,
+    units: tuple[str, str] | None = None,
+    limits: tuple[float, float] | None = None,
+    cmap: Any | None = None,
+    ax: Any | None = None,
 ) -> None:
-    """Draw the deformed bodies and the pressure on the slave surfaces as a PNG (collective).
+    """Draw the deformed bodies and the pressure on the slave surfaces (collective).
+
+    The axes have equal scales. Fields of both signs have a diverging map with white at zero.
 
     Args:
         problem: The problem to draw.
-        path: Path of the picture, used on the first rank; ``.png`` is appended, missing folders are
-            created.
+        path: Path of a PNG file, used on the first rank; ``.png`` is appended, missing folders are
+            created. ``None`` if ``ax`` is given.
         stress: Scalar UFL expression whose values at the midpoints colour the cells.
         label: Label of the colour bar.
         title: Title of the picture.
         scale: Factor of the displacement.
+        units: Units of length and stress, e.g. ``("mm", "MPa")``, for the labels of the axes and of
+            the largest pressure.
+        limits: Smallest and largest value of the colours [unit of ``stress``]; by default those of
+            the field, with equal positive and negative ones where it has both signs.
+        cmap: Colour map of matplotlib, or its name.
+        ax: Axes of matplotlib on the first rank, instead of a new figure; other ranks may pass
+            ``None``. Without ``path`` no file is written.
 
     Raises:
         MortarError: On all ranks, if the expression cannot be evaluated or the file not be written.
-        ValueError: On all ranks, if an argument is of another type.
+        ValueError: On all ranks, if an argument is of another type, or neither ``path`` nor ``ax``
+            is given.
     """
     check_problem(problem)
     comm = problem.comm
     with together(comm, "plot"):
-        check_kind("path", path, (str, Path), "the name of a file")
-        check_number("scale", scale, "a finite number", np.isfinite)
+        _check(path, scale, units, limits, ax, first=comm.rank == 0)
     field = None if stress is None else CellField(problem, stress, label, rank=0)
-    path = prepare_path(comm, path, ".png")
+    file = None
+    if comm.bcast(path is not None):
+        file = prepare_path(comm, "" if path is None else path, ".png")
     cells = owned_cells(problem)
     x = problem.equations.bulk.V.tabulate_dof_coordinates()[:, :2]
     x = x + scale * problem.equations.bulk.u.x.array[problem.equations.bulk.space.dofs]
@@ -68,35 +91,94 @@ def plot(
         contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
 
     def draw() -> None:
-        from matplotlib.figure import Figure
-
         nodes, polygons, values = (np.concatenate(parts) for parts in zip(*branches, strict=True))
         low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
-        width, height = 6.0 * (high - low) / (high - low).max()
-        figure = Figure((max(width, 3.0) + 1.6, max(height, 1.5) + 0.9), layout="constrained")
-        axes = figure.add_subplot(aspect="equal", title=title or "")
+        axes = _new_axes(high - low) if ax is None else ax
+        axes.set_aspect("equal")
+        axes.set_title(title or "")
         bodies = _draw_bodies(axes, nodes, polygons, None if field is None else values)
         if field is not None:
-            bar = figure.colorbar(bodies, cax=axes.inset_axes((1.03, 0.0, 0.025, 1.0)), label=label)
+            bodies.set(**_colours(values, limits, cmap))
+            place = axes.inset_axes((1.03, 0.0, 0.025, 1.0))
+            bar = axes.figure.colorbar(bodies, cax=place, label=label)
             bar.outline.set_visible(False)
         margin = MARGIN * float((high - low).max())
         _draw_obstacles(axes, problem.equations.motions.obstacles, low - margin, high + margin)
         open_pairs = [c for c in problem.equations.contacts if not isinstance(c, Tie)]
-        _draw_pressure(axes, open_pairs, scale, 0.1 * float(np.sqrt(np.prod(high - low))))
+        height = 0.1 * float(np.sqrt(np.prod(high - low)))
+        _draw_pressure(axes, open_pairs, scale, height, "" if units is None else f" {units[1]}")
         if scale != 1.0:
             axes.plot([], [], " ", color=INK, label=f"displacement x {scale:g}")
-        if axes.get_legend_handles_labels()[1]:
-            place = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.05), "labelcolor": "linecolor"}
-            axes.legend(**place, frameon=False, fontsize=9, handletextpad=0.0, ncols=2)
-        axes.margins(0.03)
-        axes.locator_params(nbins=6)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color(GREY)
-        axes.tick_params(color=GREY, labelsize=8)
-        draw_to = partial(figure.savefig, dpi=200, bbox_inches="tight")
-        write_whole(path.with_name(f"{path.name}.png"), draw_to)
+        names = ("r", "z") if problem.equations.bulk.space.is_axisymmetric else ("x", "y")
+        _finish_axes(axes, names, units)
+        if file is not None:
+            draw_to = partial(axes.figure.savefig, dpi=200, bbox_inches="tight")
+            write_whole(file.with_name(f"{file.name}.png"), draw_to)
 
-    try_together(comm, comm.rank == 0, draw, f"cannot draw '{path}.png'")
+    try_together(
+        comm, comm.rank == 0, draw, "cannot draw" if file is None else f"cannot draw '{file}.png'"
+    )
+
+
+def _check(path: Any, scale: Any, units: Any, limits: Any, ax: Any, *, first: bool) -> None:
+    """Refuse arguments of ``plot`` (local)."""
+    if path is not None:
+        check_kind("path", path, (str, Path), "the name of a file")
+    elif first and ax is None:
+        raise ValueError("path=None: expected the name of a file, or axes as ax")
+    check_number("scale", scale, "a finite number", np.isfinite)
+    if units is not None and not (
+        isinstance(units, (tuple, list)) and [type(unit) for unit in units] == [str, str]
+    ):
+        raise ValueError(f"units={units!r}: expected those of length and stress, as ('mm', 'MPa')")
+    if limits is not None:
+        fits = isinstance(limits, (tuple, list, np.ndarray)) and len(limits) == 2
+        if not fits or not np.isfinite(np.asarray(limits, float)).all() or limits[0] >= limits[1]:
+            raise ValueError(f"limits={limits!r}: expected two increasing numbers")
+
+
+def _new_axes(size: Array) -> Any:
+    """Axes of a new figure for bodies of a size (2,) [length]."""
+    from matplotlib.figure import Figure
+
+    width, height = 6.0 * size / size.max()
+    figure = Figure((max(width, 3.0) + 1.6, max(height, 1.5) + 0.9), layout="constrained")
+    return figure.add_subplot()
+
+
+def _colours(values: Array, limits: Any, cmap: Any) -> dict[str, Any]:
+    """Colour map and norm of a field: diverging about zero where it has both signs."""
+    from matplotlib.colors import Normalize, TwoSlopeNorm
+
+    low, high = (values.min(), values.max()) if limits is None else limits
+    smaller, larger = sorted((abs(low), abs(high)))
+    if not (low < 0.0 < high and smaller > SIGNED * larger):
+        return {"norm": Normalize(low, high), "cmap": cmap or SEQUENTIAL}
+    if limits is None:
+        low, high = -larger, larger
+    return {"norm": TwoSlopeNorm(0.0, low, high), "cmap": cmap or DIVERGING}
+
+
+def _finish_axes(axes: Any, names: tuple[str, str], units: tuple[str, str] | None) -> None:
+    """Labels with units, and the legend below the axes."""
+    from matplotlib.transforms import ScaledTranslation
+
+    labels = names if units is None else [f"{name} [{units[0]}]" for name in names]
+    axes.set_xlabel(labels[0], fontsize=9)
+    axes.set_ylabel(labels[1], fontsize=9)
+    entries = axes.get_legend_handles_labels()[1]
+    if entries:
+        below = axes.transAxes + ScaledTranslation(0.0, LEGEND, axes.figure.dpi_scale_trans)
+        place = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "bbox_transform": below}
+        style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
+        width = axes.get_window_extent().width / axes.figure.dpi
+        columns = 2 if 2 * LETTER * max(map(len, entries)) < width else 1
+        axes.legend(**place, **style, fontsize=9, ncols=columns)
+    axes.margins(0.03)
+    axes.locator_params(nbins=6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(GREY)
+    axes.tick_params(color=GREY, labelsize=8)
 
 
 def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | None) -> Any:
@@ -105,7 +187,7 @@ def _draw_bodies(axes: Any, nodes: Indices, polygons: Array, values: Array | Non
 
     around = OUTLINE[nodes.shape[1]]
     nodes, polygons = nodes[:, around], polygons[:, around]
-    cells = PolyCollection(polygons, cmap="YlGnBu", facecolors="#dfe6ea")
+    cells = PolyCollection(polygons, facecolors="#dfe6ea")
     cells.set(array=values, edgecolors=(0.1, 0.1, 0.1, 0.35))
     cells.set(linewidths=min(0.35, 12.0 / np.sqrt(len(nodes))))
     edges = np.stack([nodes, np.roll(nodes, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -126,11 +208,14 @@ def _draw_obstacles(axes: Any, obstacles: list[Obstacle], low: Array, high: Arra
             axes.contour(x, y, phi, [0.0], colors=[INK], linewidths=0.8)
 
 
-def _draw_pressure(axes: Any, contacts: list[Contact], scale: float, height: float) -> None:
+def _draw_pressure(
+    axes: Any, contacts: list[Contact], scale: float, height: float, unit: str
+) -> None:
     """Draw the pressure along the outer normals of the slave surfaces, and its maximum."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     largest = max((contact.pressure.max() for contact in contacts), default=0.0)
+    slaves = [contact.slave.name for contact in contacts]
     for contact in contacts:
         pressure, o = contact.pressure, contact.operators
         if not pressure.max() > 0.0:
@@ -145,5 +230,8 @@ def _draw_pressure(axes: Any, contacts: list[Contact], scale: float, height: flo
         for lines, thickness in ((stems, thin), (tip[facets], 1.2), (foot[facets], 1.2)):
             axes.add_collection(LineCollection(lines, colors=PRESSURE, linewidths=thickness))
         top = int(pressure.argmax())
-        label = f"pressure on {contact.slave.name}, maximum {pressure[top]:.4g}"
+        name = contact.slave.name
+        if slaves.count(name) > 1:
+            name += f" by {contact.pair.master_name}"
+        label = f"pressure on {name}, maximum {pressure[top]:.4g}{unit}"
         axes.plot(*tip[top], "o", markersize=4, color=PRESSURE, label=label)

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 from fenics_mortar.io.shared import check_problem
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils.markdown import MarkdownText
 
 
-def contact_table(problem: ContactProblem) -> str:
+def contact_table(problem: ContactProblem) -> MarkdownText:
     """Markdown table of the contact of each pair: forces, active nodes, pressure, gap (collective).
 
     The forces are those on the bodies [stress length], on whole bodies of revolution [force]; the
@@ -30,4 +31,4 @@ def contact_table(problem: ContactProblem) -> str:
         cells += [f"{contact.active.sum()} of {contact.slave.num_nodes}"]
         cells += [f"{contact.pressure.max():.4e}", f"{gap.min():.2e}" if gap.size else "-"]
         rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join(rows)
+    return MarkdownText("\n".join(rows))

@@ -8,7 +8,7 @@ T            1, t, ..., t^(K - 1) with t = (xi - middle) / half: a basis on the 
              covered part S of the facet, which is -1 <= t <= 1
 G            moments int t^p dgamma over S, p = 0 ... 2 K - 2; the mass matrix     (2 K - 1,)
              of T has the entries G[p + q]
-B            coefficients of the shape functions, N = B T; columns from K on are 0  (K, 2 K - 1)
+B            coefficients of the shape functions, N = B T; zero from column K on    (K, 2 K - 1)
 d            int N_j dgamma over S, d = B G                                        (K,)
 H            hand-over: H[i, j] is the fraction of function j added to that of i   (K, K)
 C            coefficients of the multiplier functions, Phi = C T                   (K, K)

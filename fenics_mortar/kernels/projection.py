@@ -9,7 +9,8 @@ y            one slave and one master facet: slave nodes, their normals, master 
 xi, eta      coordinate on the slave / master facet, -1 ... 1                      ()
 N, L         shape functions of the slave / master facet at xi / eta, with first   (3, K)
              and second derivatives
-x(xi), n(xi) N x and N n, the latter not normalized; tau(xi) = (-n_y, n_x)         (2,)
+x(xi)        N x, position on the slave                                            (2,)
+n(xi)        N n, not normalized; tau(xi) = (-n_y, n_x)                            (2,)
 ===========  ====================================================================  =========
 
 Both directions use the normals of the slave, so each is the inverse of the other: a master point

@@ -152,7 +152,7 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits, r
 def find_segments_within(
     geometry, slave_facets, master_facets, radius, bodies, outline, least, limits, roles
 ):
-    """As ``find_segments``, with the ``view`` (*bodies, outline, least).
+    """As ``find_segments``, with the ``view`` (safe, slave_bodies, master_bodies, outline, least).
 
     To be called from Python: numba finds out the types of tuples of more than four arrays anew in
     each call, which takes 0.2 ms.

@@ -12,8 +12,13 @@ import numpy.typing as npt
 
 from dolfinx import mesh as dmesh
 
+from fenics_mortar.mesh.input_nodes import nodal_values, node_dofs
 from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MeshError
+
+# A name or tag of a boundary, or several of them.
+Names = str | int | Sequence[str | int]
 
 
 @dataclass(frozen=True)
@@ -34,14 +39,19 @@ class MeshData:
         ValueError: If a tag is not an integer.
 
     Example:
-        A mesh that is not from gmsh, with two of its sides as boundaries 1 and 2::
+        A mesh that is not from gmsh, with two of its sides as boundaries 1 and 2:
 
-            low = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 0.0))
-            high = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 1.0))
-            facets = np.hstack([low, high])
-            tags = np.repeat(np.int32([1, 2]), [low.size, high.size])
-            order = np.argsort(facets)
-            data = MeshData(mesh, None, meshtags(mesh, 1, facets[order], tags[order]))
+        >>> from mpi4py import MPI
+        >>> from dolfinx.mesh import create_unit_square, locate_entities_boundary, meshtags
+        >>> mesh = create_unit_square(MPI.COMM_WORLD, 2, 2)
+        >>> low = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 0.0))
+        >>> high = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 1.0))
+        >>> facets = np.hstack([low, high])
+        >>> tags = np.repeat(np.int32([1, 2]), [low.size, high.size])
+        >>> order = np.argsort(facets)
+        >>> data = MeshData(mesh, None, meshtags(mesh, 1, facets[order], tags[order]))
+        >>> data.boundary_facets([1, 2]).size
+        4
     """
 
     mesh: dmesh.Mesh
@@ -74,7 +84,55 @@ class MeshData:
         """
         return _tag("boundary", name, self.boundaries)
 
-    def boundary_facets(self, names: str | int | Sequence[str | int]) -> npt.NDArray[np.int32]:
+    def boundary_tags(self, names: Names) -> list[int]:
+        """Return the tags of one or several boundaries (local).
+
+        Raises:
+            MeshError: If no boundary has one of the names, or none is given; lists the names.
+        """
+        tags = [self.boundary_tag(name) for name in as_list(names)]
+        if not tags:
+            raise MeshError(
+                f"no boundary is given; the mesh has {sorted(map(str, self.boundaries))}"
+            )
+        return tags
+
+    def node_dofs(self, V: Any, nodes: npt.ArrayLike) -> Indices:
+        """Local dofs of nodes of the mesh input (local).
+
+        Args:
+            V: Lagrange space, not mixed; in a mixed space W take ``W.sub(0).collapse()[0]``.
+            nodes: Numbers of nodes, shape (k,): rows of ``points`` of :func:`mesh_from_arrays`; for
+                :func:`read_gmsh` tags minus one.
+
+        Returns:
+            Blocked dofs, shape (k,): the values of a plane vector ``u`` are
+            ``u.x.array.reshape(-1, 2)[dofs]``. -1 for nodes that are not on this rank or no nodes
+            of ``V``, as middles of edges in a space of degree 1. Ghosts are included; owned dofs
+            are below ``V.dofmap.index_map.size_local``.
+
+        Raises:
+            ValueError: If ``V`` has no dofs at the vertices, or is mixed.
+        """
+        return node_dofs(V, nodes)
+
+    def nodal_values(self, u: Any, nodes: npt.ArrayLike) -> Array:
+        """Values of a function at nodes of the mesh input, on all ranks (collective).
+
+        Args:
+            u: Function of a Lagrange space, not mixed.
+            nodes: Numbers of nodes as in ``node_dofs``, equal on all ranks, shape (k,).
+
+        Returns:
+            Values [unit of u], shape (k, 2) for plane vectors and (k, 1) for scalars; nan where
+            the space has no such node.
+
+        Raises:
+            ValueError: If the space of ``u`` has no dofs at the vertices, or is mixed.
+        """
+        return nodal_values(u, nodes)
+
+    def boundary_facets(self, names: Names) -> npt.NDArray[np.int32]:
         """Return this rank's facets of some boundaries, sorted and unique (collective).
 
         Args:
@@ -111,6 +169,12 @@ def as_list(names: Any) -> list[str | int]:
     """Return one or several names as a list (local)."""
     several = isinstance(names, Sequence) and not isinstance(names, str)
     return list(names) if several else [names]
+
+
+def joined_names(names: Any) -> str:
+    """Return one or several names as one, used in messages and files (local)."""
+    first, *others = map(str, as_list(names) or [""])
+    return " + ".join([first, *others]) if len(others) < 3 else f"{first} + {len(others)} others"
 
 
 def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from fenics_mortar.mesh.data import MeshData, as_list
+from fenics_mortar.mesh.data import MeshData, Names
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.errors import MeshError, check_same_words, together
@@ -22,7 +22,7 @@ from fenics_mortar.utils.errors import MeshError, check_same_words, together
 def dirichlet(
     V: fem.FunctionSpace,
     data: MeshData,
-    boundary: str | int | Sequence[str | int],
+    boundary: Names,
     value: fem.Constant | fem.Function | npt.ArrayLike,
     component: int | None = None,
 ) -> fem.DirichletBC:
@@ -55,7 +55,7 @@ def dirichlet(
             raise MeshError(f"component is {component!r}; expected 0, 1 or None for both")
         if V.mesh is not data.mesh:
             raise MeshError("the space belongs to another mesh than the boundaries")
-        tags = [data.boundary_tag(name) for name in as_list(boundary)]
+        tags = data.boundary_tags(boundary)
         value = value if in_sub_space else _boundary_value(V, value, component)
     check_same_words(data.mesh.comm, "dirichlet", {"boundary": tags, "component": component})
     facets = data.boundary_facets(boundary)

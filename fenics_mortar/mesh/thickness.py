@@ -118,7 +118,7 @@ class NodalThickness:
 
     @property
     def for_kernels(self) -> tuple[Array, float]:
-        """Constant part (nodes,) [length] and derivative [1]: arguments of the kernels."""
+        """Constant part (nodes,) [length] and derivative [1], for the kernels."""
         return self.constant, self.by_x
 
 

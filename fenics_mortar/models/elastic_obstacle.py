@@ -35,7 +35,7 @@ from fenics_mortar.interface.facing import nearest_facets, points_of
 from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.interface.surfaces import Surface, extract_surface
 from fenics_mortar.la.factored import factored_bulk
-from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_kind
@@ -57,7 +57,7 @@ class ElasticObstacle:
         residual: UFL form of the internal forces; its tangent at the present ``u`` is used.
         u: Displacement of the mesh.
         data: Mesh, tags and names, on the communicator of the problem.
-        surface: Name or tag of the contact boundary.
+        surface: Name or tag of the contact boundary, or a list of them.
         bcs: Dirichlet conditions that fix the body; their values are not used.
 
     Raises:
@@ -78,7 +78,7 @@ class ElasticObstacle:
         residual: Any,
         u: Any,
         data: MeshData,
-        surface: str | int,
+        surface: Names,
         *,
         bcs: Sequence[Any] = (),
     ) -> None:
@@ -89,7 +89,7 @@ class ElasticObstacle:
             check_kind("bcs", bcs, (list, tuple), "a list of Dirichlet conditions")
             check_kind("residual", residual, ufl.Form, "a UFL form")
             check_residual("residual", residual, u)
-            data.boundary_tag(surface)
+            data.boundary_tags(surface)
             if data.mesh is not u.function_space.mesh:
                 raise MeshError("data belongs to another mesh than u")
         check_same_words(data.mesh.comm, "ElasticObstacle", {"surface": surface, "bcs": len(bcs)})
@@ -98,7 +98,7 @@ class ElasticObstacle:
         space = DisplacementSpace(u.function_space)
         self._bulk = Bulk(residual, u, list(bcs), None, space)
         self._surface = extract_surface(
-            space, data.facet_tags, data.boundary_tag(surface), str(surface)
+            space, data.facet_tags, data.boundary_tags(surface), joined_names(surface)
         )
         self._bulk.assemble_tangent()
         if find_floating_bodies(self._bulk, *label_bodies(self._bulk.V)):

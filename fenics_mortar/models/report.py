@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_mortar.models.model_error import QUANTITIES, Errors
+from fenics_mortar.utils.markdown import Markdown
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Assumption:
 
 
 @dataclass(frozen=True)
-class AdequacyReport:
+class AdequacyReport(Markdown):
     """Estimated errors of the assumptions of a solution; prints as a Markdown table; local.
 
     Attributes:

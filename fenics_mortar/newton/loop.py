@@ -119,6 +119,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         if status.fraction < 1.0:
             step = step._replace(fraction=step.fraction * status.fraction)
         report.force = max(report.force, status.force)
+        report.allowed = _allowed(status, report.force, options)
         report.iterations.append(
             Iteration(
                 status.residual,
@@ -199,11 +200,16 @@ def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConv
     return NotConvergedError(report.reason, report)
 
 
+def _allowed(status: Status, force: float, options: NewtonOptions) -> float:
+    """Largest residual of a converged state [force]."""
+    return options.residual_tolerance * force + status.roundoff
+
+
 def _failed_tests(
     status: Status, step: Step, force: float, options: NewtonOptions
 ) -> Iterator[str]:
     """Failed tests of convergence, in words."""
-    allowed = options.residual_tolerance * force + status.roundoff
+    allowed = _allowed(status, force, options)
     if status.residual > allowed:
         yield f"residual {status.residual:.2e} (allowed {allowed:.2e})"
     if step.increment > options.increment_tolerance:

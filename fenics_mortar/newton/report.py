@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from fenics_mortar.utils.errors import NotConvergedError
+from fenics_mortar.utils.markdown import Markdown
 
 # Start of a note, and its end if it stands for several.
 ITERATION, TIMES = re.compile(r"^iteration \d+: "), re.compile(r" \((\d+) times\)$")
@@ -38,8 +39,8 @@ class Iteration:
 
 
 @dataclass
-class NewtonReport:
-    """Record of one solve, complete on success and on failure; prints as a Markdown table.
+class NewtonReport(Markdown):
+    """Record of one solve, complete on success and on failure; prints as a short Markdown table.
 
     All methods are local.
 
@@ -49,6 +50,7 @@ class NewtonReport:
         certificate: Measured defects of a converged state, a ``Certificate``.
         adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
         force: Reference force of the residuals [stress length].
+        allowed: Residual at which the last iteration converges [stress length].
         converged: Whether the solve converged.
         reason: Outcome in words.
         solver: Which linear solver was used and why, in words.
@@ -59,6 +61,7 @@ class NewtonReport:
     certificate: Any = None
     adequacy: Any = None
     force: float = 0.0
+    allowed: float = 0.0
     converged: bool = False
     reason: str = "not started"
     solver: str = ""
@@ -86,24 +89,54 @@ class NewtonReport:
         phases = {name: 0.0 for it in self.iterations for name in it.seconds}
         return {name: sum(it.seconds.get(name, 0.0) for it in self.iterations) for name in phases}
 
-    def table(self) -> str:
-        """Markdown table, one row per iteration, and a line with the outcome."""
-        phases = list(self.total_seconds())
-        titles = ["it", "residual", "gap", "increment", "active", "changed"]
-        lines = ["| " + " | ".join(titles + [f"{name} [s]" for name in phases]) + " |"]
-        lines.append("|" + "---:|" * (len(titles) + len(phases)))
-        for number, it in enumerate(self.iterations):
-            cells = [str(number), f"{it.residual:.2e}", f"{it.gap:.1e}"]
-            cells.append("–" if number == 0 else f"{it.increment:.1e}" + _shortened(it.fraction))
-            cells += [str(it.num_active), str(it.num_changed)]
-            cells += [f"{it.seconds.get(name, 0.0):.4f}" for name in phases]
-            lines.append("| " + " | ".join(cells) + " |")
-        sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
-        lines.append("| " + " | ".join(["sum", *[""] * (len(titles) - 1), *sums]) + " |")
-        lines += ["", *self.notes] if self.notes else []
-        lines += [f"\nlinear solver: {self.solver}"] if self.solver else []
-        lines.append(f"\n{self.reason}; residual relative to a force of {self.force:.3e}")
-        return "\n".join(lines)
+    def table(self, *, phases: bool = False) -> str:
+        """Markdown table, one row per iteration, notes, linear solver, and a line with the outcome.
+
+        Residuals are relative to ``force``, the reference of the convergence test.
+
+        Args:
+            phases: Whether to show increments and seconds of each phase as well.
+        """
+        columns = self._columns()
+        if phases:
+            for name in self.total_seconds():
+                seconds = [it.seconds.get(name, 0.0) for it in self.iterations]
+                columns[f"{name} [s]"] = [f"{number:.4f}" for number in seconds]
+        else:
+            hidden = ["increment"]
+            hidden += ["step"] if all(it.fraction == 1.0 for it in self.iterations) else []
+            columns = {title: cells for title, cells in columns.items() if title not in hidden}
+        lines = [f"| {' | '.join(columns)} |", "|" + "---:|" * len(columns)]
+        lines += [f"| {' | '.join(row)} |" for row in zip(*columns.values(), strict=True)]
+        if phases:
+            sums = [f"{seconds:.4f}" for seconds in self.total_seconds().values()]
+            blank = [""] * (len(columns) - len(sums) - 2)
+            total = f"{sum(self.total_seconds().values()):.3f}"
+            lines.append(f"| {' | '.join(['sum', *blank, total, *sums])} |")
+        lines += ["", *(f"- {note}" for note in self.notes)] if self.notes else []
+        if self.solver:
+            lines.append(f"\nlinear solver: {self.solver}")
+        return "\n".join([*lines, f"\n{self.reason}{self._judged_by()}"])
+
+    def _columns(self) -> dict[str, list[str]]:
+        """Cells of the table by title, without phases."""
+        its, force = self.iterations, self.force if self.force > 0.0 else 1.0
+        return {
+            "it": [str(number) for number in range(len(its))],
+            "residual / force": [f"{it.residual / force:.1e}" for it in its],
+            "gap": [f"{it.gap:.1e}" for it in its],
+            "increment": [*["–"][: len(its)], *(f"{it.increment:.1e}" for it in its[1:])],
+            "step": [*["–"][: len(its)], *(f"{it.fraction:.2g}" for it in its[1:])],
+            "active": [str(it.num_active) for it in its],
+            "changed": [str(it.num_changed) for it in its],
+            "seconds": [f"{sum(it.seconds.values()):.3f}" for it in its],
+        }
+
+    def _judged_by(self) -> str:
+        """Reference force and allowed residual, in words."""
+        if not self.force > 0.0:
+            return ""
+        return f"; force {self.force:.3e}, allowed residual / force {self.allowed / self.force:.1e}"
 
     def __str__(self) -> str:
         """The table."""
@@ -132,8 +165,3 @@ def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonRepo
         return report.followed_by(solve())
     except NotConvergedError as error:
         raise NotConvergedError(str(error), report.followed_by(error.report)) from None
-
-
-def _shortened(fraction: float) -> str:
-    """Mark of a damped step in the table."""
-    return "" if fraction == 1.0 else f" × {fraction:.2g}"

@@ -24,6 +24,7 @@ from dolfinx import fem
 
 from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.velocity import Velocity
+from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import Before
@@ -31,6 +32,7 @@ from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
 from fenics_mortar.path.energy_return import return_energy
 from fenics_mortar.path.options import SteppingOptions
+from fenics_mortar.path.progress import Progress
 from fenics_mortar.path.time_scheme import GeneralizedAlpha
 from fenics_mortar.path.work import Forces, Work, forces_of, work_of
 from fenics_mortar.problem import ContactProblem
@@ -139,7 +141,9 @@ class Dynamics:
         """
         problem, inertia = self.problem, self._inertia
         self._refuse_driven_obstacles()
+        start_clock(problem.equations.contacts, inertia.rates.time)
         before, rates = problem.state(), inertia.rates
+        problem.time = rates.time + dt
         lines = [
             line(before.u, rates, dt)
             for line in (self._scheme.velocity, self._scheme.acceleration, self._scheme.average)
@@ -220,6 +224,9 @@ class Dynamics:
             NotConvergedError: If a step of the smallest size fails. State and time are those of the
                 last step; ``report`` is the ``DynamicsReport``.
             Exception: Any error of ``set_loads`` or ``on_step``.
+
+        Note:
+            Rank 0 logs each step and each cut, see ``progress``.
         """
         with together(self.problem.comm, "run"):
             _check_run(stop, options, set_loads, tolerance, on_step, self.time)
@@ -229,6 +236,7 @@ class Dynamics:
         report = DynamicsReport(self.energies())
         size, forces = options.step, forces_of(self.problem)
         largest = options.step if tolerance is None else (options.largest or options.step)
+        shown = Progress(self.problem.comm, self.time, stop)
         while stop - self.time > ROUNDING * options.smallest:
             start = self.time
             dt = min(size, stop - start)
@@ -245,6 +253,7 @@ class Dynamics:
             except NotConvergedError as failure:
                 self.problem.restore(accepted)
                 report.failures.append(failure.report)
+                shown.cut(start + dt, str(failure), failure.report)
                 if dt <= options.smallest:
                     words = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
                     raise NotConvergedError(f"{words}; {failure}", report) from failure
@@ -256,6 +265,7 @@ class Dynamics:
             forces = after
             done = TimeStep(self.time, newton, report.failures, error, work, self.energies())
             report.steps.append(done)
+            shown.accept(self.time, newton)
             report.failures = []
             size = self._next_size(options, size, largest, error, tolerance)
             if on_step is not None:

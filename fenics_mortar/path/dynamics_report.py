@@ -9,6 +9,7 @@ from typing import NamedTuple
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.work import Work
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.markdown import Markdown
 
 
 class Energies(NamedTuple):
@@ -53,7 +54,7 @@ class TimeStep:
 
 
 @dataclass
-class DynamicsReport:
+class DynamicsReport(Markdown):
     """Record of a motion; prints as a Markdown table; all methods are local.
 
     Attributes:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.work import Work
+from fenics_mortar.utils.markdown import Markdown
 
 
 @dataclass(frozen=True)
@@ -29,13 +30,13 @@ class PathStep:
 
 
 @dataclass
-class PathReport:
+class PathReport(Markdown):
     """Record of a path, complete on success and on failure; prints as a Markdown table.
 
     All methods are local.
 
     Attributes:
-        steps: The accepted steps.
+        steps: The accepted steps: each has ``time``, ``step``, ``report``, ``failures``, ``work``.
         failures: Records of failed attempts at the step after the last accepted one.
         finished: Whether the end was reached.
         dead_end: Reason why no equilibrium exists beyond the last step, if this is certain; else

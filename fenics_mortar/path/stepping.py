@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.bulk.residual import MIN_FRACTION
+from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.equations.undo import Before
@@ -18,6 +19,7 @@ from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
 from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends
 from fenics_mortar.path.options import SteppingOptions
+from fenics_mortar.path.progress import Progress, check_bar
 from fenics_mortar.path.report import PathReport, PathStep
 from fenics_mortar.path.work import forces_of, work_of
 from fenics_mortar.problem import ContactProblem
@@ -47,7 +49,7 @@ def follow_path(
     start: float = 0.0,
     stop: float = 1.0,
     on_step: Callable[[float, NewtonReport], None] | None = None,
-    print_steps: bool = False,
+    progress: bool = False,
 ) -> PathReport:
     """Solve from ``start`` to ``stop`` in adaptive steps (collective).
 
@@ -59,7 +61,7 @@ def follow_path(
         start: Time of the present state.
         stop: Final time.
         on_step: Called with time and report after each accepted step, for example to write results.
-        print_steps: Whether rank 0 prints a line per step.
+        progress: Whether rank 0 draws a bar in the terminal, by the package tqdm.
 
     Returns:
         The record of the path.
@@ -75,22 +77,31 @@ def follow_path(
         ValueError: If an argument is of another type, or ``start`` is beyond ``stop``. If they are
             equal, as when a finished path is resumed, there is no step.
         MortarError: On all ranks, if options differ between them.
+
+    Note:
+        Rank 0 logs each step and each cut, see ``progress``::
+
+            logging.basicConfig()
+            logging.getLogger("fenics_mortar").setLevel(logging.INFO)
     """
     check_kind("problem", problem, ContactProblem, "a ContactProblem")
     with together(problem.comm, "follow_path"):
         _check_path(set_loads, options, start, stop, on_step)
+        check_bar(progress)
     given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
     check_same_words(problem.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
+    start_clock(problem.equations.contacts, start)
     largest = options.largest or options.step
     predictor = Predictor(problem.equations, start)
     forces, last = forces_of(problem), _LastStep(start, Before(problem.equations, problem.adequacy))
     solver = AlternateDamping(problem)
 
     def load(time: float) -> None:
+        problem.time = time
         call_together(problem.comm, "set_loads", partial(set_loads, time))
 
-    with _kept(last):
+    with _kept(last), Progress(problem.comm, start, stop, bar=progress) as shown:
         while time < stop:
             step = min(step, stop - time)
             if stop - time - step < ROUNDING * step:
@@ -106,7 +117,7 @@ def follow_path(
             except NotConvergedError as failure:
                 path.failures.append(failure.report)
                 problem.restore(accepted)
-                _say(problem, print_steps, f"time {time + step:.6g}: cut, {failure}")
+                shown.cut(time + step, str(failure), failure.report)
                 if step <= options.smallest:
                     load(min(time + MIN_FRACTION * options.step, stop))
                     path.dead_end = why_path_ends(problem)
@@ -121,7 +132,7 @@ def follow_path(
             last.reached = time, Before(problem.equations, problem.adequacy)
             path.steps.append(PathStep(time, step, report, path.failures, work))
             path.failures = []
-            _say(problem, print_steps, f"time {time:.6g}: {report.reason}")
+            shown.accept(time, report)
             if on_step is not None:
                 call_together(problem.comm, "on_step", partial(on_step, time, report))
             if report.num_iterations <= options.easy:
@@ -190,9 +201,3 @@ def _solve_soundly(
         report.converged, report.reason = False, f"converged to a wrong state: {wrong}"
         raise NotConvergedError(report.reason, report)
     return report
-
-
-def _say(problem: ContactProblem, wanted: bool, line: str) -> None:
-    """Print a line on rank 0."""
-    if wanted and problem.comm.rank == 0:
-        print(line, flush=True)

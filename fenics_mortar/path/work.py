@@ -61,7 +61,7 @@ def forces_of(problem: ContactProblem) -> Forces:
         Owned dofs of the bulk residual, of contact forces, forces on obstacles, tangential contact
         forces and tangential forces on obstacles [stress length].
     """
-    return *problem.forces(), *problem.equations.shear_forces()
+    return *problem.forces(), *problem.equations.residual.shear_forces()
 
 
 def work_of(

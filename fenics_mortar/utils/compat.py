@@ -11,7 +11,11 @@ import ctypes
 import importlib
 import importlib.util
 import inspect
-from collections.abc import Callable
+import logging
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from mpi4py import MPI
@@ -31,6 +35,30 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
 
 
+def _is_told(record: logging.LogRecord) -> bool:
+    """Tell whether a record is of another origin than setuptools, or a warning."""
+    return record.levelno >= logging.WARNING or "distutils" not in record.pathname
+
+
+@contextmanager
+def quiet_compiler() -> Iterator[None]:
+    """Context without the lines "INFO:root:building ..." of the form compiler (local).
+
+    To compile, cffi calls setuptools, which sets the level of the root logger, and logs to it each
+    command of the C compiler. FFCx hides these since 0.9. Level and handlers are put back; warnings
+    and records of other origin pass.
+    """
+    root = logging.getLogger()
+    level, handlers = root.level, root.handlers[:]
+    root.addFilter(_is_told)
+    try:
+        yield
+    finally:
+        root.removeFilter(_is_told)
+        root.setLevel(level)
+        root.handlers[:] = handlers
+
+
 def scalar_is_complex() -> bool:
     """Tell whether PETSc was built with complex scalars."""
     return np.issubdtype(PETSc.ScalarType, np.complexfloating)
@@ -47,6 +75,7 @@ def cell_name(mesh: dmesh.Mesh) -> str:
 # Function spaces, functions and expressions
 
 
+@quiet_compiler()
 def scalar_space(mesh: dmesh.Mesh, degree: int, family: str = "Lagrange") -> fem.FunctionSpace:
     """Create a scalar space, e.g. ``family="DG"`` of degree 0 (collective).
 
@@ -56,6 +85,7 @@ def scalar_space(mesh: dmesh.Mesh, degree: int, family: str = "Lagrange") -> fem
     return create(mesh, (family, degree))
 
 
+@quiet_compiler()
 def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     """Create the Lagrange space of plane vectors (collective).
 
@@ -72,6 +102,7 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
 
 
+@quiet_compiler()
 def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
     """Create a space of several unknowns.
 
@@ -85,17 +116,20 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
         ValueError: If ``mesh`` is not a mesh or no part is given.
 
     Example:
-        Taylor-Hood displacement and pressure for incompressible bodies::
+        Taylor-Hood displacement and pressure for incompressible bodies, with the shear modulus 1:
 
-            W = mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
-            w = fem.Function(W)
-            (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
-            F = ufl.Identity(2) + ufl.grad(u)
-            J, inverse = ufl.det(F), ufl.inv(F).T
-            stress = mu * (F - inverse) + p * J * inverse
-            residual = (ufl.inner(stress, ufl.grad(v)) + q * (J - 1)) * ufl.dx
-            bcs = [dirichlet(W.sub(0), data, "base", (0.0, 0.0))]
-            problem = ContactProblem(residual, w, pairs, bcs=bcs, petsc_options_prefix="rubber_")
+        >>> from mpi4py import MPI
+        >>> mesh = dmesh.create_unit_square(MPI.COMM_WORLD, 2, 2)
+        >>> W = mixed_space(mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+        >>> w = fem.Function(W)
+        >>> (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
+        >>> F = ufl.Identity(2) + ufl.grad(u)
+        >>> J, inverse = ufl.det(F), ufl.inv(F).T
+        >>> stress = F - inverse + p * J * inverse
+        >>> residual = (ufl.inner(stress, ufl.grad(v)) + q * (J - 1)) * ufl.dx
+
+        Supports belong to the sub-space of the displacement, ``fm.dirichlet(W.sub(0), ...)``, and
+        the problem gets the whole function: ``fm.ContactProblem(residual, w, ...)``.
     """
     check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
     if not parts:
@@ -138,6 +172,7 @@ def petsc_vec(function: fem.Function) -> PETSc.Vec:
     return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
 
 
+@quiet_compiler()
 def interpolate_expression(function: fem.Function, expression: ufl.core.expr.Expr) -> None:
     """Interpolate a UFL expression into ``function`` and update its ghosts (collective).
 
@@ -179,6 +214,7 @@ def _as_table(table: Any, layout: Any) -> Indices:
 # Forms, matrices and vectors
 
 
+@quiet_compiler()
 def form(ufl_form: ufl.Form) -> fem.Form:
     """Compile a UFL form for PETSc's scalar type (collective).
 
@@ -231,6 +267,7 @@ def _own_options(function: Callable) -> dict[str, dict]:
 # Meshes
 
 
+@quiet_compiler()
 def create_mesh(
     comm: MPI.Comm, cells: npt.ArrayLike, x: npt.ArrayLike, cell_name: str, degree: int = 1
 ) -> dmesh.Mesh:
@@ -258,6 +295,7 @@ def create_mesh(
     return dmesh.create_mesh(comm, cells, x=x, e=ufl.Mesh(element))
 
 
+@quiet_compiler()
 def model_to_mesh(
     model: Any, comm: MPI.Comm, rank: int = 0
 ) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
@@ -281,13 +319,31 @@ def model_to_mesh(
 
 
 def gmsh_is_initialized(gmsh: Any) -> bool:
-    """Tell whether the module ``gmsh`` has been initialized; 4.8 has no ``isInitialized``."""
+    """Tell whether the module ``gmsh`` has been initialized.
+
+    4.8 has no ``isInitialized``: there any call fails before, and prints an error; it is hidden.
+    """
     if hasattr(gmsh, "isInitialized"):
         return bool(gmsh.isInitialized())
+    with _no_error_output():
+        try:
+            return gmsh.logger.getWallTime() >= 0.0
+        except Exception:  # gmsh raises Exception itself
+            return False
+
+
+@contextmanager
+def _no_error_output() -> Iterator[None]:
+    """Context without standard error of this process, also of compiled libraries (local)."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
     try:
-        return gmsh.logger.getWallTime() >= 0.0
-    except Exception:  # gmsh raises Exception itself
-        return False
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 # Boundary conditions
@@ -320,6 +376,7 @@ def prescribed_value(bc: Any) -> Array:
 # Values of expressions
 
 
+@quiet_compiler()
 def create_expression(expression: ufl.core.expr.Expr, points: npt.ArrayLike) -> fem.Expression:
     """Compile a UFL expression for reference ``points``, shape (num_points, 2) (collective)."""
     points = np.ascontiguousarray(points, dtype=np.float64)

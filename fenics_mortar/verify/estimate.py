@@ -44,6 +44,7 @@ from fenics_mortar.interface.segments import gauss_rule
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.markdown import Markdown
 from fenics_mortar.utils.rounding import ROUNDING, TINY
 from fenics_mortar.verify.interface_defects import interface_defects
 from fenics_mortar.verify.sides import Sides
@@ -55,8 +56,10 @@ SIDE_FACTOR = {1: 1 / 6, 2: 1 / 10}
 
 
 @dataclass(frozen=True)
-class ErrorEstimate:
+class ErrorEstimate(Markdown):
     """Estimate of the error of the displacement in the energy norm; properties are local.
+
+    Prints as a Markdown table of the parts.
 
     Attributes:
         cells: Indicator of each cell of this rank, shape (owned cells,) [stress^1/2 length].
@@ -81,6 +84,24 @@ class ErrorEstimate:
     def relative(self) -> float:
         """Ratio of ``total`` and the norm of the solution [1]."""
         return self.total / self.size if self.size > 0.0 else np.inf
+
+    def __str__(self) -> str:
+        """Relative error, and a Markdown table of the parts and their shares of its square."""
+        square = self.total**2
+        rows = [
+            f"| {name} | {part:.2e} | {100.0 * part**2 / square:.0f} % |"
+            for name, part in self.parts.items()
+            if part > 0.0
+        ]
+        head = ["", "| part | estimate | share of square |", "|---|---:|---:|"] if rows else []
+        return "\n".join(
+            [
+                f"estimated error {100.0 * self.relative:.3g} % in the energy norm: "
+                f"{self.total:.3e} of {self.size:.3e}",
+                *head,
+                *rows,
+            ]
+        )
 
     def mark(self, fraction: float = 0.5) -> Indices:
         """Mark the fewest cells with a fraction of the squared estimate (collective).

@@ -25,6 +25,7 @@ from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.markdown import Markdown
 from fenics_mortar.utils.rounding import EPSILON
 from fenics_mortar.verify.matrices import OperatorMatrices
 
@@ -43,7 +44,7 @@ class Checkable(Protocol):
 
 
 @dataclass(frozen=True)
-class TangentCheck:
+class TangentCheck(Markdown):
     """Remainders of a Taylor test; all methods are local.
 
     Attributes:

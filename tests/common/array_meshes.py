@@ -84,4 +84,4 @@ def problem_on(data, pairs=None, material=neo_hookean, u=None, **options):
 
 def surface_of(data, name):
     V = fm.vector_space(data.mesh, 1)
-    return extract_surface(DisplacementSpace(V), data.facet_tags, data.boundary_tag(name), name)
+    return extract_surface(DisplacementSpace(V), data.facet_tags, data.boundary_tags(name), name)

@@ -36,10 +36,11 @@ def test_unknown_name_of_a_side_lists_the_known_ones():
         fm.ContactPair(data, "upper/bottom", "anvil")
 
 
-@pytest.mark.parametrize("name", [None, ["upper/bottom"], 1.5])
+@pytest.mark.parametrize("name", [None, ["upper/bottom", None], 1.5])
 def test_what_is_no_name_is_refused_as_unknown(name):
     data = read(two_blocks.build, **SMALL)
-    with refused(fm.MeshError, re.escape(f"no boundary {name!r}"), "upper/bottom"):
+    unknown = name[-1] if isinstance(name, list) else name
+    with refused(fm.MeshError, re.escape(f"no boundary {unknown!r}"), "upper/bottom"):
         fm.ContactPair(data, name, "lower/top")
 
 

@@ -153,13 +153,16 @@ def test_reading_a_file_leaves_the_running_gmsh_session_alone(msh_path):
     assert COMM.bcast(before == on_root(state))
 
 
-def test_reading_a_file_needs_no_gmsh_session_and_leaves_none(msh_path):
+def test_reading_a_file_needs_no_gmsh_session_and_leaves_none(msh_path, capfd):
     on_root(two_blocks.build)
     on_root(gmsh.write, str(msh_path))
     on_root(gmsh.finalize)
-    data = read_gmsh(str(msh_path), COMM)
+    capfd.readouterr()
+    read_gmsh(str(msh_path), COMM)
+    data = read_gmsh(str(msh_path), COMM)  # the first one leaves gmsh as it finds it
     running = compat.gmsh_is_initialized(gmsh)
     on_root(gmsh.initialize)  # for the fixture
+    assert capfd.readouterr() == ("", "")
     assert not COMM.bcast(running)
     assert area(data, "lower") == pytest.approx(2.2, rel=1e-13)
 

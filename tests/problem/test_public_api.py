@@ -22,7 +22,7 @@ def test_public_name_exists_and_is_documented(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["ContactPair", "ContactProblem", "read_gmsh", "dirichlet", "plot"]
+    "name", ["ContactPair", "ContactProblem", "read_gmsh", "dirichlet", "mesh_from_arrays", "plot"]
 )
 def test_public_call_documents_arguments_and_errors(name):
     text = inspect.getdoc(getattr(fm, name))
@@ -32,7 +32,7 @@ def test_public_call_documents_arguments_and_errors(name):
 
 
 def test_public_names_are_few():
-    assert len(fm.__all__) <= 44
+    assert len(fm.__all__) <= 48
 
 
 RESULTS = [

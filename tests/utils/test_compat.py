@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Each function of ``utils.compat``, on each release of dolfinx and any number of ranks."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -232,3 +237,33 @@ def test_prescribed_values_are_set_on_ghosts_too(component):
     values = u.x.array.reshape(-1, 2)
     assert all_ranks((values[left] == ((0.0 if component else 3.0), 4.0)).all())
     assert all_ranks((values[~left] == 0.0).all())
+
+
+@pytest.mark.serial
+def test_form_compiler_logs_nothing_and_leaves_the_root_logger_alone(tmp_path):
+    """In a fresh cache, where all is compiled."""
+    code = """
+import logging
+from mpi4py import MPI
+import ufl
+from dolfinx import fem, mesh
+import fenics_mortar as fm
+from fenics_mortar.utils import compat
+level, handlers = logging.root.level, logging.root.handlers[:]
+m = compat.create_mesh(MPI.COMM_WORLD, [[0, 1, 2]], [[0, 0], [1, 0], [0, 1]], "triangle")
+u = fem.Function(fm.vector_space(m, 1))
+compat.form(3.25 * ufl.inner(u, ufl.TestFunction(u.function_space)) * ufl.dx)
+compat.create_expression(3.25 * u, [[0.3, 0.3]])
+assert (level, handlers, []) == (logging.root.level, logging.root.handlers, logging.root.filters)
+with compat.quiet_compiler():
+    logging.getLogger().warning("a warning")
+"""
+    env = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    command = [sys.executable, "-c", code]
+    root = Path(__file__).parents[2]
+    run = subprocess.run(command, capture_output=True, text=True, env=env, cwd=root, check=False)
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "fenics").is_dir()
+    assert [line for line in run.stderr.splitlines() if ":root:" in line] == [
+        "WARNING:root:a warning"
+    ]

@@ -292,3 +292,17 @@ def test_forms_are_read_after_the_first_compilation_on_a_mesh_as_before_it(tmp_p
     assert np.abs(inside.stress).max() == 0.0
     # the pressure is along the normal of some side, whichever is the one below
     assert any(np.allclose(t, [0.0, 3.0]) for t in np.concatenate(tractions))
+
+
+def test_estimate_prints_its_parts():
+    parts = {"cells": 3.0, "gap": 4.0, "slip": 0.0}
+    text = str(ErrorEstimate(np.ones(3), 50.0, parts, None))
+    assert text.splitlines() == [
+        "estimated error 10 % in the energy norm: 5.000e+00 of 5.000e+01",
+        "",
+        "| part | estimate | share of square |",
+        "|---|---:|---:|",
+        "| cells | 3.00e+00 | 36 % |",
+        "| gap | 4.00e+00 | 64 % |",
+    ]
+    assert "estimated error" in str(ErrorEstimate(np.ones(3), 0.0, {"cells": 0.0}, None))

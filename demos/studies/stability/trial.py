@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import multiprocessing
 import signal
 import time
@@ -223,6 +224,8 @@ def _counts(records: list[Record]) -> list[str]:
 
 def show(seed: int, folder: Path) -> None:
     """Run one case; print all there is to say, and draw where it stands."""
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("fenics_mortar").setLevel(logging.INFO)
     case = case_of(seed)
     for name, value in case.about.items():
         print(f"{name}: {value}")
@@ -230,7 +233,7 @@ def show(seed: int, folder: Path) -> None:
     scene = build(case, MPI.COMM_SELF)
     problem, options = scene.problem, fm.SteppingOptions(step=case.step, smallest=case.smallest)
     try:
-        path = fm.follow_path(problem, scene.set_loads, options, stop=case.stop, print_steps=True)
+        path = fm.follow_path(problem, scene.set_loads, options, stop=case.stop)
         print(path.table())
     except fm.NotConvergedError as error:
         print(f"\n{error}\n")

@@ -1,0 +1,34 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# Build the documentation site into build/site/html, warnings as errors:
+#
+#     bash demos/guide/build.sh
+#
+# Sphinx is installed in a virtual environment of its own that sees Debian's packages. Scripts are
+# not run: tests/repository runs the demos and the tutorial.
+
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+bash "$root/.ci/setup.sh" lint
+# shellcheck source=../../.ci/env.sh
+. "$root/.ci/env.sh"
+cd "$root"
+
+tools=(sphinx==9.0.4 myst-parser==5.2.0 sphinx-book-theme==1.4.0 sphinx-design==0.8.0
+    sphinx-copybutton==0.5.2 jupytext==1.19.6)
+venv="${XDG_CACHE_HOME:-$HOME/.cache}/fenics_mortar/site-venv"
+wanted="${tools[*]} $(/usr/bin/python3 --version)"
+if [ "$(cat "$venv/complete" 2>/dev/null || true)" != "$wanted" ]; then
+    echo "site: making $venv"
+    rm -rf "$venv"
+    /usr/bin/python3 -m venv --system-site-packages "$venv"
+    # Inside this environment only: PYTHONPATH would hide what is installed there.
+    env -u PYTHONPATH "$venv/bin/python" -m pip install --quiet "${tools[@]}"
+    echo "$wanted" >"$venv/complete"
+fi
+
+"$venv/bin/python" demos/guide/site/gather.py build/site/source
+"$venv/bin/python" -m sphinx --fail-on-warning --keep-going --quiet \
+    -c demos/guide/site build/site/source build/site/html
+echo "site: $root/build/site/html/index.html"

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: MIT
+"""Settings of Sphinx for the documentation site; ``demos/guide/build.sh`` starts it."""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+os.environ["NUMBA_DISABLE_JIT"] = "1"  # kernels are documented as the functions that they are
+root = Path(__file__).resolve().parents[3]
+sys.path[:0] = [str(root)]
+
+from docutils import nodes
+from docutils.utils.math import MathError
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.util import logging
+
+import fenics_mortar
+
+project = "fenics_mortar"
+author = "fenics_mortar contributors"
+copyright = author
+version = release = fenics_mortar.__version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+    "sphinx_design",
+]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
+myst_heading_anchors = 4
+exclude_patterns = ["files"]
+smartquotes_action = "D"  # dashes only
+
+# Reference
+napoleon_numpy_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+napoleon_attr_annotations = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # the docstrings give types, shapes and units
+add_module_names = False
+toc_object_entries = False  # headings suffice
+nitpicky = True
+# Bases outside of the package, which this site does not describe.
+nitpick_ignore_regex = [("py:.*", r"(?!fenics_mortar).*")]
+
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_math_renderer = "mathml"
+
+html_theme = "sphinx_book_theme"
+html_title = "fenics_mortar"
+html_theme_options = {
+    "show_navbar_depth": 1,
+    "show_toc_level": 2,
+    "use_download_button": False,
+    "use_fullscreen_button": False,
+}
+html_show_copyright = False
+html_copy_source = False
+
+
+def formula(text, *, display):
+    """A formula as MathML, which browsers draw without scripts and without a network."""
+    try:
+        return str(tex2mathml(text, as_block=display))
+    except MathError as error:
+        logging.getLogger(__name__).warning("formula %s: %s", text, error)
+        return ""
+
+
+def visit_math(translator, node):
+    """Write an inline formula."""
+    translator.body.append(formula(node.astext(), display=False))
+    raise nodes.SkipNode
+
+
+def visit_display(translator, node):
+    """Write a formula on lines of its own, in a box that scrolls on narrow screens."""
+    translator.body.append('<div class="formula">')
+    translator.body.append(formula(node.astext(), display=True))
+    translator.body.append("</div>")
+    raise nodes.SkipNode
+
+
+MODULES = {path.stem: path for path in (root / "fenics_mortar").rglob("*.py")}
+TABLES = re.compile(r"(^=+(?: +=+)+$.*^=+(?: +=+)+$)", re.MULTILINE | re.DOTALL)
+SEE = re.compile(r"\b(see|also) ``(\w+)``")
+
+
+def link(match):
+    """Link of "see ``module``" to the page of the module."""
+    path = MODULES.get(match[2])
+    if path is None:
+        return match[0]
+    module = ".".join(path.relative_to(root).with_suffix("").parts)
+    return f"{match[1]} :py:mod:`{match[2]} <{module}>`"
+
+
+def edit_docstring(app, what, name, obj, options, lines):
+    """Link modules; show |x| as it is, which reStructuredText takes for a substitution."""
+    pieces = TABLES.split("\n".join(lines).replace("|", "\N{DIVIDES}"))
+    pieces[::2] = [SEE.sub(link, piece) for piece in pieces[::2]]
+    lines[:] = "".join(pieces).split("\n")
+
+
+def skip_fields(app, what, name, obj, skip, options):
+    """Skip fields of named tuples: the docstring of the class describes them."""
+    return True if (getattr(obj, "__doc__", "") or "").startswith("Alias for field") else None
+
+
+def setup(app):
+    """Register the renderer of formulas, and the treatment of docstrings."""
+    app.add_html_math_renderer("mathml", (visit_math, None), (visit_display, None))
+    app.connect("autodoc-process-docstring", edit_docstring)
+    app.connect("autodoc-skip-member", skip_fields)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT
+"""Residual of all equations: forces of bodies, contacts and obstacles, and their norm.
+
+Forces of the bulk and of contact balance at free dofs. Rows of multipliers, driven obstacles and
+prescribed dofs are converted to forces, so that one norm measures all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.tied import Tie
+from fenics_mortar.equations.measures import check_alike, rounding_of
+from fenics_mortar.rigid.driven import DrivenObstacles
+from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.clock import clock
+
+
+class Residual:
+    """Residual at the last evaluated state; all methods are collective.
+
+    Args:
+        bulk: Bulk residual and tangent.
+        contacts: The bound pairs.
+        floating: Bodies that Dirichlet conditions leave free to move rigidly.
+        motions: The obstacles of the contacts.
+        stiffest: Largest diagonal entry of the bulk tangent [stress].
+
+    Attributes:
+        total: Sum of bulk residual and contact forces, (owned dofs,) [stress length].
+        distance: Distance to the prescribed values, (prescribed dofs,) [length].
+        force: Reference force: the largest norm of contact forces, reactions and inertia
+            [stress length].
+    """
+
+    total: Array
+    distance: Array
+    force: float
+
+    def __init__(
+        self,
+        bulk: Bulk,
+        contacts: Sequence[Contact | Tie],
+        floating: FloatingBodies,
+        motions: DrivenObstacles,
+        stiffest: float,
+    ) -> None:
+        self._bulk, self._contacts = bulk, contacts
+        self._floating, self._motions, self._stiffest = floating, motions, stiffest
+
+    def measure(self) -> float:
+        """Norm of all residuals, with the bulk residual already assembled [stress length]."""
+        bulk = self._bulk
+        prescribed = bulk.prescribed_dofs
+        contact_force, rows = self.contact_force(), float((self._motions.residual() ** 2).sum())
+        rows_of_contacts = 0.0
+        for contact in self._contacts:
+            rows_of_contacts += float((contact.residual() ** 2).sum())
+        rows += rows_of_contacts
+        raise_noted(bulk.comm, self._contacts)
+        self.distance = bulk.distance_to_prescribed()
+        self.total = bulk.r.array_r[: bulk.num_owned] + contact_force
+        free = bulk.to_force * self.total
+        reactions = free[prescribed]
+        free[prescribed] = self._stiffest * self.distance / bulk.units[prescribed]
+        inertia = np.empty(0) if bulk.inertia is None else bulk.inertia_forces()
+        forces = free @ free, contact_force @ contact_force, reactions @ reactions
+        sums = np.array([*forces, inertia @ inertia, rows, rows**2])
+        bulk.comm.Allreduce(MPI.IN_PLACE, sums)
+        largest = sums[1:4].max()
+        check_alike(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
+        self.force = float(np.sqrt(largest))
+        return float(np.sqrt(sums[0] + rows))
+
+    def roundoff(self) -> float:
+        """Attainable accuracy of the residual, limited by roundoff [stress length]."""
+        inertia = self._bulk.inertia
+        stiffest = self._stiffest + (0.0 if inertia is None else inertia.stiffness)
+        return rounding_of(self._bulk, self._contacts, self.largest_displacement(), stiffest)
+
+    def largest_displacement(self) -> float:
+        """Largest displacement of nodes and obstacles [length]."""
+        largest = self._bulk.largest(self._bulk.u.x.array)
+        return max(largest, self._motions.largest()) if self._motions.obstacles else largest
+
+    def forces(self) -> tuple[Array, Array, Array]:
+        """Bulk residual, contact forces and forces on obstacles at the present state.
+
+        Returns:
+            Bulk residual and contact forces, (owned dofs,) each [stress length], whose sum at
+            prescribed dofs is the support reaction; forces and moments on obstacles, (obstacles, 3)
+            [stress length].
+        """
+        self._bulk.assemble_residual()
+        bulk = self._bulk.r.array_r[: self._bulk.num_owned].copy()
+        self._floating.add_spring_forces()
+        return bulk, self.contact_force(), self._motions.forces()
+
+    def shear_forces(self) -> tuple[Array, Array]:
+        """Contributions of shear to the last two results of ``forces``."""
+        return self.contact_force("shear"), self._motions.forces("shear")
+
+    @clock("assembly")
+    def contact_force(self, part: str = "z") -> Array:
+        """B^T z on the owned dofs; with ``part="shear"`` of the tangential multipliers only."""
+        force = np.zeros(self._bulk.num_owned)
+        for contact in self._contacts:
+            if part == "z":
+                on_slave, on_master = contact.now.forces
+            else:
+                on_slave, on_master = contact.operators.force(getattr(contact, part))
+            contact.slave.scatter_add(on_slave, force)
+            contact.master.scatter_add(on_master, force)
+        return force

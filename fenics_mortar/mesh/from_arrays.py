@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: MIT
+"""Meshes from arrays of nodes and cells, with named bodies and boundaries.
+
+Bodies and boundaries are given by numbers of cells and nodes, never by positions: where two bodies
+touch, their nodes have equal positions and different numbers, and stay separate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from dolfinx import mesh as dmesh
+
+from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.errors import MeshError, check_same_words, place, together
+from fenics_mortar.utils.rounding import ROUNDING
+
+# Cell, degree, number of corners, and the nodes in the order of basix, by number of nodes.
+KINDS: dict[int, tuple[str, int, int, list[int]]] = {
+    3: ("triangle", 1, 3, [0, 1, 2]),
+    4: ("quadrilateral", 1, 4, [0, 1, 3, 2]),
+    6: ("triangle", 2, 3, [0, 1, 2, 4, 5, 3]),
+    9: ("quadrilateral", 2, 4, [0, 1, 3, 2, 4, 7, 5, 6, 8]),
+}
+
+
+def mesh_from_arrays(
+    points: npt.ArrayLike,
+    cells: npt.ArrayLike,
+    bodies: Mapping[str, npt.ArrayLike],
+    boundaries: Mapping[str, npt.ArrayLike],
+    *,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    rank: int = 0,
+) -> MeshData:
+    """Create a mesh with named bodies and boundaries from arrays (collective).
+
+    Bodies are joined where they have nodes in common. Nodes of equal positions with different
+    numbers stay separate, so that bodies may touch.
+
+    Args:
+        points: Positions of the nodes, shape (n, 2) [length]; (n, 3) if the last column is
+            constant. Nodes without cells are ignored.
+        cells: Numbers of the nodes of each cell, from 0 on, shape (m, k): triangles of 3 or 6 nodes
+            or quadrilaterals of 4 or 9, the corners one after the other, then the middles of the
+            edges from the first corner on, then the centre, as in gmsh, meshio and VTK.
+        bodies: Cells of each body by name: numbers, or flags of shape (m,). Each cell belongs to
+            one body.
+        boundaries: Facets of each boundary by name: numbers of their two end nodes in any order,
+            shape (f, 2); further columns, as middles of edges, are ignored. A facet belongs to one
+            boundary at most.
+        comm: Communicator of the mesh.
+        rank: The rank whose arrays are used; others may pass ``None``.
+
+    Returns:
+        The distributed mesh with tags; names are equal on all ranks. Bodies and boundaries have the
+        tags 1, 2, ... in the order given. ``MeshData.node_dofs`` and
+        ``MeshData.nodal_values`` give dofs and values at the nodes.
+
+    Raises:
+        MeshError: On all ranks, if the arrays are no such mesh; gives the reason.
+        ValueError: If ``comm`` is not a communicator or ``rank`` not an integer.
+
+    Example:
+        Two squares that touch without being joined::
+
+            x = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 1), (1, 1), (1, 2), (0, 2)]
+            data = fm.mesh_from_arrays(
+                x,
+                [(0, 1, 2, 3), (4, 5, 6, 7)],
+                bodies={"lower": [0], "upper": [1]},
+                boundaries={"lower/top": [(2, 3)], "upper/bottom": [(4, 5)]},
+            )
+            contact = fm.ContactPair(data, slave="upper/bottom", master="lower/top")
+    """
+    check_kind("comm", comm, MPI.Comm, "a communicator of mpi4py, e.g. MPI.COMM_WORLD")
+    with together(comm, "mesh_from_arrays"):
+        check_number("rank", rank, "an integer", lambda _: True, whole=True)
+        if not 0 <= rank < comm.size:
+            ranks = f"the ranks 0 to {comm.size - 1}"
+            raise MeshError(f"rank {rank} should give the mesh, but there are {ranks}")
+    check_same_words(comm, "mesh_from_arrays", {"rank": rank})
+    mine = None
+    with together(comm, "mesh_from_arrays"):
+        if comm.rank == rank:
+            mine = _checked(points, cells, bodies, boundaries)
+    tagged = comm.bcast(mine and mine.tagged, root=rank)
+    name, degree, _, order = KINDS[tagged.num_nodes]
+    x = np.empty((0, 2)) if mine is None else mine.points
+    nodes = np.empty((0, tagged.num_nodes), np.int64) if mine is None else mine.cells[:, order]
+    mesh = compat.create_mesh(comm, nodes, x, name, degree)
+    mesh.topology.create_entities(1)
+    cell_tags = _tags(mesh, 2, tagged.body_of_cell[_input_cells(mesh)])
+    facet_tags = _tags(mesh, 1, _tags_of_facets(mesh, tagged))
+    return MeshData(mesh, cell_tags, facet_tags, tagged.bodies, tagged.boundaries)
+
+
+@dataclass(frozen=True)
+class _Tagged:
+    """Names, tags and facets, which all ranks need.
+
+    Attributes:
+        num_nodes: Nodes of a cell.
+        bodies, boundaries: Tags by name.
+        body_of_cell: Tag of each cell, shape (m,).
+        facets: Ends of the facets of all boundaries, ascending, shape (f, 2).
+        tags: Their tags, shape (f,).
+    """
+
+    num_nodes: int
+    bodies: dict[str, int]
+    boundaries: dict[str, int]
+    body_of_cell: npt.NDArray[np.int32]
+    facets: Indices
+    tags: npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class _Given:
+    """Checked arrays: positions (n, 2) [length], cells (m, k) as given, and the rest."""
+
+    points: Array
+    cells: Indices
+    tagged: _Tagged
+
+
+def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> _Given:
+    """Check the arrays (local).
+
+    Raises:
+        MeshError: If they are no mesh.
+    """
+    x, nodes = _points(points), _numbers("cells", cells)
+    if nodes.ndim != 2 or nodes.shape[1] not in KINDS or not len(nodes):
+        expected = "(m, 3) or (m, 6) for triangles, (m, 4) or (m, 9) for quadrilaterals"
+        raise MeshError(f"cells have shape {nodes.shape}; expected {expected}, with m > 0")
+    _check_cells(x, nodes)
+    body_of_cell = _body_of_cell(bodies, x, nodes)
+    facets, tags = _facets(boundaries, x, nodes)
+    tag_of_body, tag_of_boundary = (
+        {name: tag for tag, name in enumerate(some, 1)} for some in (bodies, boundaries)
+    )
+    num_nodes = nodes.shape[1]
+    tagged = _Tagged(num_nodes, tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
+    return _Given(x, nodes, tagged)
+
+
+def _points(points: Any) -> Array:
+    """Positions (n, 2) of the nodes [length] (local)."""
+    try:
+        x = np.array(points, np.float64)
+    except (TypeError, ValueError) as error:
+        raise MeshError(f"points are not an array of numbers: {error}") from None
+    if x.ndim != 2 or x.shape[1] not in (2, 3):
+        raise MeshError(f"points have shape {x.shape}; expected (n, 2)")
+    if not np.isfinite(x).all():
+        bad = np.flatnonzero(~np.isfinite(x).all(axis=1))
+        raise MeshError(f"coordinates of {bad.size} points are not finite, e.g. of point {bad[0]}")
+    if x.shape[1] == 3 and len(x) and np.ptp(x[:, 2]) > ROUNDING * np.ptp(x, axis=0).max():
+        raise MeshError(f"z varies by {np.ptp(x[:, 2]):.3g}; expected a mesh of the x-y plane")
+    return x[:, :2].copy()
+
+
+def _numbers(what: str, given: Any) -> Indices:
+    """An array of integers (local)."""
+    try:
+        numbers = np.array(given)
+    except ValueError as error:
+        raise MeshError(f"{what} are not an array: {error}") from None
+    if numbers.dtype.kind not in "iu" and numbers.size:
+        raise MeshError(f"{what} are of type {numbers.dtype}; expected integers")
+    return numbers.astype(np.int64)
+
+
+def _check_cells(x: Array, cells: Indices) -> None:
+    """Refuse cells of unknown or equal nodes, and copies, which crash dolfinx (local)."""
+    if cells.min() < 0 or cells.max() >= len(x):
+        wrong = cells.min() if cells.min() < 0 else cells.max()
+        raise MeshError(f"a cell has the node {wrong}; the points are 0 to {len(x) - 1}")
+    rows = np.sort(cells, axis=1)
+    repeated = np.flatnonzero((rows[:, 1:] == rows[:, :-1]).any(axis=1))
+    if repeated.size:
+        raise MeshError(f"cell {repeated[0]} has a node twice: {cells[repeated[0]].tolist()}")
+    _, first, count = np.unique(rows, axis=0, return_index=True, return_counts=True)
+    if (count > 1).any():
+        where = place(x[cells[first[count.argmax()]]].mean(axis=0))
+        raise MeshError(f"{(count - 1).sum()} cells are duplicates, one at {where}")
+
+
+def _named(what: str, given: Any) -> list[tuple[str, Any]]:
+    """Items of a dictionary by name (local)."""
+    if not isinstance(given, Mapping):
+        raise MeshError(f"{what}={given!r}; expected a dictionary of arrays by name")
+    for name in given:
+        if not isinstance(name, str) or not name:
+            raise MeshError(f"{what} has the name {name!r}; expected a text that is not empty")
+    return list(given.items())
+
+
+def _body_of_cell(bodies: Any, x: Array, cells: Indices) -> npt.NDArray[np.int32]:
+    """Tag of each cell, shape (m,) (local)."""
+    count, tags = len(cells), np.zeros(len(cells), np.int32)
+    named = _named("bodies", bodies)
+    for tag, (name, given) in enumerate(named, 1):
+        flags = np.array(given)
+        if flags.dtype == bool and flags.shape != (count,):
+            raise MeshError(f"body {name!r} has flags of shape {flags.shape}, expected ({count},)")
+        numbers = (
+            np.flatnonzero(flags) if flags.dtype == bool else _numbers(f"body {name!r}", given)
+        )
+        if numbers.size == 0 or numbers.min() < 0 or numbers.max() >= count:
+            found = f"has cells {numbers.min()} to {numbers.max()}" if numbers.size else "is empty"
+            raise MeshError(f"body {name!r} {found}; the cells are 0 to {count - 1}")
+        taken = numbers[tags[numbers.ravel()] != 0] if numbers.ndim == 1 else numbers
+        if taken.size:
+            other = named[tags[taken.flat[0]] - 1][0]
+            raise MeshError(f"cell {taken.flat[0]} is in the bodies {other!r} and {name!r}")
+        tags[numbers] = tag
+    if not tags.all():
+        where = place(x[cells[tags.argmin()]].mean(axis=0))
+        raise MeshError(f"{(tags == 0).sum()} cells are in no body, one at {where}")
+    return tags
+
+
+def _facets(boundaries: Any, x: Array, cells: Indices) -> tuple[Indices, npt.NDArray[np.int32]]:
+    """Facets of all boundaries, ends ascending (f, 2), and their tags (f,) (local)."""
+    corners = cells[:, : KINDS[cells.shape[1]][2]]
+    edges = _codes(
+        np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), len(x)
+    )
+    parts, tags = [np.empty((0, 2), np.int64)], [np.empty(0, np.int32)]
+    named = _named("boundaries", boundaries)
+    for tag, (name, given) in enumerate(named, 1):
+        ends = _numbers(f"facets of boundary {name!r}", given)
+        if ends.ndim != 2 or ends.shape[1] < 2 or not len(ends):
+            expected = "(f, 2): the numbers of the two ends of each facet, with f > 0"
+            raise MeshError(f"boundary {name!r} has shape {ends.shape}; expected {expected}")
+        ends = np.sort(ends[:, :2], axis=1)
+        wrong = ends[~np.isin(_codes(ends, len(x)), edges) | (ends[:, 0] < 0)]
+        if len(wrong):
+            raise MeshError(
+                f"boundary {name!r}: {len(wrong)} facets are no edges of cells, one from node "
+                f"{wrong[0, 0]} to node {wrong[0, 1]}"
+            )
+        parts.append(np.unique(ends, axis=0))
+        tags.append(np.full(len(parts[-1]), tag, np.int32))
+    facets, tag_of = np.concatenate(parts), np.concatenate(tags)
+    _, first, count = np.unique(_codes(facets, len(x)), return_index=True, return_counts=True)
+    if (count > 1).any():
+        a, b = facets[first[count.argmax()]]
+        names = [named[t - 1][0] for t in tag_of[(facets == (a, b)).all(axis=1)]]
+        raise MeshError(f"the facet from node {a} to node {b} is in the boundaries {names}")
+    return facets, tag_of
+
+
+def _codes(ends: Indices, num_points: int) -> Indices:
+    """One number for each pair of nodes (f, 2) in any order, shape (f,)."""
+    return ends.min(axis=1) * num_points + ends.max(axis=1)
+
+
+def _input_cells(mesh: dmesh.Mesh) -> Indices:
+    """Numbers in the input of the local cells, ghosts included (local)."""
+    return np.asarray(mesh.topology.original_cell_index, np.int64)
+
+
+def _tags_of_facets(mesh: dmesh.Mesh, tagged: _Tagged) -> npt.NDArray[np.int32]:
+    """Tag of each local facet, 0 without boundary (local)."""
+    topology = mesh.topology
+    topology.create_connectivity(1, 0)
+    corners = KINDS[tagged.num_nodes][2]
+    vertices = topology.connectivity(2, 0).array
+    number_of = np.zeros(vertices.max(initial=-1) + 1, np.int64)
+    numbers = np.asarray(mesh.geometry.input_global_indices, np.int64)
+    number_of[vertices] = numbers[compat.geometry_dofmap(mesh)[:, :corners]].ravel()
+    ends = number_of[topology.connectivity(1, 0).array].reshape(-1, 2)
+    num_points = 1 + max(ends.max(initial=0), tagged.facets.max(initial=0))
+    codes, known = _codes(ends, num_points), _codes(tagged.facets, num_points)
+    order = np.argsort(known)
+    if not order.size:
+        return np.zeros(len(ends), np.int32)
+    at = order[np.minimum(np.searchsorted(known[order], codes), order.size - 1)]
+    return np.where(known[at] == codes, tagged.tags[at], 0).astype(np.int32)
+
+
+def _tags(mesh: dmesh.Mesh, dim: int, tags: npt.NDArray[np.int32]) -> dmesh.MeshTags:
+    """Tags of the local entities with a tag other than 0 (local)."""
+    tagged = np.flatnonzero(tags).astype(np.int32)
+    return dmesh.meshtags(mesh, dim, tagged, tags[tagged])

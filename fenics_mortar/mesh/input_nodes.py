@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: MIT
+"""Dofs and values at the nodes of the mesh input: arrays, files and models of gmsh."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Indices
+
+
+def node_dofs(V: Any, nodes: npt.ArrayLike) -> Indices:
+    """See ``MeshData.node_dofs``."""
+    dofs, numbers = _numbered_dofs(V)
+    wanted = np.asarray(nodes, np.int64)
+    order = np.argsort(numbers, kind="stable")
+    if not order.size:
+        return np.full(wanted.shape, -1, np.int64)
+    at = order[np.minimum(np.searchsorted(numbers[order], wanted), order.size - 1)]
+    return np.where(numbers[at] == wanted, dofs[at], -1)
+
+
+def nodal_values(u: Any, nodes: npt.ArrayLike) -> Array:
+    """See ``MeshData.nodal_values``."""
+    V = u.function_space
+    size, owned = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
+    dofs = node_dofs(V, nodes)
+    mine = np.flatnonzero((dofs >= 0) & (dofs < owned))
+    values = u.x.array.reshape(-1, size)[dofs[mine]]
+    found = np.full((dofs.size, size), np.nan)
+    for places, there in V.mesh.comm.allgather((mine, values)):
+        found[places] = there
+    return found
+
+
+def _numbered_dofs(V: Any) -> tuple[Indices, Indices]:
+    """Local blocked dofs at nodes of the mesh input, and the numbers of these, each (n,)."""
+    layout = V.dofmap.dof_layout
+    if len(layout.entity_dofs(0, 0)) != 1:
+        raise ValueError("expected a Lagrange space that is not mixed: one node at each vertex")
+    dofs, places = compat.dofmap(V), compat.geometry_dofmap(V.mesh)
+    corners = {"triangle": 3, "quadrilateral": 4}[compat.cell_name(V.mesh)]
+    common = places.shape[1] if places.shape == dofs.shape else corners
+    numbers = np.asarray(V.mesh.geometry.input_global_indices, np.int64)
+    own, first = np.unique(dofs[:, :common], return_index=True)
+    return own.astype(np.int64), numbers[places[:, :common].ravel()[first]]
