@@ -19,6 +19,7 @@ from fenics_mortar.sensitivity.pair_vectors import (
     add_pair,
     at_pair,
     check_exact,
+    check_law,
     from_rows,
     rows_at,
     zeros,
@@ -32,7 +33,7 @@ class History:
 
     Rows and units are those of ``equations.linearized``. Only rows of multipliers of pairs with
     friction depend on the state before: through their partners, and through the shear of redundant
-    sticks. Sets are fixed. The memory of a law is not included.
+    sticks. Sets are fixed.
 
     Args:
         problem: The problem, at the end of a step, with operators of the linearization ``EXACT``.
@@ -56,11 +57,7 @@ class History:
         for i, contact in enumerate(e.contacts):
             if not isinstance(contact, Contact) or not has_history(contact):
                 continue
-            if contact.pair.law.memory:
-                raise MortarError(
-                    f"{contact.pair.law!r} has memory: derivatives through several steps do not "
-                    "include it; only those of one step with given memory are supported"
-                )
+            check_law(contact)
             check_exact(contact)
             self.earlier[i] = earlier_of(e, i, contact, before)
             self.pairs[i] = PairHistory(contact, self.earlier[i])

@@ -92,7 +92,7 @@ def check_law(contact: Any) -> None:
     law = contact.pair.law if isinstance(contact, Contact) else None
     if law is not None and (law.memory or law.bridges_gap or law.pulls_by_node):
         raise MortarError(
-            f"{law!r} has a memory, or an adhesion that depends on more than the gap, which have "
+            f"{law!r} has memory, or an adhesion that depends on more than the gap, which have "
             "no sensitivities: expected a law with tangential, closing_gap and adhesion alone"
         )
 

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Derivatives of quantities of contact by controls of contact, through whole paths."""
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 import pytest
 from friction_scenes import block_on
-from taylor_scenes import SLIDE, Scene, blocks, check
+from taylor_scenes import SLIDE, Path, blocks, check
 from test_adhesion import columns
 from test_contact_controls import Fading, Regular, Soft
 from test_quantities import QUANTITIES
@@ -29,7 +26,7 @@ STEP = 2e-4
 
 def between_blocks(law, parameter, **options):
     """Blocks that slide over facets; a parameter of their law, offsets and modulus as controls."""
-    scene = blocks(law, pushes=SLIDE, **options)
+    scene = blocks(law, places=SLIDE, **options)
     scene.controls.update(offset=Offset(0), fit=Interference(0))
     if parameter:
         scene.controls["law"] = LawParameter(0, parameter)
@@ -73,38 +70,18 @@ def test_measures_of_slip_and_algorithms(algorithm, slip):
     check(scene, TotalForce(0, (1.0, 0.3)), ["law", "fit", "E"], [0.1, 0.01, 10.0], step=STEP)
 
 
-@dataclass
-class OnObstacle(Scene):
-    """A block on an obstacle that moves and turns; the control "push" is its place."""
-
-    obstacle: Any = None
-
-    def __post_init__(self):
-        self.start, self.shift = self.problem.state(), np.zeros(3)
-
-    def solve(self):
-        self.problem.restore(self.start.with_settings_of(self.problem.state()))
-        path = fm.RecordedPath(self.problem)
-        for x, angle in self.pushes:
-            shift = np.broadcast_to(self.shift, 3)
-            self.obstacle.move(x=x + shift[0], y=shift[1], angle=angle + shift[2])
-            self.problem.solve(predict=False)
-            path.record()
-        return path
-
-    def changed(self, names, directions, step):
-        path = super().changed(names, directions, step)
-        self.shift = np.zeros(3)
-        return path
-
-
 def on_obstacle(obstacle, law, shape, *, degree=1):
+    """A block on an obstacle that moves and turns."""
     problem, _ = block_on(obstacle, degree=degree, law=law, angle=0.02)
-    controls = {"push": ObstaclePlace(obstacle), "shape": ObstacleShape(obstacle, shape)}
+    controls = {"place": ObstaclePlace(obstacle), "shape": ObstacleShape(obstacle, shape)}
     if law.has_friction:
         controls["law"] = LawParameter(0, law.parameters[0])
-    pushes = [(0.0, 0.0), (0.01, 0.005), (0.03, 0.01)]
-    return OnObstacle(problem, problem.equations.bulk.u, controls, pushes, obstacle)
+
+    def move(place):
+        obstacle.move(x=place[0], y=place[1], angle=place[2])
+
+    places = [(0.0, 0.0, 0.0), (0.01, 0.0, 0.005), (0.03, 0.0, 0.01)]
+    return Path(problem, problem.equations.bulk.u, controls, move, places)
 
 
 @pytest.mark.parametrize(
@@ -113,7 +90,7 @@ def on_obstacle(obstacle, law, shape, *, degree=1):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_place_and_radius_of_an_obstacle(degree, law):
     scene = on_obstacle(fm.Circle((0.4, -1.5), 1.515), law, "radius", degree=degree)
-    names, sizes = ["push", "shape"], [0.01, 0.01]
+    names, sizes = ["place", "shape"], [0.01, 0.01]
     if law.has_friction:
         names, sizes = [*names, "law"], [*sizes, 0.1]
     objective = TotalForce(0, (1.0, 1.0)) + PressureIntegral(0, 2) * 0.1 + FrictionWork(0)
@@ -124,28 +101,18 @@ def test_points_of_a_spline():
     x = np.linspace(-1.0, 2.0, 9)
     spline = fm.Spline(np.stack([x, 0.015 - 0.1 * (x - 0.5) ** 2], axis=1)[::-1])
     scene = on_obstacle(spline, fm.Coulomb(0.3), "points")
-    check(scene, TotalForce(0, (1.0, 1.0)), ["shape", "push"], [0.01, 0.01], step=STEP)
-
-
-@dataclass
-class Lifted(Scene):
-    """A column that is lifted off another one, against adhesion."""
-
-    def solve(self):
-        self.problem.restore(self.start.with_settings_of(self.problem.state()))
-        path = fm.RecordedPath(self.problem)
-        for lift in self.pushes:
-            self.controls["lift"].value = lift + float(self.shift[0])
-            self.problem.solve(predict=False)
-            path.record()
-        return path
+    check(scene, TotalForce(0, (1.0, 1.0)), ["shape", "place"], [0.01, 0.01], step=STEP)
 
 
 def test_adhesion():
     """Open nodes pull: their pressures depend on the gap."""
     problem, lift = columns(Fading(0.3))
-    controls = {"lift": lift, "law": LawParameter(0, "pull"), "offset": Offset(0)}
-    scene = Lifted(problem, problem.equations.bulk.u, controls, [0.2])
+    controls = {"law": LawParameter(0, "pull"), "offset": Offset(0)}
+
+    def move(place):
+        lift.value = place
+
+    scene = Path(problem, problem.equations.bulk.u, controls, move, [0.2])
     objective = TotalForce(0, (0.0, 1.0)) + 10.0 * MeanGap(0)
     check(scene, objective, ["law", "offset"], [0.1, 0.01])
     assert problem.equations.contacts[0].attracted.any()
