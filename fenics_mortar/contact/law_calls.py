@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.instant import check_memory
-from fenics_mortar.contact.laws import BUILT_IN, Array, Branches, Law, Nodal, Row
+from fenics_mortar.contact.laws import BUILT_IN, Array, Branches, Friction, Law, Nodal, Row
 from fenics_mortar.utils.errors import NotFiniteError, leave_together, place
 
 Marks = npt.NDArray[np.bool_]
@@ -50,6 +50,10 @@ class LawCalls:
             whole = np.rint(np.nan_to_num(branch))
             if (whole != np.nan_to_num(branch)).any():
                 raise ValueError(f"{law!r}: branch returned {branch}; expected integers")
+            if isinstance(law, Friction):  # whose nodes would stick if their limit were nan
+                limits = self._numbers(law, "limit", law.limit(_protected(node))[:1], before.size)
+                finite = [np.where(np.isposinf(limit), 0.0, limit) for limit in limits]
+                self._check_finite(law, "limit", finite, _all_finite(node), x)
             return whole.astype(np.int64)
 
         return self._noting(call, before)
