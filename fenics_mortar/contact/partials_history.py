@@ -283,7 +283,9 @@ class _Terms:
         """Terms with the change of the place on the nearest facet, at nodes without rows in M."""
         o = self.o
         j = np.flatnonzero(~self.faces)
-        ends, fraction = nearest_facets(o.x[j], o.m, o.master)
+        roles = o.slave.roles
+        candidates = None if roles is None else roles.masters_of_nodes(o.slave.facets, j)
+        ends, fraction = nearest_facets(o.x[j], o.m, o.master, candidates)
         mine = share_of(np.arange(j.size), o.slave.comm)
         j, (a, b), f = j[mine], ends[mine].T, fraction[mine, None]
         chord = o.m[b] - o.m[a]

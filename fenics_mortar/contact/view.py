@@ -139,6 +139,12 @@ class PairView:
         self._interface.offset = lengths
 
     @property
+    def memory(self) -> dict[str, Array]:
+        """Memory of the law at the last accepted state by name, (slave nodes,) each [its units]."""
+        instant = self._interface.committed
+        return {} if instant is None else {n: v.copy() for n, v in instant.memory.items()}
+
+    @property
     def c_n(self) -> float:
         """Weight of the gap in the complementarity function [1]; may be set."""
         return self._interface.c_n

@@ -84,16 +84,16 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
 
 def check_law(contact: Any) -> None:
-    """Raise if the law of a contact has a memory, a layer or an adhesion of its own (local).
+    """Raise if the law of a contact has a memory, or an adhesion of more than the gap (local).
 
     Raises:
-        MortarError: For such a law: its memory and its closing gap have no derivatives yet.
+        MortarError: For such a law: its memory has no derivatives yet.
     """
     law = contact.pair.law if isinstance(contact, Contact) else None
-    if law is not None and (law.memory or law.has_layer or law.bridges_gap or law.pulls_by_node):
+    if law is not None and (law.memory or law.bridges_gap or law.pulls_by_node):
         raise MortarError(
-            f"{law!r} has a memory, a closing gap or an adhesion of its own, which have no "
-            "sensitivities: expected a law with tangential, friction_limit and adhesion alone"
+            f"{law!r} has a memory, or an adhesion that depends on more than the gap, which have "
+            "no sensitivities: expected a law with tangential, closing_gap and adhesion alone"
         )
 
 

