@@ -86,6 +86,7 @@ if comm.rank == 0:
     Path("results").mkdir(exist_ok=True)
     figure = Figure((6, 3.2), layout="constrained")
     axes = figure.add_subplot(xlabel="x [mm]", ylabel="contact pressure [MPa]", xlim=(-0.5, 0.5))
+    axes.set_title(f"Half cylinder on block, {P:.2f} N/mm", fontsize=10)
     angle = np.linspace(0, np.pi, 200)
     axes.plot(a * np.cos(angle), p0 * np.sin(angle), "k-", lw=1, label="Hertz")
     axes.plot(x, p, "o", ms=3, color="#c8102e", label="computed, at the slave nodes")

@@ -92,12 +92,13 @@ found = [np.interp(place, way, force) for place, force in zip(places, (V, H, V, 
 if comm.rank == 0:
     print(f"V, H: {np.round(found, 1)} N/mm; iterations a step: {np.median(iterations):g}")
     np.savetxt(f"results/ironing_{n:03.0f}.txt", np.abs(rows))
-    axes = Figure((6, 3.5), layout="tight").add_subplot(xlabel="way [mm]", ylabel="V, H [N/mm]")
+    axes = Figure((7, 3.5), layout="tight").add_subplot(xlabel="way [mm]")
+    axes.set(ylabel="force [N/mm]", title="Shallow ironing: vertical (V) and horizontal (H) force")
     axes.vlines(places, *np.transpose(bands), color="lightgray", lw=8, label="published")
     for file in sorted(Path("results").glob("ironing_*.txt")):
         columns = np.split(np.loadtxt(file, usecols=(0, 1, 2)), [1], axis=1)
         axes.plot(*columns, label=[f"{force}, {int(file.stem[-3:])} facets" for force in "HV"])
-    axes.legend()
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     axes.figure.savefig("results/ironing_forces.png", dpi=150)
 # -
 

@@ -79,7 +79,8 @@ def run(slave, master, sign):
         problem.solve()
         rows.append((way, sign * contact.total_force[0], contact.friction_work))
         if len(rows) == 54:
-            fm.plot(problem, "results/snap_fit.png", stress=stress, label="axial stress [MPa]")
+            label, units = "axial stress [MPa]", ("mm", "MPa")
+            fm.plot(problem, "results/snap_fit.png", stress=stress, label=label, units=units)
     way, force, losses = np.transpose(rows)
     return way, force, np.diff(way) @ (force[1:] + force[:-1]) / 2, losses.sum()
 

@@ -72,6 +72,9 @@ class NormalCompliance(fm.Coulomb):
 class Cohesive(fm.Frictionless):
     """Cohesive zone with linear softening; it unloads to the origin, and damage is irreversible.
 
+    Where it unloads from an opening that is small, the line to the origin is steep, and Newton's
+    method may alternate between both lines: take steps that open it well.
+
     Args:
         strength: Largest adhesion [stress].
         reach: Gap at which nothing is left [length]; the energy is strength * reach / 2.
@@ -96,8 +99,9 @@ class Cohesive(fm.Frictionless):
         return row_of(pull, node)
 
     def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
-        """The largest gap."""
-        return {"opening": np.maximum(node.memory["opening"], node.gap)}
+        """The largest gap; rounding of closed gaps, a billionth of the reach, is none."""
+        gap = np.where(node.gap > 1e-9 * self.reach, node.gap, 0.0)
+        return {"opening": np.maximum(node.memory["opening"], gap)}
 
 
 class Stribeck(Friction):

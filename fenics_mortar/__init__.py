@@ -34,28 +34,9 @@ from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.report import PathReport
 from fenics_mortar.path.stepping import follow_path
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.controls import (
-    Interference,
-    LawParameter,
-    ObstacleLoad,
-    ObstaclePlace,
-    ObstacleShape,
-    Offset,
-)
-from fenics_mortar.sensitivity.gradient import Gradient, gradient
-from fenics_mortar.sensitivity.over_steps import least_squares, total
+from fenics_mortar.sensitivity.gradient import gradient
 from fenics_mortar.sensitivity.path_record import RecordedPath
-from fenics_mortar.sensitivity.quantities import (
-    ContactLength,
-    FrictionWork,
-    MeanGap,
-    Moment,
-    PeakPressure,
-    PressureFunctional,
-    PressureIntegral,
-    TotalForce,
-)
-from fenics_mortar.sensitivity.tangent_linear import TangentLinear, tangent_linear
+from fenics_mortar.sensitivity.tangent_linear import tangent_linear
 from fenics_mortar.utils.compat import mixed_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.verify.certificate import Certificate
@@ -70,7 +51,6 @@ __all__ = [
     "AdequacyReport",
     "Certificate",
     "Circle",
-    "ContactLength",
     "ContactPair",
     "ContactProblem",
     "Coulomb",
@@ -79,33 +59,20 @@ __all__ = [
     "DynamicsReport",
     "ElasticObstacle",
     "ErrorEstimate",
-    "FrictionWork",
     "Frictionless",
-    "Gradient",
-    "Interference",
     "Law",
-    "LawParameter",
     "LinearVector",
-    "MeanGap",
     "MeshData",
     "MeshError",
-    "Moment",
     "MortarError",
     "NewtonOptions",
     "NewtonReport",
     "NotConvergedError",
     "Obstacle",
-    "ObstacleLoad",
-    "ObstaclePlace",
-    "ObstacleShape",
-    "Offset",
     "PairCertificate",
     "PathReport",
-    "PeakPressure",
     "Plane",
     "Polygon",
-    "PressureFunctional",
-    "PressureIntegral",
     "RecordedPath",
     "ResultsWriter",
     "SignedDistance",
@@ -113,16 +80,13 @@ __all__ = [
     "SteppingOptions",
     "SurfaceError",
     "TangentCheck",
-    "TangentLinear",
     "TiedPair",
-    "TotalForce",
     "Tresca",
     "Velocity",
     "contact_table",
     "dirichlet",
     "follow_path",
     "gradient",
-    "least_squares",
     "load_state",
     "mesh_from_arrays",
     "mixed_space",
@@ -130,6 +94,5 @@ __all__ = [
     "read_gmsh",
     "save_state",
     "tangent_linear",
-    "total",
     "vector_space",
 ]

@@ -44,7 +44,8 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
     branched = branch != state.branch
     if branched.any():
         f = f.after(replace(state, branch=branch))
-    return f, changed | (_follows(f) & branched)
+    ruled = f.acts if f.sides.pair.law.bridges_gap else active
+    return f, changed | (ruled & f.sides.follows_law & branched)
 
 
 def _active(f: ContactFields, *, start: bool) -> Flags:
@@ -64,9 +65,3 @@ def _active(f: ContactFields, *, start: bool) -> Flags:
     if start:
         active |= on & (np.where(on, gap, np.inf) <= KINK * f.nodal_lengths)
     return active
-
-
-def _follows(f: ContactFields) -> Flags:
-    """Nodes whose tangential row is that of the law (local)."""
-    on = f.acts if f.sides.pair.law.bridges_gap else f.state.active
-    return on & f.sides.follows_law

@@ -55,6 +55,7 @@ from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import surface_without_nodes
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -68,7 +69,8 @@ class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
     Replicated: all attributes except the blocks in ``operators`` are equal on all ranks. The class
-    has more than 20 methods since it implements ``Interface``; computations are in other modules.
+    has more than 20 methods and 350 lines since it implements ``Interface``; computations are in
+    other modules.
 
     Attributes:
         integration: Evaluates the operators.
@@ -114,6 +116,9 @@ class Contact(Interface):
         self.plane_normals = self._multiplier_nodes.plane_normals
         self.follows_law: Flags = self.free.all(axis=1)
         self.oblique = self._multiplier_nodes.oblique
+        if self.master is self.slave:
+            self._may_carry[starts_of_holes(self.slave)] = False
+            self.slave = self.master = in_contact_with_itself(self.slave, self._may_carry)
         if not self._may_carry.any():
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
         self.arm = self.slave.extent

@@ -41,7 +41,7 @@ class Interface(ABC):
     with any law for equations, linear algebra and certificate.
 
     Attributes:
-        slave, master: The surfaces.
+        slave, master: The surfaces; one object if a surface may touch itself.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
             times the thickness.
@@ -97,8 +97,11 @@ class Interface(ABC):
         tags = pair.data.facet_tags
         slave = extract_surface(space, tags, pair.slave_tags, pair.slave_name)
         self.slave: Surface = slave.welded(welds)
-        self.master: Surface = self._master_surface(space).welded(welds)
-        self._check_sides()
+        if pair.master is None:
+            self.master: Surface = self.slave
+        else:
+            self.master = self._master_surface(space).welded(welds)
+            self._check_sides()
         count = self.slave.num_nodes
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self.stiffness: Array = np.ones(count)

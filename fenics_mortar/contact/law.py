@@ -17,6 +17,8 @@ Beside the tangential row and an adhesion, see ``laws``, a law may have
 Each method sees all of ``Nodal``: positions, time, step and memory. Derivatives are the law's own,
 or those of ``nodal.row_of``. Archard's wear with Coulomb's friction, h' = wear z_n |u'|:
 
+>>> from fenics_mortar.contact.laws import Coulomb
+>>> from fenics_mortar.contact.nodal import magnitude, row_of
 >>> class Worn(Coulomb):
 ...     memory = ("depth",)
 ...
@@ -32,6 +34,8 @@ or those of ``nodal.row_of``. Archard's wear with Coulomb's friction, h' = wear 
 ...
 ...     def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
 ...         return {"depth": self.depth(node)}
+>>> Worn(0.3, wear=1e-4).memory
+('depth',)
 """
 
 from __future__ import annotations
@@ -43,6 +47,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row
+from fenics_mortar.utils.errors import in_words
 
 # Distance from a kink of the complementarity functions [1] within which a node counts as on it:
 # that of the shear over the friction limit, and that of the gap over the nodal length. Larger than
@@ -66,8 +71,6 @@ class Law(ABC):
         fields: Names of parameters that may vary in space: attributes that are a number, an array
             (slave nodes,), a function of undeformed positions (n, 2), or a scalar function of
             dolfinx. Those that are no numbers are in ``Nodal.fields``, evaluated at each solve.
-        parameters: Names of attributes, real numbers or arrays of these, by which results may be
-            differentiated: ``tangential`` and ``adhesion`` have to be analytic in them.
         needs_time: Whether the law needs the length of the step, so that ``ContactProblem.time``
             has to increase from solve to solve.
         bridges_gap: Whether the tangential row also holds at open nodes with adhesion.
@@ -78,6 +81,10 @@ class Law(ABC):
     fields: tuple[str, ...] = ()
     needs_time: bool = False
     bridges_gap: bool = False
+
+    def __repr__(self) -> str:
+        """Name and public numbers, equal on all ranks."""
+        return in_words(self)
 
     @abstractmethod
     def branch(self, node: Nodal, before: Branches) -> Branches:

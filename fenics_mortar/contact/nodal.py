@@ -79,7 +79,8 @@ def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
     for name in ARGUMENTS:
         moved = replace(node, **{name: getattr(node, name) + 1j * TINY_STEP})
         changes.append(np.imag(function(moved)) / TINY_STEP)
-    return Row(np.real(function(node)), *changes)
+    value = function(node)  # complex where a parameter is, see ``partials_law``
+    return Row(value if np.imag(value).any() else np.real(value), *changes)
 
 
 def magnitude(values: Any) -> Any:

@@ -23,10 +23,9 @@ def weights_of_gaps(contact: Contact) -> Array:
     f = contact.now
     normal, _, *laws = contact.frame()
     per_weight = np.where(f.covered, 1.0 / np.where(f.covered, f.operators.weight, 1.0), 0.0)
-    by_gap = f.tangential_row.by_gap, np.where(f.attracted, f.adhesion[1], 0.0)
     total = normal.copy()
-    for scaled, slope in zip(laws, by_gap, strict=True):
-        total -= scaled * (slope * per_weight)[:, None]
+    for scaled, row in zip(laws, f.law_rows, strict=True):
+        total -= scaled * (row.by_gap * per_weight)[:, None]
     return total
 
 

@@ -126,9 +126,10 @@ class History:
         dofs = Dofs((contact.slave, contact.master))
         self.slip = off_planes(slip_derivative(contact, earlier, dofs), contact)
         self.shear = shear_derivative(earlier, dofs)
-        scaled, row = contact.frame()[2], f.tangential_row
-        redundant = f.state.redundant / ELASTIC
-        self._by_slip, self._by_shear = -scaled * row.by_slip[:, None], scaled * redundant[:, None]
+        laws = contact.frame()[2:]
+        terms = [s * row.by_slip[:, None] for s, row in zip(laws, f.law_rows, strict=True)]
+        self._by_slip = -np.sum(terms, axis=0)
+        self._by_shear = laws[0] * (f.state.redundant / ELASTIC)[:, None]
 
     def along(self, direction: PairVector) -> Array:
         """Change of the rows, shape (slave nodes, 2) [stress length]."""
@@ -282,7 +283,9 @@ class _Terms:
         """Terms with the change of the place on the nearest facet, at nodes without rows in M."""
         o = self.o
         j = np.flatnonzero(~self.faces)
-        ends, fraction = nearest_facets(o.x[j], o.m, o.master)
+        roles = o.slave.roles
+        candidates = None if roles is None else roles.masters_of_nodes(o.slave.facets, j)
+        ends, fraction = nearest_facets(o.x[j], o.m, o.master, candidates)
         mine = share_of(np.arange(j.size), o.slave.comm)
         j, (a, b), f = j[mine], ends[mine].T, fraction[mine, None]
         chord = o.m[b] - o.m[a]

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Derivative of a contact's rows by parameters of its law, by complex steps.
 
-A law names its parameters, numbers or arrays, in ``Law.parameters``. Its residual rho and its
-adhesion are evaluated with a parameter p + i h d: the imaginary part over h is the derivative along
-d, exact up to rounding. Functions such as ``abs`` are not analytic; a result that contradicts
-difference quotients on both sides is therefore refused. Branches are fixed.
+A law names its parameters, numbers or arrays, in ``Law.parameters``; those that vary in space are
+their values at the slave nodes. The law is evaluated with a parameter p + i h d: the imaginary part
+over h is the derivative along d, exact up to rounding. Functions such as ``abs`` are not analytic;
+a result that contradicts difference quotients on both sides is therefore refused. Branches are
+fixed, and so is the law's memory.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.laws import Law, Nodal
+from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.law import Law
+from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.utils.arguments import check_choice
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.rounding import EPSILON
 
-# Arguments of a law that its residual depends on.
-ARRAYS = ("gap", "slip", "z_n", "z_tau", "stiffness", "c_n")
 # Complex step [1]: its square is below the rounding of any number that is not tiny itself.
 STEP = 1e-30
 # Real step of difference quotients, relative to the parameter, and largest relative difference to
@@ -32,21 +33,21 @@ STEP = 1e-30
 QUOTIENT, ALIKE = 1e-6, 1e-3
 
 
-def parameter(law: Law, name: str) -> Array:
-    """Value of a parameter of the law, any shape (local).
+# Arguments of laws that are made complex, so that arrays like them may be.
+NUMBERS = ("gap", "slip", "z_n", "z_tau", "stiffness", "c_n")
+
+
+def parameter(contact: Contact, name: str) -> Array:
+    """Value of a parameter of the law, any shape; (slave nodes,) if it varies in space (local).
 
     Raises:
         ValueError: If the law has no such parameter.
     """
+    law = contact.pair.law
     check_choice(f"parameter of {law!r}", name, law.parameters)
+    if name in law.varying:
+        return contact.parameters[name].copy()
     return np.asarray(getattr(law, name), float)
-
-
-def with_parameter(law: Law, name: str, value: Any) -> Law:
-    """Copy of the law with another value of a parameter (local)."""
-    other = copy(law)
-    setattr(other, name, value if np.ndim(value) else np.asarray(value).item())
-    return other
 
 
 def rows_by_parameter(contact: Contact, name: str, direction: Array) -> Array:
@@ -63,77 +64,90 @@ def rows_by_parameter(contact: Contact, name: str, direction: Array) -> Array:
     Raises:
         ValueError: On all ranks, if the law has no such parameter, or cannot be differentiated.
     """
-    words = f"the derivative of {contact.pair.law!r} by '{name}'"
-    residual, adhesion = call_together(
-        contact.slave.comm, words, lambda: _derivatives(contact, name, np.asarray(direction))
+    law, f = contact.pair.law, contact.now
+    value, direction = parameter(contact, name), np.asarray(direction, float)
+
+    def residuals(changed: Any) -> Array:
+        if name in law.varying:
+            return _residuals(law, f, {**contact.parameters, name: changed})
+        return _residuals(_with_parameter(law, name, changed), f, contact.parameters)
+
+    words = f"the derivative of {law!r} by '{name}'"
+    changes = call_together(
+        contact.slave.comm,
+        words,
+        lambda: _differentiate(
+            f"{law!r}: the complex step by '{name}'", value, direction, residuals
+        ),
     )
-    f = contact.now
-    _, _, along, opening = contact.frame()
-    applies = contact.follows_law & ~f.attracted & ~f.state.redundant
-    return -along * np.where(applies, residual, 0.0)[:, None] - opening * adhesion[:, None]
+    follows_law = contact.follows_law & (law.bridges_gap | ~f.attracted)
+    applies = follows_law & ~f.state.redundant, f.attracted, f.covered
+    rows = np.zeros_like(f.state.z)
+    for scaled, change, on in zip(contact.frame()[2:], changes, applies, strict=False):
+        rows -= scaled * np.where(on, change, 0.0)[:, None]
+    return rows
 
 
 def parameter_by_rows(contact: Contact, name: str, rows: Array) -> Array:
     """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
-    value = parameter(contact.pair.law, name)
+    value = parameter(contact, name)
+    if name in contact.pair.law.varying:  # a node's rows depend on its own value only
+        return np.einsum("jc,jc->j", rows, rows_by_parameter(contact, name, np.ones_like(value)))
     gradient = np.zeros(value.size)
     for i, unit in enumerate(np.eye(value.size)):
         gradient[i] = (rows * rows_by_parameter(contact, name, unit.reshape(value.shape))).sum()
     return gradient.reshape(value.shape)
 
 
-def _derivatives(contact: Contact, name: str, direction: Array) -> tuple[Array, Array]:
-    """Derivatives of rho and of the adhesion along a direction, each (slave nodes,) (local)."""
-    law, f = contact.pair.law, contact.now
-    value = parameter(law, name)
-    if not law.has_friction:
-        residual = np.zeros(len(f.state.z))
-    else:
-        residual = _differentiate(law, name, value, direction, lambda other: _rho(other, f))
-    if not law.has_adhesion:
-        return residual, np.zeros_like(residual)
-    pull = _differentiate(law, name, value, direction, lambda other: _adhesion(other, f.mean_gap))
-    return residual, np.where(f.attracted, pull, 0.0)
+def _with_parameter(law: Law, name: str, value: Any) -> Law:
+    """Copy of the law with another value of a parameter (local)."""
+    other = copy(law)
+    setattr(other, name, value if np.ndim(value) else np.asarray(value).item())
+    return other
 
 
-def _rho(law: Law, f: Any) -> Any:
-    """Residual of the law; its arguments are complex, so that its arrays may be."""
-    node: Nodal = f.nodal
-    arguments: dict[str, Any] = {name: getattr(node, name).astype(complex) for name in ARRAYS}
-    own = {name for name in law.parameters if isinstance(getattr(law, name), np.ndarray)}
-    arguments["fields"] = {name: v for name, v in node.fields.items() if name not in own}
-    return law.tangential(replace(node, **arguments), f.state.branch).residual
-
-
-def _adhesion(law: Law, gap: Array) -> Any:
-    """Adhesion as in the rows: continued linearly to negative gaps."""
-    pull, by_gap = law.adhesion(np.maximum(gap, 0.0).astype(complex))
-    return pull + by_gap * np.minimum(gap, 0.0)
+def _residuals(law: Law, f: ContactFields, fields: dict[str, Any]) -> Array:
+    """Tangential residual, adhesion and closing gap, complex, (3, slave nodes) (local)."""
+    given = f.of_geometry if isinstance(f, LawFields) else f.nodal
+    numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
+    node = replace(given, fields=fields, **numbers)
+    found = np.zeros((3, len(f.state.z)), complex)
+    if law.has_layer:
+        node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
+    if law.has_friction:
+        found[0] = law.tangential(node, f.state.branch).residual
+    if law.has_adhesion:
+        opened = replace(node, gap=np.maximum(node.gap, 0.0))
+        found[1] = law.adhesion_at(opened).residual + f.adhesion[1] * np.minimum(node.gap, 0.0)
+    found[2] = node.gap
+    return found
 
 
 def _differentiate(
-    law: Law, name: str, value: Array, direction: Array, function: Callable[[Law], Any]
+    words: str, value: Array, direction: Array, function: Callable[[Any], Array]
 ) -> Array:
-    """Derivative by complex step, compared with difference quotients (local)."""
+    """Derivative by complex step, compared with difference quotients (local).
+
+    Raises:
+        ValueError: If they contradict each other; ``words`` say what was differentiated.
+    """
+    start = np.real(function(value))
     if not direction.any():
-        return np.zeros(np.shape(function(law)))
-    changed = function(with_parameter(law, name, value + 1j * STEP * direction))
-    derivative = np.array(np.imag(changed), float) / STEP
+        return np.zeros_like(start)
+    derivative = np.imag(function(value + 1j * STEP * direction)) / STEP
     if not np.isfinite(value).all():  # an infinite limit is not reached
         return derivative
     size = np.abs(value).max(initial=0.0) or 1.0
     step = QUOTIENT * size / np.abs(direction).max()
-    start = np.real(function(law))
     errors = []
     for sign in (step, -step):
-        moved = np.real(function(with_parameter(law, name, value + sign * direction)))
+        moved = np.real(function(value + sign * direction))
         errors.append(np.abs((moved - start) / sign - derivative))
-    rounding = 10.0 * EPSILON * np.abs(start).max(initial=0.0) / step
-    allowed = ALIKE * np.abs(derivative).max(initial=0.0) + rounding
-    if np.minimum(*errors).max(initial=0.0) > allowed:
+    rounding = 10.0 * EPSILON * np.abs(start).max(axis=1) / step
+    allowed = ALIKE * np.abs(derivative).max(axis=1) + rounding
+    if (np.minimum(*errors) > allowed[:, None]).any():
         raise ValueError(
-            f"{law!r}: the complex step by '{name}' contradicts difference quotients; expected "
-            "tangential and adhesion to be analytic in the parameter, without abs, real parts or "
-            "conversions to float"
+            f"{words} contradicts difference quotients; expected the law to be analytic in the "
+            "parameter, without abs, real parts or conversions to float"
         )
     return derivative

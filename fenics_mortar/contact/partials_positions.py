@@ -30,7 +30,7 @@ class Positions:
 
     Raises:
         MortarError: If the contact depends on the undeformed mesh otherwise: ties, small sliding,
-            thickness that is a function of the position.
+            thickness or parameters of laws that are functions of the position.
     """
 
     def __init__(self, contact: Interface) -> None:
@@ -75,6 +75,9 @@ def check_positions(contact: Interface) -> None:
             f"{contact.pair!r} has D and M of the undeformed mesh: nodal positions as controls "
             "need contact with sliding='finite'"
         )
+    for name, value in contact.pair.law.varying.items():
+        if not isinstance(value, np.ndarray):
+            raise MortarError(f"{name} of {contact.pair.law!r} varies with the position")
     thickness = contact.slave.thickness
     if thickness is not None and thickness.by_x == 0.0 and np.ptp(thickness.at(contact.slave.X)):
         raise MortarError("a thickness that depends on the position: no derivative by positions")

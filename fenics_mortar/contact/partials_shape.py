@@ -82,7 +82,7 @@ def change_by_shape(
     o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
     dtau = np.stack([-dn[:, 1], dn[:, 0]], axis=1)
     slip = np.zeros(len(gap))
-    if contact.pair.law.has_friction:
+    if contact.pair.law.has_friction or contact.pair.law.sees_nodes:
         slip = np.einsum("jc,jc->j", dtau, contact.partners.apart(o))
         if earlier is not None:
             slip += _slip_of_earlier(contact, earlier, name, direction)

@@ -132,6 +132,23 @@ def is_beside(x, segments, links, places, max_distance):
 
 
 @kernel
+def is_inside(x, segments, bodies, body, p):
+    """Whether p (2,) is inside the closed outline of ``body``, by crossings of a ray along x.
+
+    Each segment has its lower end and not its upper one. For points away from the outline rounding
+    has no effect, also where segments are on the ray.
+    """
+    inside = False
+    for e in range(segments.shape[0]):
+        ax, ay = x[segments[e, 0]]
+        bx, by = x[segments[e, 1]]
+        if bodies[e] == body and (ay <= p[1]) != (by <= p[1]):
+            s = (p[1] - ay) / (by - ay)
+            inside = inside != (ax + s * (bx - ax) > p[0])
+    return inside
+
+
+@kernel
 def place_on(x, segment, p):
     """Coordinate of the point of a segment (2,) that is nearest to p (2,), 0 to 1."""
     ax, ay = x[segment[0]]
@@ -181,7 +198,8 @@ def find_passages(x0, x1, segments, after, before, lengths, bodies, events):
                 entry = -1
             fresh = False
             i += 1
-        if entry >= 0:
+        # on a line with an edge a path enters by rounding, and may not leave
+        if entry >= 0 and is_inside(x1, segments, bodies, body, x1[p]):
             square, nearest = nearest_segment(x1, segments, bodies, body, x1[p], p)
             rows = grown(rows, count)
             rows[count] = float(p), float(nearest), -1.0, np.sqrt(square)

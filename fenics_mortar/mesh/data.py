@@ -173,7 +173,8 @@ def as_list(names: Any) -> list[str | int]:
 
 def joined_names(names: Any) -> str:
     """Return one or several names as one, used in messages and files (local)."""
-    return " + ".join(str(name) for name in as_list(names))
+    first, *others = map(str, as_list(names) or [""])
+    return " + ".join([first, *others]) if len(others) < 3 else f"{first} + {len(others)} others"
 
 
 def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:

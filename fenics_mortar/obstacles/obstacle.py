@@ -161,11 +161,18 @@ class Obstacle(ABC):
     # Shape, for sensitivities; see ``shape_change``
 
     def shape(self) -> dict[str, Array]:
-        """Parameters of the shape by name, arrays; none by default."""
+        """Parameters of the shape by name, arrays of any shape [units of the obstacle].
+
+        None by default.
+        """
         return {}
 
     def set_shape(self, name: str, values: Array) -> None:
         """Set a parameter of the shape; pivot and place stay.
+
+        Args:
+            name: Name of the parameter.
+            values: Shape and unit of the parameter.
 
         Raises:
             ValueError: If there is no such parameter, or its value is not allowed.
@@ -173,9 +180,18 @@ class Obstacle(ABC):
         raise ValueError(f"'{self.name}' has no parameter '{name}' of its shape")
 
     def local_by_shape(self, x: Array, name: str, direction: Array) -> tuple[Array, Array]:
-        """Derivatives of ``local`` along a direction of a parameter: phi (n,), gradient (n, 2).
+        """Derivatives of ``local`` along a direction of a parameter of the shape.
 
         By default extrapolated difference quotients of a copy, see ``shape_change``.
+
+        Args:
+            x: Points of the own frame, shape (n, 2) [length].
+            name: Name of the parameter.
+            direction: Shape of the parameter.
+
+        Returns:
+            Derivatives of phi (n,) [length] and of the gradient (n, 2) [1], both over the unit of
+            the direction's factor.
         """
         return differentiate_shape(self, x, name, direction)
 

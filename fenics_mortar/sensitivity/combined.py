@@ -17,11 +17,15 @@ from fenics_mortar.utils.arrays import Array
 
 
 class ContactQuantity(ABC):
-    """Base of the quantities of contact; see ``protocols.Quantity`` for the methods."""
+    """Base of the quantities of contact; all methods are collective.
+
+    They take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
+    ``before``, at the start of the step: a ``State``, or its ``History``.
+    """
 
     @abstractmethod
     def value(self, problem: ContactProblem, before: Before = None) -> float:
-        """Value at the present state."""
+        """Value at the present state [own unit]."""
 
     @abstractmethod
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
@@ -34,7 +38,10 @@ class ContactQuantity(ABC):
     def by_control(
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
-        """Derivative by a control at fixed states; 0.0 where the quantity does not contain it."""
+        """Derivative by a ``control`` at fixed states; 0.0 where the quantity does not contain it.
+
+        Shape of the control's values [unit of the quantity over theirs].
+        """
         return 0.0
 
     def __add__(self, other: ContactQuantity | float) -> ContactQuantity:

@@ -20,7 +20,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.history import History, has_history
 from fenics_mortar.sensitivity.pair_vectors import (
     check_exact,
     contact_of,
@@ -37,35 +37,39 @@ Before = State | History | None
 
 
 class Control(Protocol):
-    """Values that a solution depends on."""
+    """Values that a solution depends on.
+
+    Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
+    ``before``, at the start of the step, which is needed where slip depends on the control through
+    it: a ``State``, or its ``History``.
+
+    Attributes:
+        name: Name for messages.
+    """
 
     name: str
 
     def get(self, problem: ContactProblem) -> Array:
-        """Present values (local)."""
+        """Present values (local), of shape () if it is one number [their unit]."""
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """Set the values, equal on all ranks (local)."""
+        """Set the ``values``, equal on all ranks (local)."""
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """Change of the residuals along a change ``dm`` of the values (collective).
-
-        Args:
-            problem: The problem at the end of the step, evaluated with ``EXACT``.
-            dm: Shape of the values.
-            before: State at the start of the step, where slip that depends on it does on the
-                control.
-        """
+        """Change of the residuals along a change ``dm`` of the values (collective)."""
 
     def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """Gradient of the scalar product of residuals and ``y``, shape of the values.
+        """Gradient of the scalar product of residuals and ``y`` (collective).
 
-        Equal on all ranks; collective. Arguments: see ``jvp``.
+        Equal on all ranks, of the shape of the values [units of the product over theirs].
         """
 
 
-class LawParameter:
+class LawParameter(Control):
     """A parameter of the law of a pair, see ``Law.parameters``.
+
+    A parameter that varies in space, see ``Law.fields``, has its values at the slave nodes at the
+    last solve; ``set`` replaces a function by such values.
 
     Args:
         pair: Number of the pair.
@@ -78,13 +82,13 @@ class LawParameter:
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``."""
-        return parameter(contact_of(problem.equations, self.pair).pair.law, self.parameter)
+        return parameter(contact_of(problem.equations, self.pair), self.parameter)
 
     def set(self, problem: ContactProblem, values: Array) -> None:
         """See ``Control``."""
         law = contact_of(problem.equations, self.pair).pair.law
         check_choice(f"parameter of {law!r}", self.parameter, law.parameters)
-        new = np.asarray(values, float)
+        new = np.array(values, float)
         setattr(law, self.parameter, new if new.ndim else new.item())
         law.check()
 
@@ -100,7 +104,7 @@ class LawParameter:
         return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
 
 
-class Offset:
+class Offset(Control):
     """The nodal offsets of a pair, see ``PairView.offset``.
 
     Args:
@@ -131,7 +135,7 @@ class Offset:
         return offset_by_rows(contact, rows_at(y, self.pair, contact))
 
 
-class Interference:
+class Interference(Control):
     """Mean offset of a pair, which shifts the offsets of all nodes alike.
 
     Args:
@@ -161,15 +165,18 @@ class Interference:
         return np.asarray(self._offset.vjp(problem, y).sum())
 
 
-class _OfObstacle:
+class _OfObstacle(Control):
     """Values of an obstacle in the rows of its motions.
 
     Args:
         obstacle: The obstacle.
     """
 
+    quantity: str
+
     def __init__(self, obstacle: Obstacle) -> None:
         self.obstacle = obstacle
+        self.name = f"{self.quantity} of '{obstacle.name}'"
 
     def _number(self, problem: ContactProblem) -> int:
         return problem.obstacles.index(self.obstacle)
@@ -198,10 +205,7 @@ class ObstaclePlace(_OfObstacle):
     Values of driven motions have no effect.
     """
 
-    @property
-    def name(self) -> str:
-        """Name for reports."""
-        return f"place of '{self.obstacle.name}'"
+    quantity = "place"
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``: shape (3,)."""
@@ -221,10 +225,7 @@ class ObstacleLoad(_OfObstacle):
     Values of prescribed motions have no effect.
     """
 
-    @property
-    def name(self) -> str:
-        """Name for reports."""
-        return f"load of '{self.obstacle.name}'"
+    quantity = "load"
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``: shape (3,), 0 for prescribed motions."""
@@ -238,7 +239,7 @@ class ObstacleLoad(_OfObstacle):
         return np.isfinite(self.obstacle.load)
 
 
-class ObstacleShape:
+class ObstacleShape(Control):
     """A parameter of the shape of an obstacle, see ``Obstacle.shape``.
 
     Args:
@@ -296,8 +297,7 @@ def history_of(problem: ContactProblem, before: Before) -> History | None:
         return History(problem, before)
     if before is None:
         for contact in problem.equations.contacts:
-            law = contact.pair.law if hasattr(contact.pair, "law") else None
-            if law is not None and law.has_friction:
+            if has_history(contact):
                 raise MortarError(
                     f"the slip of {contact.pair!r} depends on the control through the state before:"
                     " expected before=..."

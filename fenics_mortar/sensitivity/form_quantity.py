@@ -25,20 +25,23 @@ class FormQuantity:
     Args:
         bulk: The bodies.
         form: The form.
+
+    Attributes:
+        form: The form.
     """
 
     def __init__(self, bulk: Bulk, form: ufl.Form) -> None:
-        self._form, self._u, self._mesh = form, bulk.u, bulk.V.mesh
+        self.form, self._u, self._mesh = form, bulk.u, bulk.V.mesh
         self._data = [*form.constants(), *form.coefficients()]
         self._by_controls: dict[Any, FormDerivative] = {}
 
     @cached_property
     def _value(self) -> AssembledForm:
-        return AssembledForm(self._form, self._mesh.comm)
+        return AssembledForm(self.form, self._mesh.comm)
 
     @cached_property
     def _by_u(self) -> FormDerivative:
-        return derivative_by(self._mesh, self._form, self._u)
+        return derivative_by(self._mesh, self.form, self._u)
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
         """Value at the present state."""
@@ -64,5 +67,5 @@ class FormQuantity:
         if not self.depends_on(control):
             return 0.0
         if control.data not in self._by_controls:
-            self._by_controls[control.data] = derivative_by(self._mesh, self._form, control.data)
+            self._by_controls[control.data] = derivative_by(self._mesh, self.form, control.data)
         return self._by_controls[control.data].transposed()

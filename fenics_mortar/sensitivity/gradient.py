@@ -38,6 +38,7 @@ from fenics_mortar.sensitivity.protocols import (
     as_list,
     check_dependence,
     controls_of,
+    explicit,
     quantities_of,
 )
 from fenics_mortar.utils.arrays import Array
@@ -175,7 +176,7 @@ def _backwards(
         for parts, control in zip(by_step, controls, strict=True):
             change = -control.vjp(problem, y, before)
             for weight, quantity in weighted:
-                change = change + weight * quantity.by_control(problem, control, before)
+                change = change + weight * explicit(problem, quantity, control, before)
             parts.insert(0, change)
         carried = _carried(problem, weighted, y, before) if number else []
     return by_step, kinks

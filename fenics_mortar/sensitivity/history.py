@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
@@ -13,7 +15,14 @@ from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, check_exact, rows_at, zeros
+from fenics_mortar.sensitivity.pair_vectors import (
+    add_pair,
+    at_pair,
+    check_exact,
+    from_rows,
+    rows_at,
+    zeros,
+)
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.rounding import ROUNDING
 
@@ -23,7 +32,7 @@ class History:
 
     Rows and units are those of ``equations.linearized``. Only rows of multipliers of pairs with
     friction depend on the state before: through their partners, and through the shear of redundant
-    sticks. Sets are fixed.
+    sticks. Sets are fixed. The memory of a law is not included.
 
     Args:
         problem: The problem, at the end of a step, with operators of the linearization ``EXACT``.
@@ -36,7 +45,8 @@ class History:
 
     Raises:
         MortarError: On all ranks, if slip does not count from that state, as after a rigid move of
-            a body or of an obstacle before the solve, or if operators lack derivatives.
+            a body or of an obstacle before the solve; if operators lack derivatives; or if a law
+            has memory.
     """
 
     def __init__(self, problem: ContactProblem, before: State) -> None:
@@ -44,8 +54,13 @@ class History:
         self.earlier: dict[int, Earlier] = {}
         self.pairs: dict[int, PairHistory] = {}
         for i, contact in enumerate(e.contacts):
-            if not isinstance(contact, Contact) or not contact.pair.law.has_friction:
+            if not isinstance(contact, Contact) or not has_history(contact):
                 continue
+            if contact.pair.law.memory:
+                raise MortarError(
+                    f"{contact.pair.law!r} has memory: derivatives through several steps do not "
+                    "include it; only those of one step with given memory are supported"
+                )
             check_exact(contact)
             self.earlier[i] = earlier_of(e, i, contact, before)
             self.pairs[i] = PairHistory(contact, self.earlier[i])
@@ -53,11 +68,8 @@ class History:
 
     def jvp(self, ds: LinearVector) -> LinearVector:
         """Change of the residuals along a change ``ds`` of the state before."""
-        change = zeros(self._equations)
-        assert change.z is not None
-        for i, pair in self.pairs.items():
-            change.z[i][:] += pair.along(at_pair(self._equations, i, ds))
-        return change
+        e = self._equations
+        return from_rows(e, {i: pair.along(at_pair(e, i, ds)) for i, pair in self.pairs.items()})
 
     def vjp(self, y: LinearVector) -> LinearVector:
         """Gradient of the scalar product of the residuals and ``y`` by the state before."""
@@ -66,6 +78,14 @@ class History:
             rows = rows_at(y, i, self._equations.contacts[i])
             add_pair(self._equations, i, gradient, pair.back(rows))
         return gradient
+
+
+def has_history(contact: Any) -> bool:
+    """Whether the rows of a pair depend on the state before (local)."""
+    if not isinstance(contact, Contact):
+        return False
+    law = contact.pair.law
+    return bool(law.has_friction or law.memory or law.sees_nodes)
 
 
 def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> Earlier:

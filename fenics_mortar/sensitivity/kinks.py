@@ -29,6 +29,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import KINK, Friction
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import LAST_DIGITS
 
 Change = Literal["opens", "closes", "slides", "sticks", "cover"]
 
@@ -107,11 +108,13 @@ def _distances(contact: Contact) -> dict[Change, Array]:
     """Distances of all nodes from each change, inf where it is not possible, (slave nodes,)."""
     now, law = contact.now, contact.pair.law
     active, covered = contact.active, now.covered
-    largest = float(np.abs(now.z_n).max(initial=0.0)) or 1.0
+    rounding = LAST_DIGITS * contact.stiffness  # as in the active-set test
+    pressure = np.where(np.abs(now.tension) <= rounding, 0.0, np.abs(now.tension))
+    largest = float(pressure.max(initial=0.0)) or 1.0
     undecided = np.zeros(active.size, bool)
     undecided[contact.undecided] = True
     found: dict[Change, Array] = {
-        "opens": _where(active, np.abs(now.tension) / largest),
+        "opens": _where(active, pressure / largest),
         "closes": _where(covered & ~active, np.abs(now.mean_gap) / now.nodal_lengths),
         "cover": _where(undecided, np.zeros(active.size)),
     }

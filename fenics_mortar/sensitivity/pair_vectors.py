@@ -46,22 +46,21 @@ def at_pair(equations: ContactEquations, i: int, x: LinearVector) -> PairVector:
 def add_pair(equations: ContactEquations, i: int, x: LinearVector, pair: PairVector) -> None:
     """Add values at pair ``i`` to a vector made by ``zeros``: transpose of ``at_pair`` (local)."""
     contact = equations.contacts[i]
-    assert x.u is not None and x.z is not None and x.q is not None
-    contact.slave.scatter_add(pair.on_slave, x.u)
-    contact.master.scatter_add(pair.on_master, x.u)
-    x.z[i][:] += pair.z
+    u, z, q = x.u, x.z, x.q
+    assert u is not None and z is not None and q is not None
+    contact.slave.scatter_add(pair.on_slave, u)
+    contact.master.scatter_add(pair.on_master, u)
+    z[i][:] += pair.z
     if contact.obstacle is not None:
         number, scales = scales_of(equations, contact)
-        x.q[number] += pair.motion * scales
+        q[number] += pair.motion * scales
 
 
 def from_rows(equations: ContactEquations, rows: dict[int, Array]) -> LinearVector:
     """Residuals with given rows of multipliers, (slave nodes, 2) by number of the pair (local)."""
-    total = zeros(equations)
-    assert total.z is not None
-    for i, values in rows.items():
-        total.z[i][:] += values
-    return total
+    none = zeros(equations)
+    z = [rows.get(i, np.zeros_like(contact.z)) for i, contact in enumerate(equations.contacts)]
+    return LinearVector(none.u, z, none.q)
 
 
 def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
@@ -85,16 +84,16 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
 
 def check_law(contact: Any) -> None:
-    """Raise if the law of a contact has a memory, a layer or an adhesion of its own (local).
+    """Raise if the law of a contact has a memory, or an adhesion of more than the gap (local).
 
     Raises:
-        MortarError: For such a law: its memory and its closing gap have no derivatives yet.
+        MortarError: For such a law: its memory has no derivatives yet.
     """
     law = contact.pair.law if isinstance(contact, Contact) else None
-    if law is not None and (law.memory or law.has_layer or law.bridges_gap or law.pulls_by_node):
+    if law is not None and (law.memory or law.bridges_gap or law.pulls_by_node):
         raise MortarError(
-            f"{law!r} has a memory, a closing gap or an adhesion of its own, which have no "
-            "sensitivities: expected a law with tangential, friction_limit and adhesion alone"
+            f"{law!r} has a memory, or an adhesion that depends on more than the gap, which have "
+            "no sensitivities: expected a law with tangential, closing_gap and adhesion alone"
         )
 
 

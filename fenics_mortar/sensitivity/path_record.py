@@ -12,6 +12,7 @@ import numpy as np
 
 from dolfinx import fem
 
+from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.undo import Before
 from fenics_mortar.interface.mortar import EXACT
@@ -29,12 +30,14 @@ class Step:
     Attributes:
         state: The state.
         data: Values of the constants and functions of the forms, see ``Data``.
-        laws: Attributes of the law of each pair.
+        laws: Attributes of the laws of the contacts.
+        shapes: Parameters of the shape of each obstacle.
     """
 
     state: State
     data: tuple[Array, ...]
     laws: tuple[dict[str, Any], ...]
+    shapes: tuple[dict[str, Array], ...]
 
 
 class Data:
@@ -46,7 +49,9 @@ class Data:
     """
 
     def __init__(self, problem: ContactProblem, more: Sequence[Any] = ()) -> None:
-        self._objects = list(dict.fromkeys([*problem.equations.bulk.data, *more]))
+        laws = [vars(contact.pair.law) for contact in _with_law(problem)]
+        of_laws = [value for law in laws for value in law.values() if _is_data(value)]
+        self._objects = list(dict.fromkeys([*problem.equations.bulk.data, *of_laws, *more]))
 
     def values(self) -> tuple[Array, ...]:
         """Copies of the present values."""
@@ -58,6 +63,21 @@ class Data:
             _array_of(data)[...] = value
 
 
+def _is_data(value: Any) -> bool:
+    """Whether a value is a constant or function of dolfinx (local)."""
+    return isinstance(value, (fem.Constant, fem.Function))
+
+
+def _with_law(problem: ContactProblem) -> list[Contact]:
+    """The contacts of a problem without its ties (local)."""
+    return [c for c in problem.equations.contacts if isinstance(c, Contact)]
+
+
+def _copies(values: dict[str, Any]) -> dict[str, Any]:
+    """Attributes with copies of arrays (local)."""
+    return {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+
+
 def _array_of(data: Any) -> Array:
     """The numbers of a constant or function, not a copy (local)."""
     return data.value if isinstance(data, fem.Constant) else data.x.array
@@ -67,11 +87,12 @@ class RecordedPath:
     """Accepted states of a problem, in the order of their load steps; all methods are collective.
 
     Slip counts from the state before, so that a path with friction has to be recorded without gaps,
-    one call of ``record`` after each solve:
+    one call of ``record`` after each solve::
 
-    >>> path = fm.RecordedPath(problem)  # at the state that the path begins with
-    >>> fm.follow_path(problem, set_loads, options, on_step=path.record)
-    >>> gradient = fm.gradient(fm.TotalForce(0, (1.0, 0.0)), [E, fm.LawParameter(0, "mu")], path)
+        path = fm.RecordedPath(problem)  # at the state that the path begins with
+        fm.follow_path(problem, set_loads, options, on_step=path.record)
+        mu = fm.sensitivity.LawParameter(0, "mu")
+        gradient = fm.gradient(fm.sensitivity.TotalForce(0, (1.0, 0.0)), [E, mu], path)
 
     The state at the start is given: derivatives do not go beyond it. Each record holds the
     displacement, the interface states and the values of all constants and functions of the
@@ -89,7 +110,7 @@ class RecordedPath:
 
     Raises:
         ValueError: If ``problem`` is of another type.
-        MortarError: If the problem has inertia, or a law a memory or a closing gap.
+        MortarError: If the problem has inertia, or a law has memory; see ``check_law``.
     """
 
     def __init__(self, problem: ContactProblem, *, also: Sequence[Any] = ()) -> None:
@@ -104,14 +125,21 @@ class RecordedPath:
 
     @classmethod
     def of_state(cls, problem: ContactProblem) -> RecordedPath:
-        """Path of the present state alone; the state that slip counts from is given."""
+        """Path of the present state alone, with the state that slip counts from given (collective).
+
+        Args:
+            problem: The problem, converged in that state.
+        """
         path = cls(problem)
         path.start = None
         path.record()
         return path
 
-    def record(self, *_: Any) -> None:
-        """Add the present state; arguments are ignored, as those of ``follow_path``'s ``on_step``.
+    def record(self, *arguments: Any) -> None:
+        """Add the present state.
+
+        Args:
+            arguments: Ignored, so that ``follow_path`` may call this method as its ``on_step``.
 
         Raises:
             MortarError: On all ranks, if the last solve did not end in the present state.
@@ -124,12 +152,12 @@ class RecordedPath:
 
     def present(self) -> Step:
         """Record of the present state."""
-        contacts = self.problem.equations.contacts
-        laws = tuple(dict(vars(c.pair.law)) if hasattr(c.pair, "law") else {} for c in contacts)
-        return Step(self.problem.state(), self._data.values(), laws)
+        laws = tuple(_copies(vars(contact.pair.law)) for contact in _with_law(self.problem))
+        shapes = tuple(obstacle.shape() for obstacle in self.problem.obstacles)
+        return Step(self.problem.state(), self._data.values(), laws, shapes)
 
     def before(self, number: int) -> State | None:
-        """State before the step ``number``."""
+        """State before the step ``number`` (local)."""
         return self.steps[number - 1].state if number else self.start
 
     def go_to(self, number: int) -> None:
@@ -140,9 +168,13 @@ class RecordedPath:
 
     def _put_values(self, step: Step) -> None:
         self._data.put(step.data)
-        for contact, law in zip(self.problem.equations.contacts, step.laws, strict=True):
-            if law:
-                vars(contact.pair.law).update(law)
+        for contact, law in zip(_with_law(self.problem), step.laws, strict=True):
+            vars(contact.pair.law).update(law)
+            contact.take_law()
+        for obstacle, shape in zip(self.problem.obstacles, step.shapes, strict=True):
+            for name, now in obstacle.shape().items():
+                if not np.array_equal(now, shape[name]):
+                    obstacle.set_shape(name, shape[name])
 
     @contextmanager
     def visited(self) -> Iterator[None]:

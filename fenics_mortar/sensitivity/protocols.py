@@ -22,6 +22,7 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before
 from fenics_mortar.sensitivity.form_controls import FormControl
 from fenics_mortar.sensitivity.form_quantity import FormQuantity
+from fenics_mortar.sensitivity.nodal_positions import NodalPositions
 from fenics_mortar.utils.arrays import Array
 
 
@@ -119,6 +120,15 @@ def check_dependence(
                 f"{control.name}: neither residual nor Dirichlet conditions nor objective depend "
                 "on this control"
             )
+
+
+def explicit(
+    problem: ContactProblem, quantity: Quantity, control: Control, before: Before
+) -> Array | float:
+    """dJ/dm at fixed states (collective)."""
+    if isinstance(control, NodalPositions):
+        return control.explicit(problem, quantity, before)
+    return quantity.by_control(problem, control, before)
 
 
 def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> float:

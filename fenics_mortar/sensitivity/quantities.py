@@ -52,16 +52,16 @@ class PairQuantity(ContactQuantity):
         self.pair = pair
 
     @abstractmethod
-    def of(self, contact: Any) -> float:
+    def _of(self, contact: Any) -> float:
         """Value."""
 
     @abstractmethod
-    def by_fields(self, contact: Any) -> ByFields:
+    def _by_fields(self, contact: Any) -> ByFields:
         """Derivative by nodal fields."""
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
         """See ``ContactQuantity``."""
-        return self.of(problem.equations.contacts[self.pair])
+        return self._of(problem.equations.contacts[self.pair])
 
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
         """See ``ContactQuantity``."""
@@ -72,7 +72,7 @@ class PairQuantity(ContactQuantity):
         """Derivative by the present state at the pair."""
         if isinstance(contact, Contact):
             check_exact(contact)
-        return self.by_fields(contact).gradient(contact)
+        return self._by_fields(contact).gradient(contact)
 
     def _vector(self, problem: ContactProblem, values: PairVector) -> LinearVector:
         total = zeros(problem.equations)
@@ -82,7 +82,7 @@ class PairQuantity(ContactQuantity):
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
         """See ``ContactQuantity``."""
         contact = problem.equations.contacts[self.pair]
-        by_slip = self.by_fields(contact).slip
+        by_slip = self._by_fields(contact).slip
         if by_slip is None:
             return None
         history = history_of(problem, before)
@@ -95,7 +95,7 @@ class PairQuantity(ContactQuantity):
     ) -> Array | float:
         """See ``ContactQuantity``; offsets and shapes of obstacles."""
         contact = problem.equations.contacts[self.pair]
-        by = self.by_fields(contact)
+        by = self._by_fields(contact)
         if isinstance(control, (Offset, Interference)) and control.pair == self.pair:
             if by.gap is None:
                 return 0.0
@@ -134,11 +134,11 @@ class TotalForce(PairQuantity):
         super().__init__(pair)
         self.direction = np.asarray(direction, float)
 
-    def of(self, contact: Interface) -> float:
+    def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
         return float(contact.total_force @ self.direction)
 
-    def by_fields(self, contact: Interface) -> ByFields:
+    def _by_fields(self, contact: Interface) -> ByFields:
         """See ``PairQuantity``."""
         weight = contact.operators.weight
         return ByFields(weight=-contact.z @ self.direction, z=-weight[:, None] * self.direction)
@@ -156,11 +156,11 @@ class Moment(PairQuantity):
         super().__init__(pair)
         self.about = np.asarray(about, float)
 
-    def of(self, contact: Interface) -> float:
+    def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
         return moment(contact, self.about)
 
-    def by_fields(self, contact: Interface) -> ByFields:
+    def _by_fields(self, contact: Interface) -> ByFields:
         """See ``PairQuantity``: no control changes the moment at a fixed state."""
         return ByFields()
 
@@ -183,11 +183,11 @@ class PressureFunctional(PairQuantity):
         super().__init__(pair)
         self._function, self._derivative = function, derivative
 
-    def of(self, contact: Contact) -> float:
+    def _of(self, contact: Contact) -> float:
         """See ``PairQuantity``."""
         return float(contact.operators.weight @ self._function(contact.now.z_n))
 
-    def by_fields(self, contact: Contact) -> ByFields:
+    def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""
         p, weight = contact.now.z_n, contact.operators.weight
         return ByFields(weight=self._function(p), z_n=weight * self._derivative(p))
@@ -228,12 +228,12 @@ class PeakPressure(PairQuantity):
         total = float(weight.sum())
         return p / largest, largest, total, float(weight @ (p / largest) ** self.power) / total
 
-    def of(self, contact: Contact) -> float:
+    def _of(self, contact: Contact) -> float:
         """See ``PairQuantity``."""
         _, largest, _, mean = self._parts(contact)
         return float(largest * mean ** (1.0 / self.power))
 
-    def by_fields(self, contact: Contact) -> ByFields:
+    def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``; zero without pressure."""
         p, largest, total, mean = self._parts(contact)
         if mean == 0.0:
@@ -264,17 +264,17 @@ class MeanGap(PairQuantity):
             counts = counts * chosen
         return counts
 
-    def of(self, contact: Contact) -> float:
+    def _of(self, contact: Contact) -> float:
         """See ``PairQuantity``; nan if none of the nodes is covered."""
         o, counts = contact.operators, self._counts(contact)
         total = float(counts @ o.weight)
         return float(counts @ o.gap) / total if total else np.nan
 
-    def by_fields(self, contact: Contact) -> ByFields:
+    def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""
         counts = self._counts(contact)
         total = float(counts @ contact.operators.weight) or 1.0
-        return ByFields(weight=-self.of(contact) / total * counts, gap=counts / total)
+        return ByFields(weight=-self._of(contact) / total * counts, gap=counts / total)
 
 
 class FrictionWork(PairQuantity):
@@ -286,11 +286,11 @@ class FrictionWork(PairQuantity):
         pair: Number of the pair.
     """
 
-    def of(self, contact: Contact) -> float:
+    def _of(self, contact: Contact) -> float:
         """See ``PairQuantity``."""
         return contact.friction_work
 
-    def by_fields(self, contact: Contact) -> ByFields:
+    def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""
         w, z_tau, on = contact.operators.weight, contact.z_tau, contact.active
         slip = np.where(on, contact.slip, 0.0)
@@ -307,11 +307,11 @@ class ContactLength(PairQuantity):
         pair: Number of the pair.
     """
 
-    def of(self, contact: Contact) -> float:
+    def _of(self, contact: Contact) -> float:
         """See ``PairQuantity``."""
         return float(contact.operators.weight @ contact.active)
 
-    def by_fields(self, contact: Contact) -> ByFields:
+    def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""
         return ByFields(weight=contact.active.astype(float))
 

@@ -33,6 +33,7 @@ from fenics_mortar.sensitivity.protocols import (
     check_dependence,
     controls_of,
     dot,
+    explicit,
     quantities_of,
 )
 from fenics_mortar.utils.arrays import Array
@@ -161,7 +162,7 @@ def _forwards(
             if by_before is not None:
                 change += by_before.dot(earlier, problem.comm)
             for control, dm in pairs:
-                explicit = np.zeros_like(dm) + quantity.by_control(problem, control, before)
-                change += dot(problem, control, explicit, dm)
+                by_control = np.zeros_like(dm) + explicit(problem, quantity, control, before)
+                change += dot(problem, control, by_control, dm)
             derivatives[number, i] = change
     return derivatives, states, kinks

@@ -38,7 +38,7 @@ def test_wear_under_a_held_top_is_implicit_euler(degree):
         assert problem.solve().certificate.violations() == []
         expected = pressure / (1.0 + E / HEIGHT * law.wear * slip) ** number
         assert contact.pressure == pytest.approx(expected, rel=1e-10)
-        depth = contact.state.committed.memory["depth"]
+        depth = contact.memory["depth"]
         assert depth == pytest.approx((pressure - expected) * HEIGHT / E, rel=1e-9)
         assert contact.gap == pytest.approx(-depth, abs=1e-12)
 
@@ -98,7 +98,7 @@ def test_rate_and_state_becomes_steady():
         steady = law.mu + (law.a - law.b) * np.log(v / law.v_0)
         coefficient = contact.shear / contact.pressure
         assert np.abs(coefficient) == pytest.approx(steady, rel=1e-9)
-        theta = contact.state.committed.memory["theta"]
+        theta = contact.memory["theta"]
         assert theta == pytest.approx(law.L / v, rel=1e-9)
 
 

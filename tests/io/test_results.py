@@ -20,6 +20,7 @@ from fenics_mortar.io.paraview import ResultsWriter
 from fenics_mortar.io.picture import plot
 from fenics_mortar.io.table import contact_table
 from fenics_mortar.utils import compat
+from meshes import two_blocks
 
 COMM = MPI.COMM_WORLD
 CELLS = ("triangle", "quadrilateral")
@@ -29,6 +30,7 @@ KINDS = {
     ("quad", 1): "quad",
     ("quad", 2): "quad9",
 }
+HELD = ("lower/bottom", "upper/top")
 SMALL = {"n_upper": 4, "n_lower": 6, "layers_upper": 4, "layers_lower": 3, "gap": 0.01}
 
 
@@ -38,12 +40,16 @@ def pressed(cell="quadrilateral", **options):
     return scene
 
 
-def steps(index):
-    """Times and files of a .pvd, by step; read on one rank after the others have written."""
+def steps(index, group="bodies", name=None):
+    """Times and files of a block of a .pvd, by step; read after all ranks have written."""
     COMM.barrier()
     files = {}
     for entry in ET.parse(index).getroot().iter("DataSet"):
-        files.setdefault(float(entry.get("timestep")), []).append(index.parent / entry.get("file"))
+        step = index.parent / entry.get("file")
+        (block,) = [b for b in ET.parse(step).getroot().iter("Block") if b.get("name") == group]
+        parts = [d for d in block.iter("DataSet") if name in (None, d.get("name"))]
+        found = [step.parent / part.get("file") for part in parts]
+        files.setdefault(float(entry.get("timestep")), []).extend(found)
     return files
 
 
@@ -140,8 +146,7 @@ def test_contact_files_hold_what_the_contact_holds(shared_path, slave, degree):
         results.write(-1.0)
         scene.problem.solve()
         results.write(2.5)
-    name = {"upper": "upper_bottom", "lower": "lower_top"}[slave]
-    files = steps(shared_path / f"series_contact_{name}.pvd")
+    files = steps(shared_path / "series.pvd", "surfaces", c.slave.name)
     assert list(files) == [-1.0, 2.5]
     before, after = (meshio.read(branches[0]) for branches in files.values())
     assert np.allclose(before.point_data["contact_pressure"], 0.0)
@@ -188,7 +193,8 @@ def test_two_slaves_of_one_name_in_files_get_two_series(shared_path):
     scene.problem.equations.contacts = 2 * scene.problem.equations.contacts
     ResultsWriter(shared_path / "series", scene.problem).write(0.0)
     for i in range(2):
-        assert len(steps(shared_path / f"series_contact_upper_bottom_{i}.pvd")) == 1
+        found = steps(shared_path / "series.pvd", "surfaces", f"upper/bottom {i}")[0.0]
+        assert len(found) == 1 and found[0].is_file()
 
 
 def test_outlines_of_obstacles_move_with_them(shared_path):
@@ -204,7 +210,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
         for time, motion in enumerate([(0.0, 0.0, 0.0), (0.1, -0.3, 0.5)]):
             motions[0].move(x=motion[0], y=motion[1], angle=motion[2])
             results.write(time)
-            (file,) = steps(shared_path / "series_obstacle_ball.pvd")[time]
+            (file,) = steps(shared_path / "series.pvd", "obstacles", "ball")[time]
             mesh = meshio.read(file)
             own, moved = mesh.points[:, :2], mesh.points + mesh.point_data["displacement"]
             lines, x = mesh.cells_dict["line"], moved[:, :2]
@@ -212,7 +218,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
             assert np.allclose(np.linalg.norm(own - (0.5, 1.5), axis=1), 0.25, atol=1e-9)
             length = np.linalg.norm(np.diff(x[lines], axis=1), axis=2).sum()
             assert length == pytest.approx(np.pi * 0.5, rel=2e-4)  # chords
-    for (file,) in steps(shared_path / "series_obstacle_far.pvd").values():
+    for (file,) in steps(shared_path / "series.pvd", "obstacles", "far").values():
         out_of_sight = meshio.read(file)
         assert np.array_equal(out_of_sight.points, np.tile([0.0, 1.1, 0.0], (2, 1)))
         assert np.allclose(out_of_sight.point_data["displacement"], [0.0, 100.0, 0.0])
@@ -370,6 +376,23 @@ def test_plot_draws_into_given_axes_with_units_and_writes_no_file(shared_path):
         legend, inside = axes.get_legend().get_window_extent(), axes.get_window_extent()
         labels = axes.xaxis.get_label().get_window_extent()
         assert legend.y1 < labels.y0 < inside.y0  # outside of the curves, and of the label
+
+
+def test_plot_names_the_masters_of_a_surface_that_meets_several():
+    data = scenes.read(two_blocks.build, gap=3.0, n_lower=12, layers_lower=3)
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    held = [fm.dirichlet(u.function_space, data, name, (0, 0)) for name in HELD]
+    circles = [fm.Circle((x, 1.98), 1.0, name=f"at {x}") for x in (0.5, 1.7)]
+    problem = fm.ContactProblem(
+        scenes.internal(u, scenes.linear_elastic(u, 100.0, 0.3)), u,
+        [fm.ContactPair(data, "lower/top", circle) for circle in circles],
+        bcs=held, petsc_options_prefix="test_",
+    )  # fmt: skip
+    problem.solve()
+    axes = axes_of(problem)
+    if COMM.rank == 0:
+        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert ["by at 0.5," in labels[0], "by at 1.7," in labels[1]] == [True, True]
 
 
 @pytest.mark.parametrize(

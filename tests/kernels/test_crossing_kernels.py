@@ -228,6 +228,22 @@ def test_way_that_ends_inside_tells_how_deep(deep):
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 @pytest.mark.parametrize("seed", range(20))
+def test_way_out_along_the_line_of_an_edge_does_not_end_inside(seed, turn):
+    """Bodies fitted with interference, whose ends are on one line but for rounding."""
+    rng = np.random.default_rng(seed)
+    outer, inner = rectangle(0.0, 0.0, 1.0, 0.1, 0.005), rectangle(-0.5, 0.0, 0.55, 0.1, 0.005)
+    R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    start = [x + rng.uniform(-1e-17, 1e-17, x.shape) for x in (outer, inner)]
+    end = [outer + np.array([0.01, 0.0]), inner - np.array([0.04, 0.0])]
+    found = passages([x @ R.T for x in start], [x @ R.T for x in end])
+    assert found[:, 3].max(initial=0.0) < 1e-12  # nodes that end on the edge but for rounding
+    moved = np.array([0.2, 0.03]) + inner
+    deeper = passages([x @ R.T for x in start], [outer @ R.T, moved @ R.T])
+    assert deeper[:, 3].max() == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
+@pytest.mark.parametrize("seed", range(20))
 def test_blocks_side_by_side_with_tops_in_a_line_overlap_by_rounding(seed, turn):
     """Their corners are equally high, as if they stuck: the tops cross in the joint, and go on."""
     rng = np.random.default_rng(seed)

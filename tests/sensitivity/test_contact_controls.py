@@ -10,7 +10,7 @@ from friction_scenes import block_on
 from test_adhesion import Sticky, columns
 
 import fenics_mortar as fm
-from fenics_mortar.contact.laws import Row
+from fenics_mortar.contact.nodal import Row, row_of
 from fenics_mortar.interface.mortar import EXACT, Linearization
 from fenics_mortar.sensitivity.controls import (
     Interference,
@@ -107,6 +107,37 @@ def test_parameters_of_laws(law, name):
     scene, _, _ = scenes.two_steps(law)
     value = np.max(getattr(law, name))
     check(scene.problem, LawParameter(0, name), step=0.1 * value)
+
+
+class Soft(fm.Coulomb):
+    """Coulomb's friction on a layer that yields to the pressure; derivatives by complex step."""
+
+    parameters = "mu", "layer"
+    layer = 50.0
+
+    def closing_gap(self, node):
+        return row_of(lambda at: at.gap + at.z_n / self.layer, node)
+
+
+def test_parameters_of_a_layer_and_fields():
+    """The stiffness of a soft layer, and a coefficient of friction that varies in space."""
+    scene, *_ = scenes.two_steps(Soft(lambda X: 0.1 + 0.05 * X[:, 0]))
+    problem, friction = scene.problem, LawParameter(0, "mu")
+    check(problem, LawParameter(0, "layer"), step=5.0)
+    check(problem, Offset(0), step=0.01)
+    assert friction.get(problem).shape == (scene.contact.slave.num_nodes,)
+    start = friction.get(problem)
+    dm = np.linspace(0.01, 0.02, start.size)
+    frames, change = [scene.contact.frame()], friction.jvp(problem, dm)
+    y = scenes.random_vector(problem, 2)
+    assert friction.vjp(problem, y) @ dm == pytest.approx(y.dot(change, comm), rel=DOT)
+    value = scenes.rows(problem, frames)
+    friction.set(problem, start + dm)
+    scene.contact.take_law()
+    problem.equations.evaluate_operators()
+    moved = scenes.rows(problem, frames)  # linear in the coefficient
+    assert np.abs(moved - value - change.z[0].ravel()).max() < 1e-12
+    assert np.abs(change.z[0]).max() > 1e-4
 
 
 def test_rows_of_sticking_nodes_do_not_depend_on_the_limit():

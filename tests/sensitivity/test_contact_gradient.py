@@ -9,7 +9,7 @@ import pytest
 from friction_scenes import block_on
 from taylor_scenes import SLIDE, Scene, blocks, check
 from test_adhesion import columns
-from test_contact_controls import Fading, Regular
+from test_contact_controls import Fading, Regular, Soft
 from test_quantities import QUANTITIES
 
 import fenics_mortar as fm
@@ -53,8 +53,9 @@ def test_quantities_by_friction_and_offset(name):
         (fm.Coulomb(2.0), "mu"),
         (fm.Coulomb(0.5, max_shear=2.0), "max_shear"),
         (Regular(), "weights"),
+        (Soft(0.3), "mu"),
     ],
-    ids=["none", "Tresca", "slip", "stick", "limited", "user's"],
+    ids=["none", "Tresca", "slip", "stick", "limited", "user's", "layer"],
 )
 @pytest.mark.parametrize("degree", [1, 2])
 def test_laws(law, parameter, degree):

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import sensitivity_scenes as scenes
 from friction_scenes import block_on
+from self_scenes import c_ring
 
 import fenics_mortar as fm
+from fenics_mortar.contact.nodal import magnitude, row_of
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.sensitivity.history import History
 from fenics_mortar.sensitivity.pair_vectors import at_pair
@@ -134,3 +136,44 @@ def test_without_friction_there_is_no_history():
     history = History(scene.problem, before)
     d = scenes.random_vector(scene.problem, 1)
     assert not history.any and not any(z.any() for z in history.jvp(d).z)
+
+
+def test_a_surface_in_contact_with_itself():
+    """Slave and master are one surface, with nodes that are both."""
+    law = fm.Coulomb(0.3)
+    ring = c_ring(lambda data: [fm.ContactPair(data, ["ring/first", "ring/last"], law=law)])
+    ring.move(10, high=np.array([0.01, -0.16]))
+    before = ring.problem.state()
+    ring.moved["high"].value[:] = 0.012, -0.165
+    ring.problem.solve(predict=False)
+    scenes.exact(ring.problem)
+    assert ring.contact.master is ring.contact.slave and ring.contact.sticking.any()
+    check(ring.problem, before)
+
+
+class Worn(fm.Coulomb):
+    """Wear by Archard's law."""
+
+    memory = ("depth",)
+
+    def depth(self, node):
+        return node.memory["depth"] + 0.01 * node.z_n * magnitude(node.slip)
+
+    def closing_gap(self, node):
+        return row_of(lambda at: at.gap + self.depth(at), node)
+
+    def remember(self, node, branch):
+        return {"depth": self.depth(node)}
+
+
+def test_memory_is_refused_through_steps_and_given_within_one():
+    """The gap of a worn surface depends on the slip, also of sliding nodes."""
+    scene, before, _ = scenes.two_steps(Worn(0.05))
+    with pytest.raises(fm.MortarError, match="has memory"):
+        History(scene.problem, before)
+    scene.contact.pair.law = forgetful = Worn(0.05)
+    type(forgetful).memory = ()
+    try:
+        check(scene.problem, before)
+    finally:
+        type(forgetful).memory = ("depth",)

@@ -145,8 +145,7 @@ def press_fit(count, material, *, overlap=False, sliding="finite"):
         residual, u, [pair], bcs=[fm.dirichlet(V, data, names, 0.0, component=1)],
         geometry="axisymmetric", newton=TIGHT, petsc_options_prefix="fit_",
     )  # fmt: skip
-    # an overlap of many cells, beside ends of both bodies on one line: taken for a crossing
-    problem.solve(accept_violations=overlap and count > 32)
+    problem.solve()
     return problem
 
 

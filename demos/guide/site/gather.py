@@ -121,7 +121,7 @@ class Gathered:
     def _put(self, page: str, origin: str, text: str) -> None:
         path = self._folder / page
         path.parent.mkdir(parents=True, exist_ok=True)
-        if not text.startswith("# "):
+        if not text.startswith(("# ", "---")):
             text = f"# {path.stem.replace('_', ' ').capitalize()}\n\n{text}"
         pieces = FENCE.split(text)  # links only outside of code
         pieces[::2] = [self._relink(piece, page, origin) for piece in pieces[::2]]

@@ -123,6 +123,8 @@ def study(
     print(f"\n{name}\n\n| scheme | step | {columns} | energy error | iterations | CPU [s] |")
     print("|---|" + "---:|" * (columns.count("|") + 5), flush=True)
     curves: dict[str, list[tuple[float, float, float]]] = {}
+    made = build()
+    move(made, METHODS[0], 0.2 * stop, 0.1 * stop, velocities)  # forms are compiled, kernels loaded
     for method in METHODS:
         for step in STEPS:
             made = build()
