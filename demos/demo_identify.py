@@ -57,13 +57,11 @@ bcs = [fm.dirichlet(V, data, "lower/bottom", np.zeros(2)), fm.dirichlet(V, data,
 pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
 problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="identify_")
 unloaded, slides = problem.state(), np.linspace(0.0, 0.06, 13)
-forces, mu = (
-    [fm.sensitivity.TotalForce(0, axis) for axis in np.eye(2)],
-    fm.sensitivity.LawParameter(0, "mu"),
-)
+forces = [fm.sensitivity.TotalForce(0, axis) for axis in np.eye(2)]
+mu = fm.sensitivity.LawParameter(0, "mu")
 
 
-def misfit_and_gradient(parameters):  # J and its derivatives by E / 100 and mu
+def misfit(parameters):  # and its derivatives by E / 100 and mu
     E.value, law.mu = 100 * parameters[0], parameters[1]
     problem.restore(unloaded)
     path = fm.RecordedPath(problem)
@@ -77,10 +75,9 @@ def misfit_and_gradient(parameters):  # J and its derivatives by E / 100 and mu
 
 
 curves, measured = [], np.zeros((slides.size, 2))
-misfit_and_gradient([measured_E / 100, measured_mu])
+misfit([measured_E / 100, measured_mu])
 measured = curves.pop()
-options = {"method": "L-BFGS-B", "bounds": [(0.5, 5.0), (0.05, 1.0)], "options": {"ftol": 0.0}}
-result = minimize(misfit_and_gradient, [1.5, 0.2], jac=True, **options)
+result = minimize(misfit, [1.5, 0.2], jac=True, bounds=[(0.5, 5.0), (0.05, 1.0)], tol=1e-20)
 # -
 
 # ## Comparison

@@ -31,7 +31,7 @@ from fenics_mortar.sensitivity.kinks import Kink, find_kinks, nearest
 from fenics_mortar.sensitivity.linear_vectors import Term, combine
 from fenics_mortar.sensitivity.linearization import linearize
 from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
-from fenics_mortar.sensitivity.path_record import RecordedPath
+from fenics_mortar.sensitivity.path_record import RecordedPath, path_of_state
 from fenics_mortar.sensitivity.protocols import (
     Control,
     Quantity,
@@ -147,7 +147,7 @@ def recorded(path: Any) -> RecordedPath:
         MortarError: If there is no state.
     """
     if isinstance(path, ContactProblem):
-        return RecordedPath.of_state(path)
+        return path_of_state(path)
     if not isinstance(path, RecordedPath):
         raise ValueError(f"path={path!r}: expected a RecordedPath or a solved ContactProblem")
     path.check()

@@ -123,18 +123,6 @@ class RecordedPath:
         self.start: State | None = problem.state()
         self.steps: list[Step] = []
 
-    @classmethod
-    def of_state(cls, problem: ContactProblem) -> RecordedPath:
-        """Path of the present state alone, with the state that slip counts from given (collective).
-
-        Args:
-            problem: The problem, converged in that state.
-        """
-        path = cls(problem)
-        path.start = None
-        path.record()
-        return path
-
     def record(self, *arguments: Any) -> None:
         """Add the present state.
 
@@ -203,3 +191,11 @@ class RecordedPath:
         """
         if not self.steps:
             raise MortarError("the path has no steps: call record() after each solve")
+
+
+def path_of_state(problem: ContactProblem) -> RecordedPath:
+    """Path of the present state alone; the state that slip counts from is given (collective)."""
+    path = RecordedPath(problem)
+    path.start = None
+    path.record()
+    return path
