@@ -168,7 +168,8 @@ def _finish_axes(axes: Any, names: tuple[str, str], units: tuple[str, str] | Non
         below = axes.transAxes + ScaledTranslation(0.0, LEGEND, axes.figure.dpi_scale_trans)
         place = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "bbox_transform": below}
         style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
-        axes.legend(**place, **style, fontsize=9, ncols=2)
+        width, height = np.ptp(axes.dataLim.get_points(), axis=0)
+        axes.legend(**place, **style, fontsize=9, ncols=2 if width > height else 1)
     axes.margins(0.03)
     axes.locator_params(nbins=6)
     axes.spines[["top", "right"]].set_visible(False)
