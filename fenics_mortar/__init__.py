@@ -34,6 +34,9 @@ from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.report import PathReport
 from fenics_mortar.path.stepping import follow_path
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.gradient import gradient
+from fenics_mortar.sensitivity.path_record import RecordedPath
+from fenics_mortar.sensitivity.tangent_linear import tangent_linear
 from fenics_mortar.utils.compat import mixed_space, vector_space
 from fenics_mortar.utils.errors import MeshError, MortarError, NotConvergedError, SurfaceError
 from fenics_mortar.verify.certificate import Certificate
@@ -70,6 +73,7 @@ __all__ = [
     "PathReport",
     "Plane",
     "Polygon",
+    "RecordedPath",
     "ResultsWriter",
     "SignedDistance",
     "Spline",
@@ -82,11 +86,13 @@ __all__ = [
     "contact_table",
     "dirichlet",
     "follow_path",
+    "gradient",
     "load_state",
     "mesh_from_arrays",
     "mixed_space",
     "plot",
     "read_gmsh",
     "save_state",
+    "tangent_linear",
     "vector_space",
 ]

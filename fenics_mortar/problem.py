@@ -11,6 +11,8 @@ from typing import Any
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import numpy as np
+
 from dolfinx import fem
 
 from fenics_mortar.bulk.axis import check_axis
@@ -40,7 +42,7 @@ from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils import garbage
-from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, check_same_words, together
 from fenics_mortar.verify.certificate import Certificate
@@ -196,6 +198,21 @@ class ContactProblem:
     def obstacles(self) -> list[Obstacle]:
         """Rigid obstacles of the pairs, without duplicates."""
         return self.equations.motions.obstacles
+
+    @property
+    def time(self) -> float:
+        """Time of the loads [time], for laws with a memory or a rate; set it before ``solve``.
+
+        A step of the law is as long as the time since the last accepted state. ``follow_path`` and
+        ``Dynamics`` set it.
+        """
+        return max((c.state.load_time for c in self.equations.contacts), default=0.0)
+
+    @time.setter
+    def time(self, time: float) -> None:
+        check_number("time", time, "a finite number", np.isfinite)
+        for contact in self.equations.contacts:
+            contact.change(load_time=float(time))
 
     @property
     def newton(self) -> NewtonOptions:

@@ -45,14 +45,15 @@ class FloatingBody:
         """Free motions at the points ``X`` (n, 2), shape (motions, n, 2) (local)."""
         return np.einsum("fm,mnc->fnc", self.motions, _rigid_motions(X, self.centre, self.size))
 
-    def describe(self, motion: Array) -> str:
-        """Describe a free motion up to its sign (local).
+    def describe(self, motion: Array, *, directed: bool = False) -> str:
+        """Describe a free motion (local).
 
         Args:
             motion: Factors of ``motions``, shape (number of free motions,).
+            directed: Whether the sign of a translation matters.
         """
         x, y, rotation = np.round(motion @ self.motions / np.linalg.norm(motion), 4)
-        x, y = (x, y) if (x, y) > (0.0, 0.0) or rotation else (-x, -y)
+        x, y = (x, y) if directed or rotation or (x, y) > (0.0, 0.0) else (-x, -y)
         if abs(rotation) > 0.1:
             pole = self.centre + self.size / rotation * np.array([-y, x])
             return f"rotate about {place(pole)}"

@@ -48,6 +48,7 @@ class Bulk:
     Attributes:
         V: Space of the displacement alone.
         residual: The form.
+        data: Constants and functions of residual and tangent without the displacement.
         cells: The cells of this rank.
         units: Amount of each unknown owned here that counts like a displacement of one, shape
             (num_owned,); see ``units``.
@@ -83,6 +84,8 @@ class Bulk:
             self.is_linear = self.u not in expanded.coefficients()
         self._residual, self._tangent = compat.form(residual), compat.form(jacobian)
         self._tangent_data = [*jacobian.constants(), *jacobian.coefficients()]
+        data = [*residual.constants(), *residual.coefficients(), *self._tangent_data]
+        self.data = [value for value in dict.fromkeys(data) if value is not u]
         self.input_data = InputData(u, self.bcs, (residual, jacobian), space)
         self._data: list[Array] = []
         self._K_is_whole = False  # neither outdated nor with anything else in it
@@ -139,8 +142,8 @@ class Bulk:
         """Create ``K`` anew with the pattern of the form, not assembled (collective)."""
         self._K_is_whole = False
         self.free_garbage()
-        self.K.destroy()
-        self.K = compat.create_matrix(self._tangent)
+        old, self.K = self.K, compat.create_matrix(self._tangent)  # never without a matrix
+        old.destroy()
         self.num_patterns, self._num_growths = self.num_patterns + 1, 0
         self._K_has_room = False
 

@@ -44,7 +44,8 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
     branched = branch != state.branch
     if branched.any():
         f = f.after(replace(state, branch=branch))
-    return f, changed | (active & f.sides.follows_law & branched)
+    ruled = f.acts if f.sides.pair.law.bridges_gap else active
+    return f, changed | (ruled & f.sides.follows_law & branched)
 
 
 def _active(f: ContactFields, *, start: bool) -> Flags:
@@ -54,7 +55,7 @@ def _active(f: ContactFields, *, start: bool) -> Flags:
     largest coordinate. With ``start`` nodes of unknown pressure and no gap are active, too.
     """
     stiffness, on = f.sides.modulus, f.covered
-    gap = np.where(on, f.gap, 0.0)
+    gap = np.where(on, f.closing_gap, 0.0)
     push = np.where(f.attracted, 0.0, -f.tension)  # open nodes: z_n = -a
     trial = np.where(on, push - f.state.c_n * stiffness / f.nodal_lengths * gap, 0.0)
     rounding = (np.abs(push) <= LAST_DIGITS * stiffness) & (

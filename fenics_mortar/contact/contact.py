@@ -30,12 +30,15 @@ import numpy as np
 from fenics_mortar.contact.active_set import next_sets
 from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.instant import Instant, first_instant
 from fenics_mortar.contact.integration import NO_PLACE, Integration
 from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only
 from fenics_mortar.contact.law_calls import LawCalls, raise_noted
+from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.multiplier_nodes import MultiplierNodes, normals_on_planes
 from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.parameters import Parameters
 from fenics_mortar.contact.rows import (
     Frame,
     Rows,
@@ -52,6 +55,7 @@ from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import surface_without_nodes
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -65,7 +69,8 @@ class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
     Replicated: all attributes except the blocks in ``operators`` are equal on all ranks. The class
-    has more than 20 methods since it implements ``Interface``; computations are in other modules.
+    has more than 20 methods and 350 lines since it implements ``Interface``; computations are in
+    other modules.
 
     Attributes:
         integration: Evaluates the operators.
@@ -73,9 +78,11 @@ class Contact(Interface):
         arm: Length by which angles of the obstacle are multiplied [length].
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
         law_calls: Calls the law of the pair.
+        parameters: Parameters of the law that vary in space, by name, (slave nodes,) each.
         follows_law: Whether the contact law applies to a node: not if a component is prescribed,
             shape (slave nodes,), bool.
         plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
+        master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
         offset, c_n: See ``InterfaceState`` and ``PairView``. May be set.
     """
 
@@ -83,6 +90,7 @@ class Contact(Interface):
 
     attracted, tension = read_only("now.attracted"), read_only("now.tension")
     nodal, sliding = read_only("now.nodal"), read_only("now.sliding")
+    closing_gap = read_only("now.closing_gap")
     friction_work, on_obstacle = read_only("now.friction_work"), read_only("now.on_obstacle")
 
     def __init__(
@@ -102,12 +110,15 @@ class Contact(Interface):
         )
         self.master_free: Array = 1.0 - self.master.gather(prescribed.astype(float))
         on_master, _ = evaluate_normals(self.master, self.master.X, "opposite")
-        self._master_planes = normals_on_planes(on_master, self.master_free)
+        self.master_planes: Array = normals_on_planes(on_master, self.master_free)
         self._multiplier_nodes.possible &= ~self.slave.weightless
         self._may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
         self.follows_law: Flags = self.free.all(axis=1)
         self.oblique = self._multiplier_nodes.oblique
+        if self.master is self.slave:
+            self._may_carry[starts_of_holes(self.slave)] = False
+            self.slave = self.master = in_contact_with_itself(self.slave, self._may_carry)
         if not self._may_carry.any():
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
         self.arm = self.slave.extent
@@ -118,9 +129,12 @@ class Contact(Interface):
         self.integration = Integration(
             sides, self.obstacle, self.arm, self.plane_normals, self.options, small=small
         )
-        none = np.zeros(self.slave.num_nodes)
-        start = Nodal(none, none, none, none, none + 1.0, none)
+        self._parameters = Parameters(space, self.slave)
         self.law_calls = LawCalls(pair.slave_name)
+        self.take_law()
+        none, X, memory = np.zeros(self.slave.num_nodes), self.slave.X, self.state.committed.memory
+        start = Nodal(none, none, none, none, none + 1.0, none, X, X, 0.0, 1.0, memory)
+        start = replace(start, fields=self.parameters)
         at_rest = np.zeros(none.size, np.int64)
         branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
         self.change(multiplier_nodes=self._may_carry, branch=branch, c_n=choice.c_n)
@@ -151,8 +165,13 @@ class Contact(Interface):
     def offset(self, lengths: Array) -> None:
         self.change(offset=check_lengths("offset", lengths, self.slave.num_nodes))
 
+    @property
+    def full_offset(self) -> Array:
+        """See ``Interface``."""
+        return self.now.offset if hasattr(self, "now") else self.offset
+
     def _fields(self, operators: MortarOperators) -> ContactFields:
-        return ContactFields(self, self._state, operators)
+        return self._kind(self, self._state, operators)
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, shape (local dofs,) (collective)."""
@@ -167,7 +186,7 @@ class Contact(Interface):
             _ = self.operators.vectors  # by all ranks
 
     @property
-    def _slip_measure(self) -> Measure:
+    def slip_measure(self) -> Measure:
         """The pair's measure of slip; "partners" on obstacles and with small sliding."""
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.discretization.slip
@@ -249,21 +268,42 @@ class Contact(Interface):
             self.operators,
             self.covered,
             touches,
-            self._slip_measure,
-            master_planes=self._master_planes,
+            self.slip_measure,
+            master_planes=self.master_planes,
             between=self.pair.law.has_friction,
         )
         shear = np.where(self.active, self.z_tau, 0.0)
         self.change(accepted=replace(accepted, start=accepted.start - slip, shear=shear))
 
     def start_step(self) -> None:
-        """Count slip from the accepted state."""
-        self.change(partners=self.accepted)
+        """Count slip and memory from the accepted state."""
+        self.change(partners=self.accepted, past=self._state.committed)
+
+    def take_law(self) -> None:
+        """Take over the present law of the pair (collective).
+
+        Evaluates its parameters that vary in space; a law with other memory than the last one
+        starts with its initial memory.
+        """
+        law, instant = self.pair.law, self._state.committed
+        self.parameters = self._parameters.sample(law) if law.fields else {}
+        self._kind = LawFields if law.sees_nodes else ContactFields
+        if instant is None or instant.begins(law):
+            instant = first_instant(law, self.slave, 0.0 if instant is None else instant.time)
+            self.change(committed=instant, past=instant)
+
+    def remembered(self) -> Instant:
+        """Time and memory at the end of the present step (local)."""
+        law, node = self.pair.law, self.nodal
+        memory = node.memory
+        if law.memory:
+            memory = self.law_calls.remember(law, node, self.branch)
+        return Instant.of(self._state.load_time, node.step, memory)
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
         law = self.pair.law
-        if type(law) is Frictionless or not law.has_friction:
+        if type(law) is Frictionless or not (law.has_friction or law.sees_nodes):
             return NO_PAIRS
         return self.partners.pairs()
 

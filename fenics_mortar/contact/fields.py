@@ -3,13 +3,14 @@
 
 A field is computed when first read, and cached. New operators invalidate all fields, a new state
 those that depend on a changed attribute; each field names the attributes of the state that it
-depends on.
+depends on. More than 350 lines: one short function for each field.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -23,6 +24,9 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import ROUNDING
 
+# Parts of the state that the arguments of a law depend on, and its tangential row.
+SEEN = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "past")
+RULED = (*SEEN, "active", "branch", "redundant")
 # Stiffness of elastic stick over that of the bulk [1]. The slip by curvature is of second order in
 # the strains e; the shear is 1000 e times the pressure.
 ELASTIC = 1e3
@@ -173,14 +177,22 @@ class ContactSides(Sides, Protocol):
     """Constants of a contact that its fields depend on."""
 
     law_calls: LawCalls
+    parameters: dict[str, Array]
     follows_law: Flags
     plane_normals: Array
 
 
 class ContactFields(InterfaceFields):
-    """Fields of a contact; see ``contact`` for the complementarity function and the rows."""
+    """Fields of a contact; see ``contact`` for the complementarity function and the rows.
+
+    Attributes:
+        closing_gap: Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length].
+        closing: That gap with its derivatives; ``None`` if it is the mean gap.
+    """
 
     sides: ContactSides
+    closing: Row | None = None
+    closing_gap: Any = property(attrgetter("gap"))
 
     @field("multiplier_nodes")
     def covered(self) -> Flags:
@@ -223,6 +235,21 @@ class ContactFields(InterfaceFields):
         return self.state.active | self.attracted
 
     @property
+    def offset(self) -> Array:
+        """Length subtracted from the pointwise gap, that of the law included, (slave nodes,)."""
+        return np.asarray(self.state.offset)
+
+    def friction_limit(self, pressure: Array) -> Array:
+        """Friction limits at pressures (slave nodes,) [stress]."""
+        law = self.sides.pair.law
+        return self.sides.law_calls.friction_limit(law, pressure, self.operators.x)
+
+    def closed_adhesion(self) -> Array:
+        """Adhesion of closed gaps, shape (slave nodes,) [stress]."""
+        none = np.zeros(len(self.state.z))
+        return self.sides.law_calls.adhesion(self.sides.pair.law, none, self.sides.slave.X)[0]
+
+    @property
     def tension(self) -> Array:
         """Tension beyond the adhesion, -(z_n + a), shape (slave nodes,) [stress]."""
         return -(self.z_n + self.adhesion[0])
@@ -236,14 +263,19 @@ class ContactFields(InterfaceFields):
         on_plane = np.isfinite(self.sides.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
 
-    @field("z", "multiplier_nodes", "partners", "c_n")
+    @field(*SEEN)
     def nodal(self) -> Nodal:
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
         stiffness = self.sides.modulus / self.nodal_lengths
         c_n = self.state.c_n * stiffness
         needs_slip = type(self.sides.pair.law) is not Frictionless
         slip = self.slip if needs_slip else np.zeros_like(stiffness)
-        return Nodal(self.mean_gap, slip, self.z_n, self.z_tau, stiffness, c_n)
+        X, time, past = self.sides.slave.X, self.state.load_time, self.state.past
+        step = time - past.time if time > past.time else past.step
+        return Nodal(
+            self.mean_gap, slip, self.z_n, self.z_tau, stiffness, c_n, X, self.operators.x, time,
+            step, past.memory, self.sides.parameters,
+        )  # fmt: skip
 
     @property
     def sticking(self) -> Flags:
@@ -253,9 +285,7 @@ class ContactFields(InterfaceFields):
     @property
     def sliding(self) -> Flags:
         """Whether an active node slides against friction, shape (slave nodes,), bool."""
-        follows_law = self.sides.follows_law & (
-            self.sides.pair.law.friction_limit(self.pressure) > 0.0
-        )
+        follows_law = self.sides.follows_law & (self.friction_limit(self.pressure) > 0.0)
         return self.state.active & (self.state.branch != STICK) & follows_law
 
     @property
@@ -263,7 +293,7 @@ class ContactFields(InterfaceFields):
         """Work of friction in the step, with the shear at its end [stress length^2]."""
         return float(self.shear_force @ np.where(self.state.active, self.slip, 0.0))
 
-    @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
+    @field(*RULED)
     def tangential_row(self) -> Row:
         """Tangential row of all nodes, open ones as if active, each (slave nodes,).
 
@@ -271,6 +301,8 @@ class ContactFields(InterfaceFields):
         """
         state, node = self.state, self.nodal
         follows_law = self.sides.follows_law & ~self.attracted
+        if self.sides.pair.law.bridges_gap:
+            follows_law = self.sides.follows_law
         law, x = self.sides.pair.law, self.operators.x
         row = self.sides.law_calls.tangential(law, node, state.branch, follows_law, x)
         if type(law) is not Frictionless and not follows_law.all():
@@ -285,8 +317,8 @@ class ContactFields(InterfaceFields):
         elastic = Row(shear - k * self.slip, zero, -k, zero, zero + 1.0 / ELASTIC)
         return Row(*(np.where(state.redundant, a, b) for a, b in zip(elastic, row, strict=True)))
 
-    @field("z", "active", "branch", "multiplier_nodes", "redundant", "partners", "c_n")
-    def law_rows(self) -> tuple[Row, Row]:
+    @field(*RULED)
+    def law_rows(self) -> tuple[Row, ...]:
         """Rows of the contact law along tau, and along n for open nodes, each (slave nodes,).
 
         Where adhesion fades faster than the body follows, its slope is left out of the tangent: a
@@ -294,9 +326,15 @@ class ContactFields(InterfaceFields):
         iterate the gap grows from step to step to the next one that is in equilibrium.
         """
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
-        unstable = self.operators.diagonal * np.abs(by_gap) > FADES_FAST * self.sides.stiffness
-        by_gap = np.where(unstable, 0.0, by_gap)
+        if not self.operators.linearization.exact:
+            by_gap = np.where(self.fades_fast, 0.0, by_gap)
         return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
+
+    @property
+    def fades_fast(self) -> Flags:
+        """Nodes where adhesion fades faster than the body follows, (slave nodes,), bool."""
+        slope = self.operators.diagonal * np.abs(self.adhesion[1])
+        return slope > FADES_FAST * self.sides.stiffness
 
     @property
     def steepness(self) -> float:
@@ -321,14 +359,13 @@ class ContactFields(InterfaceFields):
             there is no limit. Third, the adhesion of a closed gap [stress].
         """
         sides = self.sides
-        law, follows_law, X = sides.pair.law, sides.follows_law, sides.slave.X
+        follows_law = sides.follows_law
         ones = np.ones(len(self.state.z))
-        at = sides.law_calls.friction_limit(law, pressure * ones, X)
-        beyond = sides.law_calls.friction_limit(law, 2.0 * pressure * ones, X)
+        at, beyond = (self.friction_limit(factor * pressure * ones) for factor in (1.0, 2.0))
         unlimited = np.isinf(at + beyond)
         at, beyond = (np.where(unlimited, 0.0, limit) for limit in (at, beyond))
         slope = (beyond - at) / pressure if pressure > 0.0 else np.zeros_like(at)
         shear = np.maximum(at - slope * pressure, 0.0)
         shear = np.where(follows_law & (shear > KINK * at), shear, 0.0)
         slope = np.where(follows_law, np.where(unlimited, np.inf, slope), 0.0)
-        return slope, shear, sides.law_calls.adhesion(law, 0.0 * ones, X)[0]
+        return slope, shear, self.closed_adhesion()

@@ -41,7 +41,7 @@ class Interface(ABC):
     with any law for equations, linear algebra and certificate.
 
     Attributes:
-        slave, master: The surfaces.
+        slave, master: The surfaces; one object if a surface may touch itself.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
             times the thickness.
@@ -65,6 +65,8 @@ class Interface(ABC):
         read_only("_state.redundant"),
     )
     partners, accepted = read_only("_state.partners"), read_only("_state.accepted")
+    past, committed = read_only("_state.past"), read_only("_state.committed")
+    load_time = read_only("_state.load_time")
     operators, covered, acts = (
         read_only("now.operators"),
         read_only("now.covered"),
@@ -74,7 +76,7 @@ class Interface(ABC):
     pressure, slip, z_tau = read_only("now.pressure"), read_only("now.slip"), read_only("now.z_tau")
     shear, shear_force = read_only("now.shear"), read_only("now.shear_force")
     total_force, steepness = read_only("now.total_force"), read_only("now.steepness")
-    gap = read_only("now.gap")
+    gap, closing_gap = read_only("now.gap"), read_only("now.gap")
 
     def __init__(
         self,
@@ -95,8 +97,11 @@ class Interface(ABC):
         tags = pair.data.facet_tags
         slave = extract_surface(space, tags, pair.slave_tags, pair.slave_name)
         self.slave: Surface = slave.welded(welds)
-        self.master: Surface = self._master_surface(space).welded(welds)
-        self._check_sides()
+        if pair.master is None:
+            self.master: Surface = self.slave
+        else:
+            self.master = self._master_surface(space).welded(welds)
+            self._check_sides()
         count = self.slave.num_nodes
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self.stiffness: Array = np.ones(count)
@@ -129,6 +134,11 @@ class Interface(ABC):
     def show(self, operators: MortarOperators) -> None:
         """Set the operators of the present displacement (local)."""
         self.now = self._fields(operators)
+
+    @property
+    def full_offset(self) -> Array:
+        """The offset, with that of a contact law, shape (slave nodes,) [length]."""
+        return np.asarray(self.offset)
 
     @abstractmethod
     def _fields(self, operators: MortarOperators) -> InterfaceFields:

@@ -8,7 +8,8 @@ package are called without checks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
@@ -16,7 +17,8 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.contact.laws import BUILT_IN, Array, Branches, Law, Nodal, Row
+from fenics_mortar.contact.instant import check_memory
+from fenics_mortar.contact.laws import BUILT_IN, Array, Branches, Friction, Law, Nodal, Row
 from fenics_mortar.utils.errors import NotFiniteError, leave_together, place
 
 Marks = npt.NDArray[np.bool_]
@@ -48,6 +50,10 @@ class LawCalls:
             whole = np.rint(np.nan_to_num(branch))
             if (whole != np.nan_to_num(branch)).any():
                 raise ValueError(f"{law!r}: branch returned {branch}; expected integers")
+            if isinstance(law, Friction):  # whose nodes would stick if their limit were nan
+                limits = self._numbers(law, "limit", law.limit(_protected(node))[:1], before.size)
+                finite = [np.where(np.isposinf(limit), 0.0, limit) for limit in limits]
+                self._check_finite(law, "limit", finite, _all_finite(node), x)
             return whole.astype(np.int64)
 
         return self._noting(call, before)
@@ -59,24 +65,62 @@ class LawCalls:
 
         def call() -> Row:
             row = law.tangential(_protected(node), _read_only(branch))
-            if not isinstance(row, tuple) or len(row) != len(Row._fields):
-                raise ValueError(f"{law!r}: tangential returned {row!r}; expected a Row")
-            row = Row(*self._numbers(law, "tangential", row, branch.size))
-            self._check_finite(law, "tangential", row, used & _all_finite(node), x)
-            return row
+            return self._row(law, "tangential", row, node, used, x)
 
         none = np.zeros(branch.size)
         return self._noting(call, Row(node.z_tau, none, none, none, none + 1.0))
+
+    def closing_gap(self, law: Law, node: Nodal, used: Marks, x: Array) -> Row:
+        """See ``Law.closing_gap``; ``used``: nodes to which the law applies."""
+
+        def call() -> Row:
+            row = law.closing_gap(_protected(node))
+            return self._row(law, "closing_gap", row, node, used, x)
+
+        none = np.zeros(node.gap.size)
+        return self._noting(call, Row(node.gap, none + 1.0, none, none, none))
+
+    def adhesion_at(self, law: Law, node: Nodal, used: Marks, x: Array) -> Row:
+        """See ``Law.adhesion_at``; ``used``: nodes to which the law applies."""
+
+        def call() -> Row:
+            row = self._row(law, "adhesion", law.adhesion_at(_protected(node)), node, used, x)
+            wrong = used & (row.residual < 0.0)
+            if wrong.any():
+                j = int(np.argmax(wrong))
+                raise ValueError(
+                    f"{law!r}: adhesion returned {row.residual[j]:g} for a gap of "
+                    f"{node.gap[j]:g}; expected zero or a positive stress"
+                )
+            return row
+
+        none = np.zeros(node.gap.size)
+        return self._noting(call, Row(none, none, none, none, none))
+
+    def remember(self, law: Law, node: Nodal, branch: Branches) -> Mapping[str, Array]:
+        """See ``Law.remember``."""
+
+        def call() -> Mapping[str, Array]:
+            answer = law.remember(_protected(node), _read_only(branch))
+            return check_memory(law, "remember", answer, branch.size)
+
+        return self._noting(call, node.memory)
 
     def friction_limit(self, law: Law, pressure: Array, x: Array) -> Array:
         """See ``Law.friction_limit``."""
         if type(law) in BUILT_IN:
             return law.friction_limit(pressure)
+        return self._limit(law, lambda: law.friction_limit(_read_only(pressure)), pressure, x)
+
+    def friction_limit_at(self, law: Law, node: Nodal, x: Array) -> Array:
+        """See ``Law.friction_limit_at``."""
+        return self._limit(law, lambda: law.friction_limit_at(_protected(node)), node.z_n, x)
+
+    def _limit(self, law: Law, limits: Callable[[], Array], pressure: Array, x: Array) -> Array:
+        """Friction limits at given pressures, checked."""
 
         def call() -> Array:
-            (limit,) = self._numbers(
-                law, "friction_limit", (law.friction_limit(_read_only(pressure)),), pressure.size
-            )
+            (limit,) = self._numbers(law, "friction_limit", (limits(),), pressure.size)
             wrong = (np.isnan(limit) | (limit < 0.0)) & (pressure >= 0.0)
             if wrong.any():
                 j = int(np.argmax(wrong))
@@ -112,6 +156,14 @@ class LawCalls:
             return pull, by_gap
 
         return self._noting(call, (np.zeros_like(gap), np.zeros_like(gap)))
+
+    def _row(self, law: Law, what: str, row: Any, node: Nodal, used: Marks, x: Array) -> Row:
+        """A row of arrays (slave nodes,), finite at the nodes that it is used at."""
+        if not isinstance(row, tuple) or len(row) != len(Row._fields):
+            raise ValueError(f"{law!r}: {what} returned {row!r}; expected a Row")
+        row = Row(*self._numbers(law, what, row, node.gap.size))
+        self._check_finite(law, what, row, used & _all_finite(node), x)
+        return row
 
     def _noting(self, call: Callable[[], Any], instead: Any) -> Any:
         """Result of ``call``, or ``instead`` if it raises; the error is stored."""
@@ -166,12 +218,15 @@ def raise_noted(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
 
 def _all_finite(node: Nodal) -> Marks:
     """Nodes at which all arguments are finite."""
-    return np.all([np.isfinite(values) for values in vars(node).values()], axis=0)
+    arguments = node.gap, node.slip, node.z_n, node.z_tau, node.stiffness, node.c_n
+    return np.all([np.isfinite(values) for values in arguments], axis=0)
 
 
 def _protected(node: Nodal) -> Nodal:
     """Read-only views of ``node``, for a law that might write into it."""
-    return Nodal(**{name: _read_only(values) for name, values in vars(node).items()})
+    arrays = {name: value for name, value in vars(node).items() if isinstance(value, np.ndarray)}
+    views: dict[str, Any] = {name: _read_only(values) for name, values in arrays.items()}
+    return replace(node, **views)
 
 
 def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:

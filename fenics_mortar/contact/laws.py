@@ -36,6 +36,8 @@ Example: a regularized Coulomb law with a single branch,
 ...
 ...     def friction_limit(self, pressure: Array) -> Array:
 ...         return self.mu * pressure
+>>> Creeping(0.3, 0.01).friction_limit(np.array([0.0, 2.0]))
+array([0. , 0.6])
 
 and Coulomb friction with an adhesion that decays with the gap:
 
@@ -43,6 +45,8 @@ and Coulomb friction with an adhesion that decays with the gap:
 ...     def adhesion(self, gap: Array) -> tuple[Array, Array]:
 ...         pull = 2.0 * np.exp(-gap / 0.01)
 ...         return pull, -pull / 0.01
+>>> Sticky(0.3).has_adhesion
+True
 
 ``ContactProblem.check_tangent`` verifies the derivatives. Results must be finite, equal on all
 ranks, and one number per node. Otherwise, or if a law raises, the solve ends with an error on all
@@ -51,155 +55,14 @@ ranks, see ``law_calls``. ``Law.check`` may reject parameters before each solve.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from abc import abstractmethod
+from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from fenics_mortar.contact.law import KINK, STICK, Frictionless, Law, Stick, varies
+from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row
 from fenics_mortar.utils.arguments import check_choice, check_number
-
-Array = npt.NDArray[np.float64]
-Branches = npt.NDArray[np.int64]
-# Distance from a kink of the complementarity functions [1] within which a node counts as on it:
-# that of the shear over the friction limit, and that of the gap over the nodal length. Larger than
-# the errors that Newton's method leaves.
-KINK = 1e-8
-STICK = 0
-
-
-@dataclass(frozen=True)
-class Nodal:
-    """State of the slave nodes; every array of shape (slave nodes,).
-
-    Attributes:
-        gap: Mean gap g, zero where there is no partner [length].
-        slip: Slip u since the last accepted step, positive along tau [length].
-        z_n, z_tau: Multiplier [stress].
-        stiffness: Stiffness k_j / l_j of the bulk [stress / length].
-        c_n: Weight of the gap in the active-set test, c k_j / l_j [stress / length].
-    """
-
-    gap: Array
-    slip: Array
-    z_n: Array
-    z_tau: Array
-    stiffness: Array
-    c_n: Array
-
-
-class Row(NamedTuple):
-    """Residual rho [stress] and its derivatives, each of shape (slave nodes,) or a scalar."""
-
-    residual: Any
-    by_gap: Any = 0.0
-    by_slip: Any = 0.0
-    by_z_n: Any = 0.0
-    by_z_tau: Any = 0.0
-
-
-class Law(ABC):
-    """Base class of all laws; all methods act on all slave nodes at once and are local."""
-
-    @abstractmethod
-    def branch(self, node: Nodal, before: Branches) -> Branches:
-        """Branch of rho at each node, 0 for stick, shape (slave nodes,), int.
-
-        Args:
-            node: State of the slave nodes.
-            before: Previous branches, shape (slave nodes,), int.
-        """
-
-    @abstractmethod
-    def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """Residual rho and its derivatives on given branches.
-
-        Args:
-            node: State of the slave nodes.
-            branch: Branches, shape (slave nodes,), int.
-
-        Returns:
-            Arrays (slave nodes,) or scalars.
-        """
-
-    @abstractmethod
-    def friction_limit(self, pressure: Array) -> Array:
-        """Largest admissible |z_tau| at given pressures.
-
-        Args:
-            pressure: Shape (n,) [stress].
-
-        Returns:
-            Friction limits, shape (n,) [stress]; inf where there is none.
-        """
-
-    def adhesion(self, gap: Array) -> tuple[Array, Array]:
-        """Adhesion of closed and open gaps, and its derivative; zero by default.
-
-        Args:
-            gap: Gaps g >= 0 of any shape [length].
-
-        Returns:
-            a(g) >= 0 [stress] and a'(g) [stress / length], each of the shape of ``gap``.
-        """
-        return np.zeros_like(gap), np.zeros_like(gap)
-
-    def check(self) -> None:  # noqa: B027
-        """Check the parameters; called before each solve (local).
-
-        Override it in laws with parameters.
-
-        Raises:
-            ValueError: If a parameter has a value that is not allowed.
-        """
-
-    @property
-    def has_friction(self) -> bool:
-        """Whether the law has friction."""
-        return type(self).tangential is not Frictionless.tangential
-
-    @property
-    def is_of_package(self) -> bool:
-        """Whether the law is one of this module, not a user's."""
-        return type(self).__module__ == Law.__module__
-
-    @property
-    def has_adhesion(self) -> bool:
-        """Whether the law has adhesion."""
-        return type(self).adhesion is not Law.adhesion
-
-
-class Frictionless(Law):
-    """No friction: z_tau = 0."""
-
-    def branch(self, node: Nodal, before: Branches) -> Branches:
-        """All nodes slide; see ``Law.branch``."""
-        return np.ones_like(before)
-
-    def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """The residual is the shear; see ``Law.tangential``."""
-        return Row(node.z_tau, by_z_tau=1.0)
-
-    def friction_limit(self, pressure: Array) -> Array:
-        """Zero; see ``Law.friction_limit``."""
-        return np.zeros_like(pressure)
-
-
-class Stick(Law):
-    """All active nodes stick, without a limit of the shear: (k / l) u = 0."""
-
-    def branch(self, node: Nodal, before: Branches) -> Branches:
-        """All nodes stick; see ``Law.branch``."""
-        return np.full_like(before, STICK)
-
-    def tangential(self, node: Nodal, branch: Branches) -> Row:
-        """The residual is the slip times the stiffness; see ``Law.tangential``."""
-        return Row(node.stiffness * node.slip, by_slip=node.stiffness)
-
-    def friction_limit(self, pressure: Array) -> Array:
-        """Infinity; see ``Law.friction_limit``."""
-        return np.full_like(pressure, np.inf)
 
 
 class Friction(Law):
@@ -228,8 +91,15 @@ class Friction(Law):
         check_number("c_t", self.c_t, "a positive number", lambda c: 0.0 < c < np.inf)
 
     @abstractmethod
-    def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
-        """Friction limit b at ``node``, its derivatives by mean gap and z_n, (slave nodes,)."""
+    def limit(self, node: Nodal) -> Row | tuple[Any, Any, Any]:
+        """Friction limit b at ``node`` with its derivatives, (slave nodes,).
+
+        A ``Row``, or b and its derivatives by gap and z_n.
+        """
+
+    def friction_limit_at(self, node: Nodal) -> Array:
+        """The limit b; see ``Law.friction_limit_at``."""
+        return np.asarray(self.limit(node)[0])
 
     def branch(self, node: Nodal, before: Branches) -> Branches:
         """Stick (0) or direction of sliding (+-1), any where the limit is 0; see ``Law.branch``."""
@@ -241,14 +111,14 @@ class Friction(Law):
 
     def tangential(self, node: Nodal, branch: Branches) -> Row:
         """Slip of sticking nodes, shear less limit of sliding ones; see ``Law.tangential``."""
-        limit, by_gap, by_z_n = self.limit(node)
-        sticks = branch == STICK
+        given, sticks = self.limit(node), branch == STICK
+        b = given if isinstance(given, Row) else Row(*given[:2], by_z_n=given[2])
         return Row(
-            np.where(sticks, -node.stiffness * node.slip, node.z_tau - branch * limit),
-            by_gap=-branch * by_gap,
-            by_slip=np.where(sticks, -node.stiffness, 0.0),
-            by_z_n=-branch * by_z_n,
-            by_z_tau=np.where(sticks, 0.0, 1.0),
+            np.where(sticks, -node.stiffness * node.slip, node.z_tau - branch * b.residual),
+            by_gap=-branch * b.by_gap,
+            by_slip=np.where(sticks, -node.stiffness, -branch * b.by_slip),
+            by_z_n=-branch * b.by_z_n,
+            by_z_tau=np.where(sticks, 0.0, 1.0 - branch * b.by_z_tau),
         )
 
 
@@ -256,7 +126,9 @@ class Coulomb(Friction):
     """Coulomb's law, |z_tau| <= mu z_n, with an optional upper limit of the shear.
 
     Args:
-        mu: Coefficient of friction [1].
+        mu: Coefficient of friction [1]: a number, an array with one number per slave node, a
+            function of undeformed positions (n, 2), or a scalar function of dolfinx on the mesh of
+            the problem. Fields are evaluated at the slave nodes before each solve.
         max_shear: Upper limit of the shear, independent of the pressure [stress].
         c_t: Weight of the slip in the complementarity function [1], see ``Friction``.
         limit_by: Pressure in the friction limit of a Newton iterate: "trial", the positive part of
@@ -267,9 +139,12 @@ class Coulomb(Friction):
         ValueError: If an argument has a value that is not allowed.
     """
 
+    fields = ("mu",)
+    parameters = ("mu", "max_shear")
+
     def __init__(
         self,
-        mu: float,
+        mu: Any,
         *,
         max_shear: float = np.inf,
         c_t: float = 0.1,
@@ -282,22 +157,30 @@ class Coulomb(Friction):
     def check(self) -> None:
         """Check coefficient, upper limit and options."""
         super().check()
-        expected = "zero or a positive number"
-        check_number("mu", self.mu, expected, lambda mu: 0.0 <= mu < np.inf)
+        if not varies(self.mu):
+            expected = "zero or a positive number"
+            check_number("mu", self.mu, expected, lambda mu: 0.0 <= mu < np.inf)
         expected = "a positive stress, or infinity"
         check_number("max_shear", self.max_shear, expected, lambda max_shear: max_shear > 0.0)
         check_choice("limit_by", self.limit_by, ("trial", "pressure"))
 
+    def check_field(self, name: str, values: Array) -> None:
+        """Refuse negative coefficients."""
+        if name == "mu" and values.min() < 0.0:
+            raise ValueError(f"mu={values.min():g} at a slave node: expected zero or more")
+
     def __repr__(self) -> str:
         """The coefficient."""
-        return f"Coulomb({self.mu:g})"
+        mu = type(self.mu).__name__ if varies(self.mu) else f"{self.mu:g}"
+        return f"Coulomb({mu})"
 
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
         """Mu times the positive part of the pressure, at most ``max_shear``; see ``Friction``."""
+        mu = node.fields.get("mu", self.mu)
         c_n = node.c_n if self.limit_by == "trial" else np.zeros_like(node.c_n)
         trial = node.z_n - c_n * node.gap
-        factor = np.where((trial > 0.0) & (self.mu * trial < self.max_shear), self.mu, 0.0)
-        return np.clip(self.mu * trial, 0.0, self.max_shear), -factor * c_n, factor
+        factor = np.where((trial > 0.0) & (mu * trial < self.max_shear), mu, 0.0)
+        return np.clip(mu * trial, 0.0, self.max_shear), -factor * c_n, factor
 
     def friction_limit(self, pressure: Array) -> Array:
         """Mu times the pressure, at most ``max_shear``; see ``Law.friction_limit``."""
@@ -321,6 +204,8 @@ class Tresca(Friction):
     Raises:
         ValueError: If an argument has a value that is not allowed.
     """
+
+    parameters = ("stress",)
 
     def __init__(self, stress: float, *, c_t: float = 0.1) -> None:
         super().__init__(c_t)

@@ -31,10 +31,12 @@ class ContactPair:
     Args:
         data: Mesh, tags and names.
         slave: Name or tag of the side that carries the multiplier (the finer or softer one), or a
-            list of them, which is one surface.
+            list of them, which is one surface. Without a master: surfaces whose facets may all
+            touch each other.
         master: Name or tag of the other side or a list of them, or an obstacle. Several pairs may
             share a master. A slave with several masters of different law or search needs one pair
-            for each; see ``redundancy`` for nodes that touch two of them.
+            for each; see ``redundancy`` for nodes that touch two of them. ``None`` for contact of a
+            surface with itself, see ``self_contact``.
         law: ``Frictionless()``, ``Coulomb(mu)``, ``Tresca(stress)`` or a user's law, see ``laws``.
             Nodes with a prescribed component, as on symmetry planes, are frictionless.
         search_radius: Largest distance of partners along the slave normal, in front of the slave
@@ -62,7 +64,7 @@ class ContactPair:
         self,
         data: MeshData,
         slave: Names,
-        master: Names | Obstacle,
+        master: Names | Obstacle | None = None,
         *,
         law: Law | None = None,
         search_radius: float | None = None,
@@ -71,7 +73,8 @@ class ContactPair:
         discretization: str | Discretization = "default",
     ) -> None:
         self.data = data
-        self.slave_name, self.master_name = joined_names(slave), joined_names(master)
+        self.slave_name = joined_names(slave)
+        self.master_name = self.slave_name if master is None else joined_names(master)
         self.master = master
         self.search_radius, self.initial_gap = search_radius, initial_gap
         self.sliding: Sliding = sliding
@@ -82,11 +85,11 @@ class ContactPair:
         with together(data.mesh.comm, "ContactPair"):
             self._set_up(discretization)
             self.slave_tags = data.boundary_tags(slave)
-            if not isinstance(master, Obstacle):
+            if not (master is None or isinstance(master, Obstacle)):
                 data.boundary_tags(master)
         check_same_words(data.mesh.comm, "ContactPair", vars(self))
         for names in (slave, master):
-            if not isinstance(names, Obstacle):
+            if not (names is None or isinstance(names, Obstacle)):
                 data.boundary_facets(names)
 
     def _set_up(self, discretization: Any) -> None:
@@ -110,6 +113,11 @@ class ContactPair:
             check_number("initial_gap", self.initial_gap, "a length, or None", np.isfinite)
         check_kind("law", self.law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")
         self.law.check()
+        if self.master is None and self.discretization.integration != "segments":
+            raise ValueError(
+                f"integration={self.discretization.integration!r} without a master: contact of a "
+                "surface with itself has integration='segments' only"
+            )
 
     def with_options(self, **options: Any) -> ContactPair:
         """Copy of the pair with other options (local).
@@ -131,4 +139,6 @@ class ContactPair:
 
     def __repr__(self) -> str:
         """The two sides."""
+        if self.master is None:
+            return f"ContactPair({self.slave_name!r})"
         return f"ContactPair({self.slave_name!r}, {self.master_name!r})"

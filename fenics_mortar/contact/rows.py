@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
 """Linearized rows of the multipliers of a contact: gap and contact law.
 
-The row of the gap is weighted by k_j / D_jj, those of the law by D_jj, so that all have the units
-of the bulk rows. They are combined to Cartesian components: n (row of the gap) - tau (tangential
-row), or for an open node - n (normal row) - tau (tangential row).
+The row of the gap is weighted by k_j / D_jj, those of the law by D_jj, and a closing gap of the law
+by k_j, so that all have the units of the bulk rows. They are combined to Cartesian components:
+n (row of the gap) - tau (tangential row), or for an open node - n (normal row) - tau (tangential
+row).
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array
 
 # Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D
-# of the law; zero at nodes without such a row. Shapes (slave nodes, 2), (slave nodes,), (slave
-# nodes, 2), (slave nodes, 2).
-Frame = tuple[Array, Array, Array, Array]
+# of the law; with a closing gap of the law, those of gaps are zero, and -n k of the law follows.
+# Zero at nodes without such a row. Shapes (slave nodes, 2), the second (slave nodes,).
+Frame = tuple[Array, ...]
 
 
 @dataclass(frozen=True)
@@ -61,9 +62,10 @@ def residual_of(f: ContactFields) -> Array:
 
     Returns forces, shape (slave nodes, 2) [stress length].
     """
-    tangential, opening = f.law_rows
+    tangential, opening, *closing = f.law_rows
     D = f.operators.diagonal
-    gap = np.where(f.state.active, f.sides.stiffness * f.mean_gap, 0.0)
+    closing_gap = closing[0].residual if closing else f.mean_gap
+    gap = np.where(f.state.active, f.sides.stiffness * closing_gap, 0.0)
     normal = np.where(f.attracted, D * opening.residual, gap)
     return np.stack([normal, np.where(f.acts, D * tangential.residual, 0.0)], 1)
 
@@ -75,7 +77,11 @@ def frame_of(f: ContactFields) -> Frame:
     closing = np.where(f.state.active, f.sides.stiffness / diagonal, 0.0)
     idle = np.where(f.acts, 0.0, diagonal)
     along, opening = diagonal * f.acts, diagonal * f.attracted
-    return o.n * closing[:, None], idle, o.tau * along[:, None], o.n * opening[:, None]
+    of_law = o.tau * along[:, None], o.n * opening[:, None]
+    if f.closing is None:
+        return o.n * closing[:, None], idle, *of_law
+    by_law = np.where(f.state.active, f.sides.stiffness, 0.0)
+    return np.zeros_like(o.n), idle, *of_law, -o.n * by_law[:, None]
 
 
 def law_of(f: ContactFields, frame: Frame) -> Array:

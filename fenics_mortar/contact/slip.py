@@ -193,7 +193,9 @@ def _replicate(
 
 def _nearest(o: MortarOperators, j: Indices) -> tuple[Entries, Entries]:
     """Entries of D and M that pair the nodes ``j`` with the line of the nearest master facet."""
-    ends, fraction = nearest_facets(o.x[j], o.m, o.master)
+    roles = o.slave.roles
+    candidates = None if roles is None else roles.masters_of_nodes(o.slave.facets, j)
+    ends, fraction = nearest_facets(o.x[j], o.m, o.master, candidates)
     values = np.stack([1.0 - fraction, fraction], axis=1).ravel()
     return (j, j, np.ones(j.size)), (np.repeat(j, 2), ends.ravel(), values)
 

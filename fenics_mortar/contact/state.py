@@ -10,6 +10,7 @@ from fenics_mortar.contact.laws import Branches
 from fenics_mortar.utils.arrays import Array, Flags, freeze
 
 # Parts of a state that follow from the others at the end of a solve: files have none of them.
+# Instants are written by ``instant``.
 DERIVED = {"derived": True}
 
 
@@ -34,6 +35,9 @@ class InterfaceState:
             cycle of the active set.
         offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
         reference: Operators of the undeformed mesh, with small sliding.
+        load_time: Time of the present loads, at the end of the step.
+        past: ``Instant`` of the start of the step, whose memory the law sees; ``None`` for a tie.
+        committed: ``Instant`` of the last accepted state, used in the next step.
         borne: Nodes with tensile multiplier and compressive force, and the forces of all nodes, for
             the next active set; see ``Contact.move``.
     """
@@ -48,6 +52,9 @@ class InterfaceState:
     c_n: float = 1.0
     offset: Any = 0.0
     reference: Any = field(default=None, metadata=DERIVED)
+    load_time: float = field(default=0.0, metadata=DERIVED)
+    past: Any = field(default=None, metadata=DERIVED)
+    committed: Any = field(default=None, metadata=DERIVED)
     borne: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
 
     def __post_init__(self) -> None:

@@ -18,8 +18,9 @@ class PairView:
 
     All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
     surface, at the present multipliers and the last evaluated displacement; after a solve this is
-    the solution. All attributes but ``forces`` are local. More than 20 methods: one property for
-    each result.
+    the solution. With degree 2, ends and midpoints of facets alternate along each curve, which
+    begins with an end. All attributes but ``forces`` are local. More than 20 methods: one property
+    for each result.
     """
 
     def __init__(self, interface: Interface) -> None:
@@ -41,7 +42,7 @@ class PairView:
 
     @property
     def nodes(self) -> Indices:
-        """Global numbers of the slave nodes, shape (slave nodes,)."""
+        """Global numbers of the slave nodes in the displacement's space, shape (slave nodes,)."""
         return self._interface.slave.nodes.copy()
 
     @property
@@ -136,6 +137,12 @@ class PairView:
     @offset.setter
     def offset(self, lengths: Array) -> None:
         self._interface.offset = lengths
+
+    @property
+    def memory(self) -> dict[str, Array]:
+        """Memory of the law at the last accepted state by name, (slave nodes,) each [its units]."""
+        instant = self._interface.committed
+        return {} if instant is None else {n: v.copy() for n, v in instant.memory.items()}
 
     @property
     def c_n(self) -> float:

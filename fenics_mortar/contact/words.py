@@ -47,7 +47,9 @@ def describe_overlap(contact: Interface) -> str:
     """Message on the largest overlap of an active node; "" if it is small."""
     if not isinstance(contact, Contact):
         return ""
-    overlap = np.where(contact.active, -np.nan_to_num(contact.gap) / contact.nodal_lengths, 0.0)
+    overlap = np.where(
+        contact.active, -np.nan_to_num(contact.closing_gap) / contact.nodal_lengths, 0.0
+    )
     j = int(np.argmax(overlap))
     if overlap[j] <= BEHIND:
         return ""

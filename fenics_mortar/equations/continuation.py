@@ -36,7 +36,7 @@ ASIDE = 0.5
 # Longest step over the last one [1], as steps of ``follow_path`` grow.
 LONGEST = 2.0
 # Parts of the state of an interface that a user may have changed since the last solve.
-KEPT = ("z", "active", "branch", "multiplier_nodes", "partners", "accepted")
+KEPT = ("z", "active", "branch", "multiplier_nodes", "partners", "accepted", "committed")
 
 
 class _Loads(NamedTuple):

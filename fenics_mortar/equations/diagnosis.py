@@ -96,8 +96,8 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> 
             continue
         active = np.array([sets[i][0] for sets in recent])
         wavers = np.flatnonzero(active.any(axis=0) & ~active.all(axis=0))
-        bound = contact.law_calls.friction_limit(contact.pair.law, np.zeros(1), contact.slave.X)
-        if wavers.size and 0.0 < bound[0] < np.inf:
+        bound = contact.now.friction_limit(np.zeros(contact.slave.num_nodes))
+        if wavers.size and 0.0 < bound[wavers[0]] < np.inf:
             return (
                 f"{wavers.size} nodes of '{contact.slave.name}' keep closing and opening, one at "
                 f"{place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} admits shear "

@@ -32,7 +32,7 @@ from fenics_mortar.equations.springs import CombinedSprings
 from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.newton.loop import Status, Step, forcing
+from fenics_mortar.newton.loop import UNSETTLED, Status, Step, forcing
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
@@ -153,7 +153,7 @@ class ContactEquations:
         gap, num_active, sets = 0.0, 0, b""
         for c in self.contacts:
             active = c.active
-            gaps = np.abs(c.gap[active] / c.now.nodal_lengths[active])
+            gaps = np.abs(c.closing_gap[active] / c.now.nodal_lengths[active])
             gap = max(gap, float(gaps.max(initial=0.0)))
             num_active += int(np.count_nonzero(active))
             sets += np.packbits([active, c.multiplier_nodes]).tobytes()
@@ -248,13 +248,17 @@ class ContactEquations:
 
     def _settle_sets(self) -> None:
         """Take the active set of the linearized problem if bodies float and it does not settle."""
-        if not self.floating.bodies or self.floating.anchored or not self._history.is_unsettled:
-            return
+        if self.floating.bodies and not self.floating.anchored and self._history.is_unsettled:
+            self._take_linearized_sets()
+
+    def _take_linearized_sets(self) -> bool:
+        """Take the sets of the linearized problem; return whether they were found."""
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
-        if linearized.applies:
-            self._history.count_call()
-            self.bulk.assemble_tangent()
-            linearized.choose_sets(self._redundancy.mark)
+        if not linearized.applies:
+            return False
+        self._history.count_call()
+        self.bulk.assemble_tangent()
+        return linearized.choose_sets(self._redundancy.mark)
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step.
@@ -287,8 +291,16 @@ class ContactEquations:
         return f"only a slight force is left, which moves {names}" if names else ""
 
     def merge_sets(self, period: int) -> str:
-        """Leave a cycle of sets; see ``SetHistory.merge``."""
-        return self._history.merge(period)
+        """Leave a cycle of sets by merging them; see ``SetHistory.merge``.
+
+        Where sets change without a period, or cycle again, those of the linearized problem are
+        taken. Thin plates, for example, bend by more than their gap if a node opens. If bodies
+        float, ``advance`` has taken them before.
+        """
+        again, words = self._history.has_merged, self._history.merge(period)
+        if (again or period == UNSETTLED) and not self.floating.bodies:
+            words += "; that of the linearized problem is taken" * self._take_linearized_sets()
+        return words
 
     # States
 

@@ -87,6 +87,7 @@ class Inputs:
         """Arrays that have to be equal on all ranks, by name."""
         for contact in self._contacts:
             yield f"offset of '{contact.slave.name}'", contact.offset
+            yield "the time", contact.state.load_time
         for obstacle in self._obstacles:
             yield f"the place of obstacle '{obstacle.name}'", obstacle.place
             yield f"the push of obstacle '{obstacle.name}'", obstacle.load

@@ -112,21 +112,22 @@ class LinearizedContact:
 
     @property
     def applies(self) -> bool:
-        """Whether nodes are few, all laws are Coulomb's or frictionless, and any has friction.
+        """Whether nodes are few and all laws are Coulomb's or frictionless.
 
-        Without friction a round body on facets may have no equilibrium near by, and the sets of the
-        linearized problem would let it roll on.
+        If bodies float, one law has to have friction: without it a round body on facets may have no
+        equilibrium near by, and the sets of the linearized problem would let it roll on.
         """
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
         if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MAX_NODES:
             return False
         laws = [contact.pair.law for contact in self._contacts]
-        if not any(law.has_friction for law in laws):
+        if self._floating.bodies and not any(law.has_friction for law in laws):
             return False
         pressure = self._typical_pressure()
         return all(
-            isinstance(law, Coulomb | Frictionless) and not law.has_adhesion for law in laws
+            isinstance(law, Coulomb | Frictionless) and not (law.has_adhesion or law.has_layer)
+            for law in laws
         ) and not any(contact.now.strength(pressure)[1].any() for contact in self._contacts)
 
     def choose_sets(self, mark: Callable[[], None]) -> bool:

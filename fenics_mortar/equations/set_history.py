@@ -27,6 +27,7 @@ class SetHistory:
 
     Attributes:
         residuals: Norm of all residuals for each evaluation [stress length].
+        has_merged: Whether ``merge`` was called.
     """
 
     def __init__(self, contacts: Sequence[Contact | Tie]) -> None:
@@ -38,6 +39,7 @@ class SetHistory:
         self.residuals: list[float] = []
         self._sets: list[Sets] = []
         self._changed = self._calls = 0
+        self.has_merged = False
 
     def record(self, residual: float, changed: int) -> None:
         """Add the present sets; ``changed``: number of nodes that changed."""
@@ -72,7 +74,7 @@ class SetHistory:
         and later solves: a large c_n opens nodes for small gaps left by a step. Nodes that changed
         branch in the cycle stick for one iteration.
         """
-        wavering = 0
+        wavering, self.has_merged = 0, True
         for i, contact in enumerate(self._contacts):
             recent = [sets[i] for sets in self._sets[-period:]]
             active, branches = (np.array(sets) for sets in zip(*recent, strict=True))

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.steps import begin_step, commit, instants_of
 from fenics_mortar.contact.words import describe_start
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
@@ -88,8 +89,7 @@ class Solver:
         e = self._equations
         clock.read()
         e.crossings.begin(e.motions.places)
-        for contact in e.contacts:
-            contact.start_step()
+        begin_step(e.contacts)
         try:
             e.motions.follow(e.evaluate_operators)
             moved = e.motions.settle(partial(e.evaluate_contacts, start=True))
@@ -99,15 +99,17 @@ class Solver:
                 self._accept_moved()
             report = self._solve()
             moved += e.floating.check()
+            instants = instants_of(e.comm, e.contacts)
         except Exception:  # of whatever kind, for all ranks alike
             e.last_converged = False
             e.crossings.leave()
             e.springs.remove_springs()
             raise
         e.last_converged = True
-        accepted = [contact.accepted for contact in e.contacts]
+        accepted = [(contact.accepted, contact.state.committed) for contact in e.contacts]
         for contact in e.contacts:
             contact.accept()
+        commit(e.contacts, instants)
         e.bulk.free_garbage()
         passages = e.crossings.passages(e.motions.places)
         report.certificate = replace(
@@ -122,8 +124,8 @@ class Solver:
         self._starts = []
         if violations and not accept_violations:
             e.last_converged = False
-            for contact, before in zip(e.contacts, accepted, strict=True):
-                contact.change(accepted=before)
+            for contact, (partners, instant) in zip(e.contacts, accepted, strict=True):
+                contact.change(accepted=partners, committed=instant)
             e.crossings.leave()
             raise _wrong_state(report, violations)
         e.crossings.accept(e.motions.places)

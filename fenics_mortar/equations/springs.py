@@ -59,7 +59,12 @@ class CombinedSprings:
         """Forces that springs carry over contact forces."""
         carried = self.fractions()
         energy = self._floating.spring_energy() + self._obstacles.spring_energy()
-        each = [f"{fraction:.1e} of the contact force on {name}" for name, fraction, _ in carried]
+        each = [
+            f"{fraction:.1e} of the contact force on {name}"
+            if np.isfinite(fraction)
+            else f"all forces on {name}, which no contact force acts on"
+            for name, fraction, _ in carried
+        ]
         return Remaining(
             self.largest(),
             max((fraction for _, fraction, slides in carried if slides), default=0.0),

@@ -42,7 +42,7 @@ class State:
         freeze(self)
 
     def with_settings_of(self, other: State) -> State:
-        """This state with the offsets, weights of gaps and undeformed operators of ``other``.
+        """This state with the offsets, weights of gaps, time and undeformed operators of ``other``.
 
         Users set these for a problem, while this state may be an extrapolation of earlier states or
         the state of another model.
@@ -51,17 +51,21 @@ class State:
         return replace(
             self,
             interfaces=tuple(
-                replace(a, offset=b.offset, c_n=b.c_n, reference=b.reference) for a, b in pairs
+                replace(a, offset=b.offset, c_n=b.c_n, reference=b.reference, load_time=b.load_time)
+                for a, b in pairs
             ),
         )
 
     def counting_slip_from(self, other: State) -> State:
-        """This state with the partners and the accepted positions of ``other``."""
+        """This state with the partners, instants and accepted positions of ``other``."""
         pairs = zip(self.interfaces, other.interfaces, strict=True)
         return replace(
             self,
             interfaces=tuple(
-                replace(a, partners=b.partners, accepted=b.accepted) for a, b in pairs
+                replace(
+                    a, partners=b.partners, accepted=b.accepted, past=b.past, committed=b.committed
+                )
+                for a, b in pairs
             ),
             standing=other.standing,
         )

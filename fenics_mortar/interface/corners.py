@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 # A node is a corner if the undeformed outline turns there by more than this angle [radian], that of
 # a regular hexagon; curves are meshed finer.
@@ -48,7 +48,10 @@ def links_at_corners(
     corners = corners_of(surface)
     if not corners.size:
         return (surface.previous, surface.following), np.zeros(len(surface.facets), bool)
-    return one_sided(surface, corners, choose_facets(surface, corners, x, master))
+    roles = surface.roles
+    candidates = None if roles is None else roles.masters_of_nodes(surface.facets, corners)
+    facets = choose_facets(surface, corners, x, master, candidates)
+    return one_sided(surface, corners, facets)
 
 
 def corners_of(surface: Surface) -> Indices:
@@ -56,7 +59,9 @@ def corners_of(surface: Surface) -> Indices:
     return np.flatnonzero(surface.turns > TURN)
 
 
-def choose_facets(surface: Surface, corners: Indices, x: Array, master: Array) -> Indices:
+def choose_facets(
+    surface: Surface, corners: Indices, x: Array, master: Array, candidates: Flags | None = None
+) -> Indices:
     """Facet whose normal each corner takes: -1 that before it, 1 that after it, 0 both (local).
 
     Args:
@@ -64,6 +69,7 @@ def choose_facets(surface: Surface, corners: Indices, x: Array, master: Array) -
         corners: Nodes, shape (k,).
         x: Positions of the slave's nodes, shape (slave nodes, 2) [length].
         master: Ends of the master's facets, the body on their left, shape (m, 2, 2) [length].
+        candidates: Facets that are masters at each corner, shape (k, m), bool; by default all.
 
     Returns:
         Shape (k,).
@@ -73,7 +79,7 @@ def choose_facets(surface: Surface, corners: Indices, x: Array, master: Array) -
     normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1)
     reach = ALIKE * np.minimum(np.hypot(*before.T), np.hypot(*after.T))
     towards = np.array([
-        _facing(x[j], n, reach[k], master)
+        _facing(x[j], n, reach[k], master if candidates is None else master[candidates[k]])
         for k, (j, n) in enumerate(zip(corners, normals[1], strict=True))
     ])  # fmt: skip
     return np.argmax(np.einsum("ikc,kc->ik", normals, towards), axis=0) - 1

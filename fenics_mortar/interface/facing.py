@@ -11,7 +11,7 @@ from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.segments import Segments, gauss_rule
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.shapes import lagrange
-from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 Rule = tuple[Array, Array]
 # Gauss points on a segment, and its ends
@@ -126,13 +126,16 @@ def face(o: MortarOperators, segments: Segments, rule: Rule = GAUSS) -> Facing:
     return replace(found, start=found.slip(o))
 
 
-def nearest_facets(x: Array, m: Array, surface: Surface) -> tuple[Indices, Array]:
+def nearest_facets(
+    x: Array, m: Array, surface: Surface, candidates: Flags | None = None
+) -> tuple[Indices, Array]:
     """Facet nearest to each point, and coordinate along its chord (local).
 
     Args:
         x: Points, shape (k, 2) [length].
         m: Positions of the nodes of the surface, shape (nodes, 2) [length].
         surface: The surface.
+        candidates: Facets to choose from for each point, shape (k, facets), bool; by default all.
 
     Returns:
         End nodes of the facets, shape (k, 2), and coordinates, shape (k,): 0 to 1 along the chord,
@@ -143,7 +146,10 @@ def nearest_facets(x: Array, m: Array, surface: Surface) -> tuple[Indices, Array
     away = x[:, None] - m[ends[:, 0]]
     fraction = (away * chord).sum(axis=2) / (chord**2).sum(axis=1)
     rest = away - np.clip(fraction, 0.0, 1.0)[:, :, None] * chord
-    facet = np.argmin((rest**2).sum(axis=2), axis=1)
+    square = (rest**2).sum(axis=2)
+    if candidates is not None:
+        square[~candidates] = np.inf
+    facet = np.argmin(square, axis=1)
     return ends[facet], fraction[np.arange(len(x)), facet]
 
 

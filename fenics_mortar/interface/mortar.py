@@ -59,11 +59,14 @@ class Linearization:
         segments: Whether to include the motion of the segment ends on the slave facets.
         frozen: Whether D, M and n are constant in the tangent: a fixed-point iteration for these
             (Popp, Gee & Wall 2009).
+        exact: Whether to keep also slopes that Newton's method is better without: those of
+            adhesion that fades fast, see ``ContactFields.law_rows``. For derivatives of a solution.
     """
 
     normals: bool = True
     segments: bool = True
     frozen: bool = False
+    exact: bool = False
 
 
 LINEARIZATIONS = {
@@ -72,6 +75,8 @@ LINEARIZATIONS = {
     "no_segments": Linearization(segments=False),
     "frozen": Linearization(normals=False, segments=False, frozen=True),
 }
+# For derivatives of a solution.
+EXACT = Linearization(exact=True)
 
 
 @dataclass(frozen=True)

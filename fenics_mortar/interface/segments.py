@@ -126,8 +126,9 @@ def find_segments(
     view = open_view(facets.size) if view is None else view.of(facets)
     search_for, limits = (geometry, nodes, master.facets, radius), (min_cosine, ROUNDING)
     if integration == "segments":
+        roles = slave.roles.of(facets) if slave.roles else None
         seen = (view[:3], view.outline, ROUNDING)
-        offsets, masters, branches = _intersections((*search_for, *seen, limits), points)
+        offsets, masters, branches = _intersections((*search_for, *seen, limits, roles), points)
     else:
         rule = facet_rule(integration, nodes.shape[1], points)
         min_points = nodes.shape[1] if integration == "elements" else 1

@@ -40,6 +40,7 @@ import numpy.typing as npt
 
 from fenics_mortar.interface.curves import number_nodes, order_curves
 from fenics_mortar.interface.measures import facet_measures
+from fenics_mortar.interface.roles import Roles
 from fenics_mortar.interface.tagged_facets import local_facets
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import NodalThickness
@@ -69,6 +70,7 @@ class Surface:
         local_dofs: Local dofs of the nodes owned by this rank, shape (owned nodes, 2).
         comm: Communicator of the mesh.
         thickness: Out-of-plane thickness; ``None`` if it is one.
+        roles: Which facets are masters of which, of a surface that may touch itself.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Surface:
     local_dofs: Indices
     comm: MPI.Comm
     thickness: NodalThickness | None = None
+    roles: Roles | None = None
 
     @cached_property
     def num_nodes(self) -> int:

@@ -64,6 +64,9 @@ def local_facets(
 def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
     """Local nodes (m, K) of facets in order, with the cell on the left (local).
 
+    The side is that of the cell's corners: all nodes of a thin cell that bends may lie on the
+    other side of the chord of its facet.
+
     Requires the connectivities facets -> cells and cells -> facets.
 
     Args:
@@ -77,9 +80,11 @@ def facet_nodes(V: Any, facets: npt.NDArray[np.int32]) -> Indices:
     ends = np.empty((facets.size, len(layout.entity_closure_dofs(1, 0))), np.int64)
     for i, facet in enumerate(facets):
         cell = facet_cells.links(facet)[0]
-        local = int(np.flatnonzero(cell_facets.links(cell) == facet)[0])
+        of_cell = cell_facets.links(cell)
+        local = int(np.flatnonzero(of_cell == facet)[0])
+        corners = [layout.entity_dofs(0, k)[0] for k in range(of_cell.size)]
         a, b, *inside = dofmap[cell][layout.entity_closure_dofs(1, local)]
-        inward = x[dofmap[cell]].mean(axis=0) - x[a]
+        inward = x[dofmap[cell][corners]].mean(axis=0) - x[a]
         edge = x[b] - x[a]
         on_left = edge[0] * inward[1] - edge[1] * inward[0] > 0.0
         ends[i] = (a, *inside, b) if on_left else (b, *inside, a)

@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.instant import instant_arrays, take_instant
 from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.mesh.numbering import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
@@ -35,7 +36,10 @@ Arrays = dict[str, npt.NDArray[Any]]
 # Attributes of a contact in the file.
 KEPT = (*INDEPENDENT, "reference_place")
 # Arrays that have to be finite.
-FINITE = ("velocity", "acceleration", "average", "u", "x", "places", "z", "c_n", "offset")
+FINITE = (
+    "velocity", "acceleration", "average", "u", "x", "places", "z", "c_n", "offset",
+    "clock", "memory",
+)  # fmt: skip
 
 
 def save_state(problem: ContactProblem, path: str | Path) -> None:
@@ -87,6 +91,7 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
             contact.refer_to(kept["reference_place"][i], kept["multiplier_nodes"][i])
         values = {name: kept[name][i] for name in INDEPENDENT}
         contact.change(**{name: value[()] for name, value in values.items()})  # numbers as such
+        take_instant(contact, data[f"clock{i}"], data[f"memory{i}"])
     inertia = problem.equations.bulk.inertia
     if inertia is not None:
         inertia.take_kept(data, problem.equations.bulk.u.x.array)
@@ -116,6 +121,8 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
     for i, contact in enumerate(problem.equations.contacts):
         kept = {name: getattr(contact, name, np.full(3, np.nan)) for name in KEPT}  # ties lack some
         data |= {f"{name}{i}": np.asarray(value) for name, value in kept.items()}
+        names, data[f"clock{i}"], data[f"memory{i}"] = instant_arrays(contact)
+        data[f"memorized{i}"] = np.array(names, str)
     return data
 
 
@@ -130,6 +137,9 @@ def _misfits(data: Arrays, mine: Arrays) -> Iterator[str]:
         yield f"is the state of a problem with other pairs: {theirs}; here are {ours}"
     for name, own in mine.items():
         its = data[name]
+        if name.startswith("memorized") and not np.array_equal(its, own):
+            theirs, ours = (", ".join(some.tolist()) or "none" for some in (its, own))
+            yield f"has the memory of another contact law: {theirs}; here is {ours}"
         if its.shape != own.shape or not np.can_cast(its.dtype, own.dtype, "same_kind"):
             yield f"{other}: '{name}' has shape {its.shape}, expected {own.shape}"
         if name.rstrip("0123456789") in FINITE and not np.isfinite(its).all():

@@ -130,6 +130,7 @@ def _surface_data(contact: Contact | Tie, u: Array) -> dict[str, Array]:
     o, friction = contact.operators, dict[str, Any]()
     if isinstance(contact, Contact):
         friction = {"slip": contact.slip, "sticking": contact.sticking.astype(np.int32)}
+        friction |= {f"memory_{name}": v for name, v in contact.committed.memory.items()}
     return friction | {
         "displacement": pad(contact.slave.gather(u)),
         "contact_pressure": contact.pressure,

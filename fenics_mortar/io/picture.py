@@ -27,6 +27,8 @@ SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
 # A field has both signs if its values of the rarer sign reach this fraction of the others [1]:
 # smaller ones come from the discretization, and half of the colours would remain unused.
 SIGNED = 0.2
+# Mean width of a letter of the legend, of 9 points [inch].
+LETTER = 0.07
 # Place of the legend, below numbers and label of the axis [inch].
 LEGEND = -0.45
 
@@ -164,12 +166,14 @@ def _finish_axes(axes: Any, names: tuple[str, str], units: tuple[str, str] | Non
     labels = names if units is None else [f"{name} [{units[0]}]" for name in names]
     axes.set_xlabel(labels[0], fontsize=9)
     axes.set_ylabel(labels[1], fontsize=9)
-    if axes.get_legend_handles_labels()[1]:
+    entries = axes.get_legend_handles_labels()[1]
+    if entries:
         below = axes.transAxes + ScaledTranslation(0.0, LEGEND, axes.figure.dpi_scale_trans)
         place = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "bbox_transform": below}
         style = {"labelcolor": "linecolor", "frameon": False, "handletextpad": 0.0}
-        width, height = np.ptp(axes.dataLim.get_points(), axis=0)
-        axes.legend(**place, **style, fontsize=9, ncols=2 if width > height else 1)
+        width = axes.get_window_extent().width / axes.figure.dpi
+        columns = 2 if 2 * LETTER * max(map(len, entries)) < width else 1
+        axes.legend(**place, **style, fontsize=9, ncols=columns)
     axes.margins(0.03)
     axes.locator_params(nbins=6)
     axes.spines[["top", "right"]].set_visible(False)
@@ -211,6 +215,7 @@ def _draw_pressure(
     from matplotlib.collections import LineCollection, PolyCollection
 
     largest = max((contact.pressure.max() for contact in contacts), default=0.0)
+    slaves = [contact.slave.name for contact in contacts]
     for contact in contacts:
         pressure, o = contact.pressure, contact.operators
         if not pressure.max() > 0.0:
@@ -225,5 +230,8 @@ def _draw_pressure(
         for lines, thickness in ((stems, thin), (tip[facets], 1.2), (foot[facets], 1.2)):
             axes.add_collection(LineCollection(lines, colors=PRESSURE, linewidths=thickness))
         top = int(pressure.argmax())
-        label = f"pressure on {contact.slave.name}, maximum {pressure[top]:.4g}{unit}"
+        name = contact.slave.name
+        if slaves.count(name) > 1:
+            name += f" by {contact.pair.master_name}"
+        label = f"pressure on {name}, maximum {pressure[top]:.4g}{unit}"
         axes.plot(*tip[top], "o", markersize=4, color=PRESSURE, label=label)

@@ -37,6 +37,7 @@ from fenics_mortar.kernels.projection import (
     side_of_ray,
     slave_to_master,
 )
+from fenics_mortar.kernels.roles import keep_masters
 from fenics_mortar.kernels.shapes import tabulate_shapes
 from fenics_mortar.utils.rounding import HALF_FACET
 
@@ -84,17 +85,20 @@ def gap_if_facing(y, xi, shapes, min_cosine):
 
 
 @kernel
-def is_hidden(y, N, xi, depth, view, facets):
+def is_hidden(y, N, xi, depth, view, facets, roles=None):
     """Whether a partner at ``depth`` behind the slave surface is not the nearer way out.
 
     ``view`` = (safe depths (f,) [length] and bodies (f,) of the slave facets, bodies of the master
     facets, outline, fraction of a facet that is rounding [1]), see ``sight``; ``facets`` = (slave
-    facet, master facet).
+    facet, master facet); ``roles`` is not None if a surface may touch itself.
     """
     _, slave_bodies, master_bodies, outline, rounding = view
     last = 2 * N.shape[1] - 2
     length = np.sqrt((y[last] - y[0]) ** 2 + (y[last + 1] - y[1]) ** 2)
     bodies = slave_bodies[facets[0]], master_bodies[facets[1]]
+    if roles is not None:
+        if bodies[0] == bodies[1]:
+            return not sight.overlaps_point(y, N, xi, depth, outline, bodies[0], rounding * length)
     return not sight.is_way_out(y, N, xi, depth, outline, bodies, rounding * length)
 
 
@@ -167,7 +171,7 @@ def is_next(master_facets, one, other):
 
 @kernel
 def facet_segments(
-    geometry, slave, master_facets, hits, radius, limits, found, view=None, number=0
+    geometry, slave, master_facets, hits, radius, limits, found, view=None, number=0, roles=None
 ):
     """Fill ``found`` with the segments of one slave facet; return their number.
 
@@ -180,7 +184,8 @@ def facet_segments(
         limits: (smallest cosine [1], length in xi that is rounding [1]).
         found: Rows as in ``keep_nearest``, shape (h, 6) or longer; filled.
         view: As in ``is_hidden``; None skips the test.
-        number: Number of the slave facet in ``view``.
+        number: Number of the slave facet in ``view`` and ``roles``.
+        roles: As in ``roles.keep_masters``, if slave and master are one surface.
     """
     x, n, m = geometry
     min_cosine, min_cover = limits
@@ -200,13 +205,16 @@ def facet_segments(
         if not abs(gap) <= radius or gap == np.inf:
             continue
         if view is not None:
-            if -gap > safe and is_hidden(y, N, middle, -gap, view, (number, hits[hit])):
+            facets = number, hits[hit]
+            if -gap > safe and is_hidden(y, N, middle, -gap, view, facets, roles):
                 continue
         found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
         found[count, 3] = hits[hit]
         found[count, 4], found[count, 5] = is_node[0], is_node[1]
         count += 1
     kept = keep_nearest(found, count, min_cover)
+    if roles is not None:
+        kept = keep_masters(found, kept, roles, number)
     edge = x[slave[-1]] - x[slave[0]]
     length = np.sqrt(edge[0] * edge[0] + edge[1] * edge[1])
     kept = keep_near_parts(found, kept, master_facets, length)

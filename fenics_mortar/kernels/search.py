@@ -104,7 +104,7 @@ def find_points(geometry, slave_facets, master_facets, radius, view, limits, poi
 
 
 @kernel
-def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
+def find_segments(geometry, slave_facets, master_facets, radius, view, limits, roles=None):
     """Find the segments of slave facets.
 
     Args:
@@ -115,6 +115,7 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
         view: As in ``pairing.is_hidden``.
         limits: (smallest cosine of slave normal and reversed master normal [1], length in xi that
             is rounding [1]).
+        roles: As in ``pairing.facet_segments``.
 
     Returns:
         Offsets (f + 1,): segments of facet e are offsets[e]:offsets[e + 1]; master facets (s,);
@@ -132,7 +133,9 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
         near = query_strip(boxes, controls, nodes, radius, stack, hits)
         if near.size > found.shape[0]:
             found = np.empty((2 * near.size, 6))
-        kept = facet_segments(geometry, nodes, master_facets, near, radius, limits, found, view, e)
+        kept = facet_segments(
+            geometry, nodes, master_facets, near, radius, limits, found, view, e, roles
+        )
         start = offsets[e]
         if start + kept > rows.shape[0]:
             longer = np.empty((2 * (start + kept), 6))
@@ -147,7 +150,7 @@ def find_segments(geometry, slave_facets, master_facets, radius, view, limits):
 
 @kernel
 def find_segments_within(
-    geometry, slave_facets, master_facets, radius, bodies, outline, least, limits
+    geometry, slave_facets, master_facets, radius, bodies, outline, least, limits, roles
 ):
     """As ``find_segments``, with the ``view`` (safe, slave_bodies, master_bodies, outline, least).
 
@@ -156,4 +159,4 @@ def find_segments_within(
     """
     safe, slave_bodies, master_bodies = bodies
     view = (safe, slave_bodies, master_bodies, outline, least)
-    return find_segments(geometry, slave_facets, master_facets, radius, view, limits)
+    return find_segments(geometry, slave_facets, master_facets, radius, view, limits, roles)

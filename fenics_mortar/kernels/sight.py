@@ -17,6 +17,12 @@ surfaces are on one part of a body, as on a strip that is wound up, then t_s = t
 rounding: the partner is the back of the strip, and is rejected as well. Both lengths are needed:
 with t_s alone, a thin slave would miss a thick master once the overlap exceeds its own thickness;
 with t_m alone, or the smaller of both, a thick slave would miss a thin master.
+
+Where a surface may touch itself, parts of one body lie on each other, and where they overlap, as in
+iterates, the line passes from one into the next: t_s and t_m include several parts. There the exits
+are counted instead. Of the k parts that cover the point x, one is its own, the others overlap it.
+A partner is one of these if it is among the first k - 1 exits, since overlaps are shallower than
+the parts.
 """
 
 import numpy as np
@@ -99,6 +105,44 @@ def is_way_out(y, N, xi, depth, outline, bodies, min_distance):
     partner[:] = start + depth * back
     other = length_inside(partner, -back, outline, bodies[1], min_distance)
     return depth < 0.5 * (own + other) - min_distance
+
+
+@kernel
+def height(x):
+    """Height of a facet with nodes ``x`` (2 K,) over its chord [length]."""
+    if x.size < 6:
+        return 0.0
+    dx, dy = x[2] - 0.5 * (x[0] + x[4]), x[3] - 0.5 * (x[1] + x[5])
+    return np.sqrt(dx * dx + dy * dy)
+
+
+@kernel
+def overlaps_point(y, N, xi, depth, outline, body, min_distance):
+    """Whether the partner at ``depth`` [length] behind point ``xi`` is of a part that covers it.
+
+    ``y`` as in ``projection``; both are of ``body``; others as in ``length_inside``. Outlines
+    consist of straight segments, which differ from curved facets by less than their heights.
+    """
+    tabulate_shapes(xi, N)
+    start, back = np.empty(2), np.empty(2)
+    start[0], start[1] = combine(y, 0, N, 0)
+    nx, ny = combine(y, 1, N, 0)
+    size = np.sqrt(nx * nx + ny * ny)
+    back[0], back[1] = -nx / size, -ny / size
+    third = y.size // 3
+    first = max(min_distance, height(y[:third]))
+    last = depth + max(min_distance, height(y[2 * third :]))
+    found = np.empty((2, 32))
+    count = find_crossings(start, back, outline, body, first, found)
+    if count > found.shape[1]:
+        found = np.empty((2, count))
+        find_crossings(start, back, outline, body, first, found)
+    covers, exits = 0.0, 0
+    for i in range(count):
+        covers += found[1, i]
+        if found[1, i] > 0.0 and found[0, i] <= last:
+            exits += 1
+    return exits < covers
 
 
 @kernel

@@ -39,14 +39,19 @@ class MeshData:
         ValueError: If a tag is not an integer.
 
     Example:
-        A mesh that is not from gmsh, with two of its sides as boundaries 1 and 2::
+        A mesh that is not from gmsh, with two of its sides as boundaries 1 and 2:
 
-            low = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 0.0))
-            high = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 1.0))
-            facets = np.hstack([low, high])
-            tags = np.repeat(np.int32([1, 2]), [low.size, high.size])
-            order = np.argsort(facets)
-            data = MeshData(mesh, None, meshtags(mesh, 1, facets[order], tags[order]))
+        >>> from mpi4py import MPI
+        >>> from dolfinx.mesh import create_unit_square, locate_entities_boundary, meshtags
+        >>> mesh = create_unit_square(MPI.COMM_WORLD, 2, 2)
+        >>> low = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 0.0))
+        >>> high = locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], 1.0))
+        >>> facets = np.hstack([low, high])
+        >>> tags = np.repeat(np.int32([1, 2]), [low.size, high.size])
+        >>> order = np.argsort(facets)
+        >>> data = MeshData(mesh, None, meshtags(mesh, 1, facets[order], tags[order]))
+        >>> data.boundary_facets([1, 2]).size
+        4
     """
 
     mesh: dmesh.Mesh
@@ -168,7 +173,8 @@ def as_list(names: Any) -> list[str | int]:
 
 def joined_names(names: Any) -> str:
     """Return one or several names as one, used in messages and files (local)."""
-    return " + ".join(str(name) for name in as_list(names))
+    first, *others = map(str, as_list(names) or [""])
+    return " + ".join([first, *others]) if len(others) < 3 else f"{first} + {len(others)} others"
 
 
 def _tag(kind: str, name: str | int, tags: dict[str, int]) -> int:

@@ -44,6 +44,19 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
 
     Note:
         The nodes of a live model are renumbered if their tags are not 1, 2, ..., n.
+
+    Example:
+        A disk of gmsh's own geometry, also with the gmsh 4.8 of Debian 12, where
+        ``addPhysicalGroup`` takes no name::
+
+            if comm.rank == 0:
+                gmsh.initialize()
+                gmsh.model.occ.addDisk(0, 0, 0, 1, 1)
+                gmsh.model.occ.synchronize()
+                for dim, name in ((2, "disk"), (1, "disk/outline")):
+                    gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [1]), name)
+                gmsh.model.mesh.generate(2)
+            data = read_gmsh(gmsh.model, comm)
     """
     check_kind("comm", comm, MPI.Comm, "a communicator of mpi4py, e.g. MPI.COMM_WORLD")
     with together(comm, "read_gmsh"):

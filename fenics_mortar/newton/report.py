@@ -90,12 +90,12 @@ class NewtonReport(Markdown):
         return {name: sum(it.seconds.get(name, 0.0) for it in self.iterations) for name in phases}
 
     def table(self, *, phases: bool = False) -> str:
-        """Markdown table, one row per iteration, notes, and a line with the outcome.
+        """Markdown table, one row per iteration, notes, linear solver, and a line with the outcome.
 
         Residuals are relative to ``force``, the reference of the convergence test.
 
         Args:
-            phases: Whether to show increments, seconds of each phase and the linear solver as well.
+            phases: Whether to show increments and seconds of each phase as well.
         """
         columns = self._columns()
         if phases:
@@ -114,7 +114,7 @@ class NewtonReport(Markdown):
             total = f"{sum(self.total_seconds().values()):.3f}"
             lines.append(f"| {' | '.join(['sum', *blank, total, *sums])} |")
         lines += ["", *(f"- {note}" for note in self.notes)] if self.notes else []
-        if phases and self.solver:
+        if self.solver:
             lines.append(f"\nlinear solver: {self.solver}")
         return "\n".join([*lines, f"\n{self.reason}{self._judged_by()}"])
 

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.obstacles.points import check_finite, check_vector
+from fenics_mortar.obstacles.shape_change import differentiate_shape
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotFiniteError, place
@@ -156,6 +157,43 @@ class Obstacle(ABC):
         one, zero = np.ones_like(r[:, 0]), np.zeros_like(r[:, 0])
         rows = ((one, zero), (zero, one), (-r[:, 1], r[:, 0]))
         return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+
+    # Shape, for sensitivities; see ``shape_change``
+
+    def shape(self) -> dict[str, Array]:
+        """Parameters of the shape by name, arrays of any shape [units of the obstacle].
+
+        None by default.
+        """
+        return {}
+
+    def set_shape(self, name: str, values: Array) -> None:
+        """Set a parameter of the shape; pivot and place stay.
+
+        Args:
+            name: Name of the parameter.
+            values: Shape and unit of the parameter.
+
+        Raises:
+            ValueError: If there is no such parameter, or its value is not allowed.
+        """
+        raise ValueError(f"'{self.name}' has no parameter '{name}' of its shape")
+
+    def local_by_shape(self, x: Array, name: str, direction: Array) -> tuple[Array, Array]:
+        """Derivatives of ``local`` along a direction of a parameter of the shape.
+
+        By default extrapolated difference quotients of a copy, see ``shape_change``.
+
+        Args:
+            x: Points of the own frame, shape (n, 2) [length].
+            name: Name of the parameter.
+            direction: Shape of the parameter.
+
+        Returns:
+            Derivatives of phi (n,) [length] and of the gradient (n, 2) [1], both over the unit of
+            the direction's factor.
+        """
+        return differentiate_shape(self, x, name, direction)
 
     @abstractmethod
     def local(self, x: Array) -> Fields:

@@ -66,9 +66,25 @@ class Circle(Obstacle):
     ) -> None:
         """Check the radius."""
         super().__init__(name, check_vector("centre", centre))
-        check_number("radius", radius, "a positive length", lambda r: 0.0 < r < np.inf)
         check_flag("inside", inside)
-        self._radius, self._sign = float(radius), -1.0 if inside else 1.0
+        self.set_shape("radius", np.asarray(radius))
+        self._sign = -1.0 if inside else 1.0
+
+    def shape(self) -> dict[str, Array]:
+        """The radius [length]; see ``Obstacle.shape``."""
+        return {"radius": np.asarray(self._radius)}
+
+    def set_shape(self, name: str, values: Array) -> None:
+        """Set the radius; see ``Obstacle.set_shape``."""
+        if name != "radius":
+            super().set_shape(name, values)
+        radius = np.asarray(values).item()
+        check_number("radius", radius, "a positive length", lambda r: 0.0 < r < np.inf)
+        self._radius = float(radius)
+
+    def local_by_shape(self, x: Array, name: str, direction: Array) -> tuple[Array, Array]:
+        """The distance decreases by the change of the radius; see ``Obstacle.local_by_shape``."""
+        return np.full(len(x), -self._sign * float(direction)), np.zeros_like(x)
 
     def local(self, x: Array) -> Fields:
         """Distance to a circle; see ``Obstacle.local``.
@@ -107,10 +123,25 @@ class Spline(Obstacle):
         pivot: npt.ArrayLike | None = None,
         name: str = "spline",
     ) -> None:
-        """Interpolate by chord length."""
         chain = check_chain(points)
         super().__init__(name, chain.mean(axis=0) if pivot is None else pivot)
-        chain = np.vstack([chain, chain[:1]]) if closed else chain
+        self._closed = closed
+        self._interpolate(chain)
+
+    def shape(self) -> dict[str, Array]:
+        """The points, shape (k, 2) [length]; see ``Obstacle.shape``."""
+        return {"points": self._chain.copy()}
+
+    def set_shape(self, name: str, values: Array) -> None:
+        """Set the points; see ``Obstacle.set_shape``."""
+        if name != "points":
+            super().set_shape(name, values)
+        self._interpolate(check_chain(values))
+
+    def _interpolate(self, points: Array) -> None:
+        """Interpolate points (k, 2) by chord length."""
+        closed, self._chain = self._closed, points
+        chain = np.vstack([points, points[:1]]) if closed else points
         chords = np.linalg.norm(np.diff(chain, axis=0), axis=1)
         if not chords.min() > 0.0:
             raise ValueError("two successive points of the spline coincide")
@@ -118,7 +149,7 @@ class Spline(Obstacle):
         from scipy.interpolate import CubicSpline
 
         self._curve = CubicSpline(knots, chain, bc_type="periodic" if closed else "natural")
-        self._closed, self._end = closed, float(knots[-1])
+        self._end = float(knots[-1])
         fractions = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
         starts = (knots[:-1, None] + chords[:, None] * fractions).ravel()
         self._samples = np.append(starts, self._end)

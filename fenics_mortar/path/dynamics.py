@@ -24,6 +24,7 @@ from dolfinx import fem
 
 from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.velocity import Velocity
+from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import Before
@@ -140,7 +141,9 @@ class Dynamics:
         """
         problem, inertia = self.problem, self._inertia
         self._refuse_driven_obstacles()
+        start_clock(problem.equations.contacts, inertia.rates.time)
         before, rates = problem.state(), inertia.rates
+        problem.time = rates.time + dt
         lines = [
             line(before.u, rates, dt)
             for line in (self._scheme.velocity, self._scheme.acceleration, self._scheme.average)

@@ -36,7 +36,7 @@ class PathReport(Markdown):
     All methods are local.
 
     Attributes:
-        steps: The accepted steps.
+        steps: The accepted steps: each has ``time``, ``step``, ``report``, ``failures``, ``work``.
         failures: Records of failed attempts at the step after the last accepted one.
         finished: Whether the end was reached.
         dead_end: Reason why no equilibrium exists beyond the last step, if this is certain; else

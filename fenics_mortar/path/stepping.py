@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.bulk.residual import MIN_FRACTION
+from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.predictor import Predictor
-from fenics_mortar.equations.undo import Before
+from fenics_mortar.equations.undo import Before, as_interruption
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
 from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends
@@ -90,12 +91,14 @@ def follow_path(
     given = {"options": options, "start": start, "stop": stop, "on_step": on_step is not None}
     check_same_words(problem.comm, "follow_path", given)
     path, time, step = PathReport(), start, options.step
+    start_clock(problem.equations.contacts, start)
     largest = options.largest or options.step
     predictor = Predictor(problem.equations, start)
     forces, last = forces_of(problem), _LastStep(start, Before(problem.equations, problem.adequacy))
     solver = AlternateDamping(problem)
 
     def load(time: float) -> None:
+        problem.time = time
         call_together(problem.comm, "set_loads", partial(set_loads, time))
 
     with _kept(last), Progress(problem.comm, start, stop, bar=progress) as shown:
@@ -177,8 +180,11 @@ def _kept(last: _LastStep) -> Iterator[None]:
         ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
         time, before = last.reached
         before.take_back(renew=not ours)
-        error.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
-        raise
+        told = as_interruption(error)
+        told.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
+        if told is error:
+            raise
+        raise told from error
 
 
 def _last_words(time: float, step: float, why: str, failure: NotConvergedError) -> str:

@@ -84,7 +84,7 @@ class BodySettling:
                 break
         body, move = moves[0]
         words = (
-            f"{bodies.name_of(body.label)} can {body.describe(move)} freely: loads "
+            f"{bodies.name_of(body.label)} can {body.describe(move, directed=True)} freely: loads "
             "drive it, and neither Dirichlet conditions nor contact stop it"
         )
         raise NotConvergedError(words, NewtonReport(reason=words))
@@ -108,7 +108,7 @@ class BodySettling:
             name = bodies.name_of(body.label)
             if not any(is_ahead(bodies, contact, body, motion) for contact in bodies.contacts):
                 raise MortarError(
-                    f"{name} can {body.describe(motion)} freely: contact "
+                    f"{name} can {body.describe(motion, directed=True)} freely: contact "
                     "pushed it away, since its Dirichlet conditions do not fix it"
                 )
             notes.append(f"{name} was pushed along by contact without a force")

@@ -23,7 +23,7 @@ from fenics_mortar.rigid.bordered import Border, solve_bordered
 from fenics_mortar.rigid.loose import describe_loose, tangent_springs
 from fenics_mortar.rigid.motions import ObstacleMotions
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.springs import Springs, anchored_stiffness, slides
+from fenics_mortar.rigid.springs import Springs, anchored_stiffness, over_contact, slides
 from fenics_mortar.utils.arrays import Array
 
 
@@ -117,7 +117,7 @@ class DrivenObstacles(ObstacleMotions):
         if self.springs is None:
             return []
         forces = np.linalg.norm(self._spring_forces(), axis=1)
-        fractions = forces / np.maximum(self.contact_forces(), 1e-300)
+        fractions = list(map(over_contact, forces, self.contact_forces()))
         return [
             (
                 f"obstacle '{self.obstacles[i].name}'",

@@ -21,7 +21,13 @@ from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.body_settling import BodySettling
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.responses import loose_bodies
-from fenics_mortar.rigid.springs import Springs, anchored_stiffness, slides, tangent_stiffness
+from fenics_mortar.rigid.springs import (
+    Springs,
+    anchored_stiffness,
+    over_contact,
+    slides,
+    tangent_stiffness,
+)
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.rounding import SOLVED, SUM_ROUNDING
 
@@ -166,8 +172,9 @@ class FloatingBodies(BodyMotions):
         return [
             (
                 self.name_of(body.label),
-                float(np.linalg.norm(self.resultant(body, forces)))
-                / max(self.contact_force(body), 1e-300),
+                over_contact(
+                    float(np.linalg.norm(self.resultant(body, forces))), self.contact_force(body)
+                ),
                 slides([(c, self.at_body(c, body)) for c in self.contacts]),
             )
             for body in self.bodies

@@ -60,6 +60,13 @@ def anchored_stiffness(drive: Array, err: Array, length: float, stiffness: Array
     return np.maximum(np.maximum(drive, err) / length, RIGID.weakest_spring * stiffness)
 
 
+def over_contact(springs: float, contact: float) -> float:
+    """Force of springs over the contact force [1]; inf if only springs act (local)."""
+    if contact > 0.0:
+        return springs / contact
+    return np.inf if springs > 0.0 else 0.0
+
+
 def tangent_stiffness(drive: Array, force: float) -> float:
     """Stiffness of a tangent spring over that of the bulk [1] (local).
 

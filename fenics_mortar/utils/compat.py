@@ -116,17 +116,20 @@ def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
         ValueError: If ``mesh`` is not a mesh or no part is given.
 
     Example:
-        Taylor-Hood displacement and pressure for incompressible bodies::
+        Taylor-Hood displacement and pressure for incompressible bodies, with the shear modulus 1:
 
-            W = mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
-            w = fem.Function(W)
-            (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
-            F = ufl.Identity(2) + ufl.grad(u)
-            J, inverse = ufl.det(F), ufl.inv(F).T
-            stress = mu * (F - inverse) + p * J * inverse
-            residual = (ufl.inner(stress, ufl.grad(v)) + q * (J - 1)) * ufl.dx
-            bcs = [dirichlet(W.sub(0), data, "base", (0.0, 0.0))]
-            problem = ContactProblem(residual, w, pairs, bcs=bcs, petsc_options_prefix="rubber_")
+        >>> from mpi4py import MPI
+        >>> mesh = dmesh.create_unit_square(MPI.COMM_WORLD, 2, 2)
+        >>> W = mixed_space(mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+        >>> w = fem.Function(W)
+        >>> (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
+        >>> F = ufl.Identity(2) + ufl.grad(u)
+        >>> J, inverse = ufl.det(F), ufl.inv(F).T
+        >>> stress = F - inverse + p * J * inverse
+        >>> residual = (ufl.inner(stress, ufl.grad(v)) + q * (J - 1)) * ufl.dx
+
+        Supports belong to the sub-space of the displacement, ``fm.dirichlet(W.sub(0), ...)``, and
+        the problem gets the whole function: ``fm.ContactProblem(residual, w, ...)``.
     """
     check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
     if not parts:

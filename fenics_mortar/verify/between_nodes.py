@@ -22,7 +22,7 @@ def between_nodes(contact: Contact) -> dict[str, Any]:
     """Penetration and distance over facet lengths, as fields of a certificate (collective)."""
     o, s = contact.operators, contact.intersections()
     ends, samples = o.x[s.slave[:, [0, -1]]], np.linspace(-1.0, 1.0, LIMITS.samples)
-    gaps = o.sample_gaps(o.x + contact.offset[:, None] * o.n, s, samples)
+    gaps = o.sample_gaps(o.x + contact.full_offset[:, None] * o.n, s, samples)
     gaps /= np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
     smallest, where = np.inf, ""
     if gaps.size:
@@ -62,7 +62,7 @@ def count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indice
         inside = bulk.cells.inside_other_body(bulk.positions(), x[alone], own[alone], labels)
         found += int(inside.sum())
     if contact.obstacle is not None:
-        phi = contact.on_obstacle.phi - contact.offset
+        phi = contact.on_obstacle.phi - contact.full_offset
         deep = phi < -HALF_FACET * contact.nodal_lengths
         found += int((deep & ~np.isin(contact.slave.nodes, paired)).sum())
     return found

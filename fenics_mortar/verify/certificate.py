@@ -28,6 +28,7 @@ from fenics_mortar.verify.between_nodes import between_nodes, count_unpaired, pa
 from fenics_mortar.verify.corners import end_pressure, mean_friction, oblique_forces, runs_of
 from fenics_mortar.verify.crossing import Crossing
 from fenics_mortar.verify.limits import LIMITS
+from fenics_mortar.verify.obstacle_gradient import gradient_error
 from fenics_mortar.verify.pair_certificate import PairCertificate
 from fenics_mortar.verify.resultant import beyond_cover
 
@@ -141,12 +142,13 @@ def _certify_pair(
 ) -> PairCertificate:
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
-    limit = contact.law_calls.friction_limit(contact.pair.law, pressure, contact.operators.x)
+    limit = contact.now.friction_limit(pressure)
     limit = np.where(contact.active, limit, 0.0)
     excess, tension = np.abs(contact.z_tau) - limit, contact.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
-    gap = np.nan_to_num(contact.gap) / contact.nodal_lengths
+    gap = np.nan_to_num(contact.closing_gap) / contact.nodal_lengths
+    gradient, gradient_at = gradient_error(contact)
     return PairCertificate(
         **action_and_reaction(contact),
         tension=max(float(tension.max()), 0.0) / largest,
@@ -164,6 +166,8 @@ def _certify_pair(
         redundant=int(contact.redundant.sum()),
         redundant_at=place(contact.operators.x[contact.redundant.argmax()]),
         undecided_at=" and ".join(map(place, contact.operators.x[contact.undecided])),
+        gradient=gradient,
+        gradient_at=gradient_at,
         unpaired=count_unpaired(bulk, contact, labels, paired),
         uncovered=int((contact.multiplier_nodes & ~contact.covered).sum()),
     )

@@ -119,7 +119,7 @@ def _excess_shear(contact: Contact, run: Flags, across: Array) -> float:
         across: Direction that pressures are taken along, a unit vector out of the slave.
     """
     pressure = np.where(run, contact.z @ across, 0.0)
-    limit = contact.law_calls.friction_limit(contact.pair.law, pressure, contact.operators.x)
+    limit = contact.now.friction_limit(pressure)
     weight = contact.operators.weight
     allowed = float((weight * np.where(run & (pressure > 0.0), limit, 0.0)).sum())
     shear = abs(float((weight * (contact.z @ _right_of(across[None])[0]))[run].sum()))

@@ -163,8 +163,9 @@ class Crossings:
         """Overlap of nodes admitted by the offsets of contacts, shape (n,) [length]."""
         allowed = np.zeros(len(self.outline.X))
         for contact, there in zip(self._contacts, self._slaves, strict=True):
-            if contact.offset.any():
-                np.maximum.at(allowed, there, np.maximum(-contact.offset, 0.0))
+            offset = contact.full_offset
+            if offset.any():
+                np.maximum.at(allowed, there, np.maximum(-offset, 0.0))
         return allowed
 
     def _bodies_of(self, surface: Surface) -> set[int]:
@@ -288,7 +289,7 @@ class Crossings:
             start = own_frame(obstacle, self.accepted.x, self.accepted.places[number])
             end = own_frame(obstacle, x1, places[number])
             knots = Motions(start, end, self.outline.bodies).ways()[:, there]
-            given = knots, contact.offset, contact.nodal_lengths
+            given = knots, contact.full_offset, contact.nodal_lengths
             depth = call_together(
                 self.outline.comm,
                 f"the distance of '{obstacle.name}'",

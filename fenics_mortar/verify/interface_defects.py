@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
-from typing import Any
 
 from mpi4py import MPI
 
@@ -12,6 +12,8 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.nodal import at_points
 from fenics_mortar.interface.facing import GAUSS, Points, face, points_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.interface.segments import Segments
@@ -46,16 +48,20 @@ def gap_defects(contact: Contact) -> Defects:
     here, gap = points_of(segments), _gaps(contact, segments)
     closed = contact.active[here.slave[:, [0, -1]]].all(axis=1)[:, None]
     wrong, opening = np.where(closed, gap, np.minimum(gap, 0.0)), np.maximum(gap, 0.0)
-    pull, _ = _evaluate_law(contact, "adhesion", opening)
+    pull = _adhesion(contact, here, opening)
     pressure = np.maximum(here.of(contact.pressure) + pull, 0.0)
     work = np.where(closed, 0.0, pressure * opening)
     return _on_facets(contact, here, wrong[..., None] * here.direction(o.n), work)
 
 
-def _evaluate_law(contact: Contact, what: str, values: Array) -> Any:
-    """Evaluate the law of a contact; its errors are raised on all ranks (collective)."""
+def _adhesion(contact: Contact, here: Points, opening: Array) -> Array:
+    """Adhesion at points with gaps ``opening`` (n, q) [stress] (collective)."""
     law = contact.pair.law
-    return call_together(contact.slave.comm, repr(law), partial(getattr(law, what), values))
+    if not law.has_adhesion:
+        return np.zeros_like(opening)
+    node = replace(at_points(contact.nodal, here.of), gap=opening)
+    comm = contact.slave.comm
+    return np.asarray(call_together(comm, repr(law), partial(law.adhesion_at, node)).residual)
 
 
 def _gaps(contact: Contact, segments: Segments) -> Array:
@@ -64,7 +70,7 @@ def _gaps(contact: Contact, segments: Segments) -> Array:
     With small sliding they are linear in the motion, as nodal gaps are.
     """
     o, first = contact.operators, contact.as_faced
-    gap = first.sample_gaps(first.x + contact.offset[:, None] * o.n, segments, GAUSS[0])
+    gap = first.sample_gaps(first.x + contact.full_offset[:, None] * o.n, segments, GAUSS[0])
     if isinstance(first, ObstacleOperators) and isinstance(o, ObstacleOperators):
         return gap + points_of(segments).of(o.phi - first.phi)
     here = face(first, segments)
@@ -85,7 +91,8 @@ def slip_defects(contact: Contact) -> Defects:
     ends, prescribed = here.slave[:, [0, -1]], ~contact.free.all(axis=1)
     sticking = contact.sticking[ends]
     sticks = ((sticking | prescribed[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
-    node, bound = contact.nodal, _evaluate_law(contact, "friction_limit", contact.pressure)
+    node, bound = contact.nodal, contact.now.friction_limit(contact.pressure)
+    raise_noted(contact.slave.comm, [contact])
     shear, bound = (here.of(np.where(contact.active, a, 0.0)) for a in (node.z_tau, bound))
     lost = np.maximum(bound * np.abs(slip) - shear * slip, 0.0)
     work = np.where(sticks | (bound <= 0.0), 0.0, lost)

@@ -30,7 +30,8 @@ class Limits:
             sticking corner over the friction limit; pressure over the largest pressure.
         of_friction: With friction, remark on forces misdirected at corners from this fraction of
             the friction on. Measured on wedges of 90 to 150 degrees: where the error of the ratio
-            of shear and normal force is 5 %, the estimate is 3.5 to 6 %.
+            of shear and normal force is 5 %, the estimate is 3.5 to 6 %. Also the sine of the angle
+            by which a user's gradient may misdirect contact forces.
         corner: Turn of the facets at a node above which it is a corner, not a curve [radian].
         around_corner: Facets beside a corner that define the direction of the opposite surface.
         end_pressure: Remark where the pressure beside clamped slave nodes is this multiple of that

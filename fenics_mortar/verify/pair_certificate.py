@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from fenics_mortar.verify.limits import LIMITS
 
 
@@ -54,6 +56,9 @@ class PairCertificate:
         redundant: Sticking nodes that other constraints fix as well: their shear is not unique,
             see ``redundancy``.
         redundant_at: Position of one of them.
+        gradient: Error of the direction of a user's gradient, see ``obstacle_gradient``: sine of
+            the angle by which contact forces are misdirected.
+        gradient_at: Position of the largest error.
         unpaired: Nodes of the two surfaces inside another body without a partner in any pair.
         uncovered: Slave nodes without a partner.
     """
@@ -83,6 +88,8 @@ class PairCertificate:
     undecided_at: str = ""
     redundant: int = 0
     redundant_at: str = ""
+    gradient: float = 0.0
+    gradient_at: str = ""
     unpaired: int = 0
     uncovered: int = 0
 
@@ -112,6 +119,8 @@ class PairCertificate:
             yield f"{self.pair}: a force acts, but the sides are {self.distance:.2f} facets apart"
         if not self.excess_shear <= LIMITS.at_corners:
             yield self._sticking_corner()
+        if not self.gradient <= LIMITS.of_friction:
+            yield self._wrong_gradient()
         if self.unpaired:
             yield (
                 f"{self.pair}: {self.unpaired} nodes are inside another body and have no partner: "
@@ -142,6 +151,8 @@ class PairCertificate:
                 "which carries no multiplier: the force may be far too small; take the other body "
                 "as slave"
             )
+        if LIMITS.negligible < self.gradient <= LIMITS.of_friction:
+            yield self._wrong_gradient()
         if self.redundant:
             yield (
                 f"{self.pair}: {self.redundant} sticking nodes are constrained by other pairs as "
@@ -163,6 +174,15 @@ class PairCertificate:
             f"shear along '{master}' is {self.excess_shear:.1%} above the friction limit: the "
             "direction of the force on a corner, that of its averaged normal, is not resolved; "
             f"take '{master}' as slave and '{slave}' as master, or round the corner"
+        )
+
+    def _wrong_gradient(self) -> str:
+        """Describe the gradient of a distance that is not its derivative."""
+        return (
+            f"{self.pair}: the gradient of the obstacle's distance is turned by "
+            f"{np.degrees(np.arcsin(min(self.gradient, 1.0))):.1f} degrees from difference "
+            f"quotients, most at {self.gradient_at}: contact forces act along it; check the "
+            "function of the obstacle"
         )
 
     def _resultant_outside(self) -> str:

@@ -23,3 +23,9 @@ def test_free_motion_and_its_opposite_are_described_alike(motion, words):
     body = FloatingBody(0, np.array([3.0, 4.0]), 2.0, np.eye(3), 1.0, 4)
     for sign in (1.0, -1.0):
         assert body.describe(sign * np.array(motion)) == words
+
+
+def test_the_direction_of_a_driven_translation_is_kept():
+    body = FloatingBody(0, np.array([3.0, 4.0]), 2.0, np.eye(3), 1.0, 4)
+    falling = np.array([0.0, -2.0, 1e-7])
+    assert body.describe(falling, directed=True) == "move along (0, -1)"

@@ -17,6 +17,9 @@ class Spoilt(fm.Coulomb):
     def _answer(self, method, answer):
         return self._spoil(answer) if self._on and method == self.method else answer
 
+    def limit(self, node):
+        return self._answer("limit", super().limit(node))
+
     def branch(self, node, before):
         return self._answer("branch", super().branch(node, before))
 

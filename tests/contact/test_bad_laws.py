@@ -21,6 +21,12 @@ WRONG_ANSWERS = [
     ("branch", lambda p: p[:2], ValueError, r"branch returned an array of shape \(2,\)"),
     ("branch", lambda p: None, ValueError, "branch returned an array of .* type object"),
     ("branch", lambda p: p + 0.5, ValueError, "branch returned .*; expected integers"),
+    (
+        "limit",
+        lambda b: (b[0] * np.nan, *b[1:]),
+        NotFiniteError,
+        "limit returned .* not finite at 5",
+    ),
     ("tangential", spoil_row("residual"), NotFiniteError, r"not finite at 5 nodes .* one at \("),
     ("tangential", spoil_row("by_slip"), NotFiniteError, "tangential returned numbers"),
     ("tangential", lambda row: None, ValueError, "tangential returned None; expected a Row"),

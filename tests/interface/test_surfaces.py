@@ -12,8 +12,8 @@ from dolfinx import fem
 import fenics_mortar as fm
 from fenics_mortar.interface.surfaces import extract_surface
 from fenics_mortar.mesh.space import DisplacementSpace
-from meshes import rings, two_blocks
-from meshes.mapped_grids import Grid, block, build
+from meshes import mapped_grids, rings, two_blocks
+from meshes.mapped_grids import Grid, block, build, sector
 
 comm = MPI.COMM_WORLD
 
@@ -31,6 +31,20 @@ def test_body_lies_on_the_left_of_each_facet(name, normal, cell):
     edges = side.X[side.facets[:, 1]] - side.X[side.facets[:, 0]]
     outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / side.lengths[:, None]
     assert np.allclose(outward, normal, atol=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_body_lies_on_the_left_of_thin_curved_cells(cell):
+    """Of eight cells a ring, so thin that the chord of its outside lies inside of the hole."""
+
+    def ring(*, cell):
+        x = sector(16, 2, radii=(0.98, 1.0))
+        return mapped_grids.build([Grid("ring", x, closed=True)], cell=cell, order=2)
+
+    for name, turn in (("ring/bottom", 1.0), ("ring/top", -1.0)):
+        _, side = surface(ring, name, degree=2, cell=cell)
+        a, b = side.X[side.facets[:, 0]], side.X[side.facets[:, -1]]
+        assert (np.sign(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) == turn).all()
 
 
 def test_open_curve_is_numbered_from_end_to_end():

@@ -20,6 +20,7 @@ from fenics_mortar.io.paraview import ResultsWriter
 from fenics_mortar.io.picture import plot
 from fenics_mortar.io.table import contact_table
 from fenics_mortar.utils import compat
+from meshes import two_blocks
 
 COMM = MPI.COMM_WORLD
 CELLS = ("triangle", "quadrilateral")
@@ -29,6 +30,7 @@ KINDS = {
     ("quad", 1): "quad",
     ("quad", 2): "quad9",
 }
+HELD = ("lower/bottom", "upper/top")
 SMALL = {"n_upper": 4, "n_lower": 6, "layers_upper": 4, "layers_lower": 3, "gap": 0.01}
 
 
@@ -374,6 +376,23 @@ def test_plot_draws_into_given_axes_with_units_and_writes_no_file(shared_path):
         legend, inside = axes.get_legend().get_window_extent(), axes.get_window_extent()
         labels = axes.xaxis.get_label().get_window_extent()
         assert legend.y1 < labels.y0 < inside.y0  # outside of the curves, and of the label
+
+
+def test_plot_names_the_masters_of_a_surface_that_meets_several():
+    data = scenes.read(two_blocks.build, gap=3.0, n_lower=12, layers_lower=3)
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    held = [fm.dirichlet(u.function_space, data, name, (0, 0)) for name in HELD]
+    circles = [fm.Circle((x, 1.98), 1.0, name=f"at {x}") for x in (0.5, 1.7)]
+    problem = fm.ContactProblem(
+        scenes.internal(u, scenes.linear_elastic(u, 100.0, 0.3)), u,
+        [fm.ContactPair(data, "lower/top", circle) for circle in circles],
+        bcs=held, petsc_options_prefix="test_",
+    )  # fmt: skip
+    problem.solve()
+    axes = axes_of(problem)
+    if COMM.rank == 0:
+        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert ["by at 0.5," in labels[0], "by at 1.7," in labels[1]] == [True, True]
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ class Curves:
     def find(self, n):
         """Find the segments as a problem does."""
         moves = self.coupled or (self.thickness is not None and self.thickness[1] != 0.0)
-        slave = SimpleNamespace(facets=self.slave, functions_move=moves)
+        slave = SimpleNamespace(facets=self.slave, functions_move=moves, roles=None)
         self.segments = s = find_segments(
             slave, SimpleNamespace(facets=self.master), self.x, n, self.m,
             facets=np.arange(len(self.slave)), radius=self.radius, min_cosine=LIMITS[0],

@@ -84,6 +84,28 @@ def test_distance_that_is_not_finite_on_one_rank_is_refused_by_all():
     assert problem.solve().converged
 
 
+@pytest.mark.parametrize("angle, told", [(0.05, "2.9 degrees"), (0.3, "17.2"), (0.01, None)])
+def test_gradient_of_another_distance_is_a_violation_or_a_remark(angle, told):
+    def turned(x, phi, g, H):
+        return phi, np.tile((np.sin(angle), np.cos(angle)), (len(x), 1)), H
+
+    problem = on_obstacle(Floor(turned).obstacle)
+    report = problem.solve(accept_violations=True)
+    violations = [words for words in report.certificate.violations() if "gradient" in words]
+    assert bool(violations) == (told is not None)
+    if told is None:
+        assert any("turned by 0.6 degrees" in note for note in report.notes)
+    else:
+        assert told in violations[0]
+
+
+def test_gradient_of_a_scaled_distance_is_none():
+    def scaled(x, phi, g, H):
+        return 3.0 * phi, g, H
+
+    assert on_obstacle(Floor(scaled).obstacle).solve().certificate.pairs[0].gradient < 1e-6
+
+
 @several_ranks
 def test_distance_that_raises_at_nodes_on_one_rank_raises_on_all():
     def fails(x, *fields):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Markdown files: relative links lead to files, and the script of the README compiles."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -30,3 +31,32 @@ def test_scripts_in_the_readme_compile():
     assert scripts
     for script in scripts:
         compile(script, "README.md", "exec")
+
+
+@pytest.mark.serial
+def test_troubleshooting_quotes_messages_of_the_code():
+    """Its headings are messages of the package, with … for what varies."""
+    page = (ROOT / "demos" / "guide" / "site" / "troubleshooting.md").read_text()
+    quoted = re.findall(r"^### `(.*)`$", page, re.MULTILINE)
+    messages = [
+        re.sub(r"\s+", " ", text)
+        for file in (ROOT / "fenics_mortar").rglob("*.py")
+        for text in texts_of(ast.parse(file.read_text()))
+    ]
+    patterns = [".*".join(map(re.escape, quote.split("…"))) for quote in quoted]
+    unknown = [
+        quote
+        for quote, pattern in zip(quoted, patterns)
+        if not any(re.search(pattern, message) for message in messages)
+    ]
+    assert quoted and unknown == []
+
+
+def texts_of(tree):
+    """All strings of a module, with … for inserted values."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            parts = [part.value if isinstance(part, ast.Constant) else "…" for part in node.values]
+            yield "".join(map(str, parts))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value

@@ -8,6 +8,7 @@ from small_scenes import pushed_block
 import fenics_mortar as fm
 from fenics_mortar.equations import solver
 from fenics_mortar.rigid import proximal
+from fenics_mortar.rigid.springs import over_contact
 
 
 class Scripted:
@@ -86,3 +87,9 @@ def test_springs_begin_where_the_solve_without_them_began(monkeypatch):
     monkeypatch.setattr(problem.equations, "drifts", lambda: False)
     problem._solver._solve_on_all_dofs()
     assert np.array_equal(begun[0], start.u)
+
+
+def test_springs_without_contact_are_told_apart():
+    assert over_contact(1.0, 4.0) == 0.25
+    assert over_contact(0.0, 0.0) == 0.0
+    assert over_contact(1e-9, 0.0) == np.inf

@@ -118,10 +118,15 @@ ELASTIC = {"inner": (300.0, 0.25), "outer": (100.0, 0.3)}
 
 
 def pressed_on(count, material, *, overlap, sliding="finite"):
-    """Pressure between two tubes with ``count`` quadratic cells over each wall.
+    """Pressure between two tubes with ``count`` quadratic cells over each wall."""
+    problem = press_fit(count, material, overlap=overlap, sliding=sliding)
+    pressure = problem.contacts[0].pressure
+    assert np.ptp(pressure) < 1e-8 * pressure.mean()
+    return float(pressure.mean())
 
-    The overlap is in the mesh or, without ``overlap``, in the initial gap.
-    """
+
+def press_fit(count, material, *, overlap=False, sliding="finite"):
+    """Two tubes in contact; the overlap is in the mesh or, by default, in the initial gap."""
     radii = {"inner": (A, B + INTERFERENCE * overlap), "outer": (B, C)}
     grids = [
         Grid(name, block(count, rows, width=R - r, height=0.1, corner=(r, 0.0)))
@@ -141,9 +146,7 @@ def pressed_on(count, material, *, overlap, sliding="finite"):
         geometry="axisymmetric", newton=TIGHT, petsc_options_prefix="fit_",
     )  # fmt: skip
     problem.solve()
-    pressure = problem.contacts[0].pressure
-    assert np.ptp(pressure) < 1e-8 * pressure.mean()
-    return float(pressure.mean())
+    return problem
 
 
 # rounding of factors that ranks share is larger

@@ -2,6 +2,7 @@
 """Settings of Sphinx for the documentation site; ``demos/guide/build.sh`` starts it."""
 
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -10,7 +11,9 @@ root = Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(root)]
 
 from docutils import nodes
+from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.util import logging
 
 import fenics_mortar
 
@@ -30,7 +33,7 @@ extensions = [
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 4
 exclude_patterns = ["files"]
-smartquotes = False
+smartquotes_action = "D"  # dashes only
 
 # Reference
 napoleon_numpy_docstring = False
@@ -39,9 +42,8 @@ napoleon_use_ivar = True
 napoleon_attr_annotations = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the docstrings give types, shapes and units
-autodoc_default_options = {"members": True, "show-inheritance": True}
 add_module_names = False
-toc_object_entries_show_parents = "hide"
+toc_object_entries = False  # headings suffice
 nitpicky = True
 # Bases outside of the package, which this site does not describe.
 nitpick_ignore_regex = [("py:.*", r"(?!fenics_mortar).*")]
@@ -64,7 +66,11 @@ html_copy_source = False
 
 def formula(text, *, display):
     """A formula as MathML, which browsers draw without scripts and without a network."""
-    return str(tex2mathml(text, as_block=display))
+    try:
+        return str(tex2mathml(text, as_block=display))
+    except MathError as error:
+        logging.getLogger(__name__).warning("formula %s: %s", text, error)
+        return ""
 
 
 def visit_math(translator, node):
@@ -81,9 +87,25 @@ def visit_display(translator, node):
     raise nodes.SkipNode
 
 
-def keep_bars(app, what, name, obj, options, lines):
-    """Show |x| as it is: reStructuredText takes it for a substitution."""
-    lines[:] = [line.replace("|", "\N{DIVIDES}") for line in lines]
+MODULES = {path.stem: path for path in (root / "fenics_mortar").rglob("*.py")}
+TABLES = re.compile(r"(^=+(?: +=+)+$.*^=+(?: +=+)+$)", re.MULTILINE | re.DOTALL)
+SEE = re.compile(r"\b(see|also) ``(\w+)``")
+
+
+def link(match):
+    """Link of "see ``module``" to the page of the module."""
+    path = MODULES.get(match[2])
+    if path is None:
+        return match[0]
+    module = ".".join(path.relative_to(root).with_suffix("").parts)
+    return f"{match[1]} :py:mod:`{match[2]} <{module}>`"
+
+
+def edit_docstring(app, what, name, obj, options, lines):
+    """Link modules; show |x| as it is, which reStructuredText takes for a substitution."""
+    pieces = TABLES.split("\n".join(lines).replace("|", "\N{DIVIDES}"))
+    pieces[::2] = [SEE.sub(link, piece) for piece in pieces[::2]]
+    lines[:] = "".join(pieces).split("\n")
 
 
 def skip_fields(app, what, name, obj, skip, options):
@@ -94,5 +116,5 @@ def skip_fields(app, what, name, obj, skip, options):
 def setup(app):
     """Register the renderer of formulas, and the treatment of docstrings."""
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_display, None))
-    app.connect("autodoc-process-docstring", keep_bars)
+    app.connect("autodoc-process-docstring", edit_docstring)
     app.connect("autodoc-skip-member", skip_fields)

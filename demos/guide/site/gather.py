@@ -39,15 +39,16 @@ GROUPS = {
     "pairs": ("Contact pairs", ("contact", "contact.laws")),
     "obstacles": ("Rigid obstacles", ("obstacles", "rigid")),
     "paths": ("Load steps and dynamics", ("path", "bulk")),
+    "sensitivities": ("Sensitivities", ("sensitivity",)),
     "models": ("Choice of the model", ("models",)),
     "verification": ("Verification of results", ("verify",)),
     "files": ("Files and pictures", ("io",)),
     "errors": ("Errors", ("utils",)),
+    "further": ("Further names", ()),
 }
 # Classes that users meet and do not make.
 MET = (Iteration, Nodal, Row, InterfaceState, PairView, State, PathStep, OperatorMatrices)
-OF_CLASSES = ("   :members:", "   :inherited-members: ABC, BaseException, Exception, tuple",
-              "   :show-inheritance:")  # fmt: skip
+OF_CLASSES = ("   :members:", "   :inherited-members: ABC, BaseException, Exception, tuple")
 STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
 
 
@@ -120,7 +121,7 @@ class Gathered:
     def _put(self, page: str, origin: str, text: str) -> None:
         path = self._folder / page
         path.parent.mkdir(parents=True, exist_ok=True)
-        if not text.startswith("# "):
+        if not text.startswith(("# ", "---")):
             text = f"# {path.stem.replace('_', ' ').capitalize()}\n\n{text}"
         pieces = FENCE.split(text)  # links only outside of code
         pieces[::2] = [self._relink(piece, page, origin) for piece in pieces[::2]]
@@ -216,7 +217,9 @@ class Gathered:
             found[group_of(thing)].append(full)
         (self._folder / "reference").mkdir()
         tables = []
-        for group, (title, _) in GROUPS.items():
+        groups = [group for group in GROUPS if found[group]]
+        for group in groups:
+            title = GROUPS[group][0]
             lines, rows = [f"# {title}", ""], ["| name | |", "|---|---|"]
             for full in found[group]:
                 name = full.rpartition(".")[2]
@@ -228,7 +231,7 @@ class Gathered:
             (self._folder / "reference" / f"{group}.md").write_text("\n".join(lines))
             tables += [f"## {{doc}}`{title} <reference/{group}>`", "", *rows, ""]
         path = self._folder / "reference.md"
-        names = "\n".join(f"reference/{group}" for group in GROUPS)
+        names = "\n".join(f"reference/{group}" for group in groups)
         text = path.read_text().replace("<tables>", "\n".join(tables))
         path.write_text(text.replace("<names>", names))
 
@@ -267,7 +270,7 @@ def group_of(thing: Any) -> str:
     module = thing.__module__.removeprefix("fenics_mortar.")
     matches = [(len(place), group) for group, (_, places) in GROUPS.items() for place in places
                if f"{module}.".startswith(f"{place}.")]  # fmt: skip
-    return max(matches)[1]
+    return max(matches, default=(0, "further"))[1]
 
 
 def documented(thing: Any) -> tuple[str, str]:
@@ -281,7 +284,7 @@ def automodule(module: str) -> list[str]:
     """Directive with the documentation of a module."""
     elsewhere = {full.rpartition(".")[2]: full for full, thing in in_reference().items()
                  if thing.__module__ == module}  # fmt: skip
-    lines = ["```{eval-rst}", f".. automodule:: {module}", "   :members:", "   :show-inheritance:"]
+    lines = ["```{eval-rst}", f".. automodule:: {module}", "   :members:"]
     if not elsewhere:
         return [*lines, "```", ""]
     links = ", ".join(f"{{py:obj}}`{name} <{full}>`" for name, full in elsewhere.items())

@@ -245,7 +245,7 @@ def pose(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0
         [fm.ContactPair(data, scene.slave, master, law=law, sliding=rung.sliding)],
         bcs=bcs,
         petsc_options_prefix="ladder_",
-        linearization=rung.equations.linearization,
+        linearization=rung.linearization,
         newton=fm.NewtonOptions(max_iterations=100),
         adequacy=check,
     )

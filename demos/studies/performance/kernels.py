@@ -37,7 +37,9 @@ def measure(facets, **integration):
     )
     chain = np.arange(facets + 1)
     surface = SimpleNamespace(
-        facets=np.stack([chain[:-1], chain[1:]], axis=1), functions_move=False
+        facets=np.stack([chain[:-1], chain[1:]], axis=1),
+        functions_move=False,
+        roles=None,
     )
     n, dn = np.empty_like(x), np.zeros((facets + 1, 2, 6))
     following = np.append(chain[1:], -1)

@@ -1,0 +1,111 @@
+# # Hertz: a ball pressed on a flat, on four meshes
+#
+# This demo shows bodies of revolution on graded meshes, and how fast results converge.
+#
+# ## Problem
+# A ball of radius R = 8 mm is pressed on a flat of the same linear elastic material, without
+# friction. By Hertz's theory a force P makes
+#
+# a^3 = 3 P R / (4 E*),   p = p0 sqrt(1 - (r/a)^2),   p0 = 3/2 P / (pi a^2),
+#
+# where E* = E / (2 (1 - nu^2)): the peak p0 is 3/2 of the mean pressure. P is the computed contact
+# force. The computed radius is that of the second moment of nodal forces, sum f r^2 = 2/5 a^2 P;
+# the peak that of a fit, p^2 being linear in r^2.
+#
+# The pressure ends like a square root, which the last facet, of length h, does not resolve: an
+# error in p of order sqrt(h) over this length. So its root mean square should fall like h. Radius
+# and peak depend less on the end. Errors vary with the place of the end in its facet: they are
+# averaged over nine loads.
+#
+# ## Implementation
+
+# +
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+from matplotlib.figure import Figure
+
+import ufl
+from dolfinx import fem
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import fenics_mortar as fm
+from meshes.mapped_grids import Grid, build, mapped
+
+comm, R, E, nu, size, meshes = MPI.COMM_WORLD, 8.0, 200e3, 0.3, 4.0, np.array([16, 32, 64, 128])
+# -
+
+# The axis is x = 0. There are n x n cells, whose lengths grow like a power from the origin on; of
+# the ball there is only the part below y = 4 mm. Hertz's theory neglects that points of the surface
+# move sideways. So does `sliding="small"`; then all loads share one factorization.
+
+
+# +
+def graded(s):
+    return size * np.sinh(6 * s) / np.sinh(6)
+
+
+def ball(s, t):
+    return graded(s), graded(t) + (1 - graded(t) / size) * (R - np.sqrt(R**2 - graded(s) ** 2))
+
+
+def strain(u, r):
+    e = ufl.sym(ufl.grad(u))
+    return ufl.as_tensor([[e[0, 0], e[0, 1], 0], [e[1, 0], e[1, 1], 0], [0, 0, u[0] / r]])
+
+
+def run(n):
+    if comm.rank == 0:
+        gmsh.initialize(["", "-v", "0"])
+        flat = mapped(5 * n // 4, n, lambda s, t: (1.5 * graded(s), -1.5 * graded(1 - t)))
+        build([Grid("ball", mapped(n, n, ball)), Grid("flat", flat)])
+    data = fm.read_gmsh(gmsh.model, comm)
+    V, push = fm.vector_space(data.mesh, 1), fem.Constant(data.mesh, 0.0)
+    u, v, r = fem.Function(V), ufl.TestFunction(V), ufl.SpatialCoordinate(data.mesh)[0]
+    stress = strain(u, r) + nu / (1 - 2 * nu) * ufl.tr(strain(u, r)) * ufl.Identity(3)
+    residual = 2 * np.pi * r * E / (1 + nu) * ufl.inner(stress, strain(v, r)) * ufl.dx(degree=3)
+    held = (["ball/left", "flat/left"], 0.0, 0), ("ball/top", push, 1), ("flat/bottom", 0.0, 1)
+    pair = fm.ContactPair(data, "ball/bottom", "flat/top", sliding="small")
+    options = {"geometry": "axisymmetric", "petsc_options_prefix": "ball_"}
+    options["bcs"] = [fm.dirichlet(V, data, *condition) for condition in held]
+    problem = fm.ContactProblem(residual, u, [pair], **options)
+    contact, r, rows = problem.contacts[0], problem.contacts[0].positions[:, 0], []
+    for push.value in np.linspace(-0.0004, -0.0008, 9):
+        problem.solve()
+        p, f = contact.pressure, contact.forces[:, 1]
+        a = (1.5 * f.sum() * R * (1 - nu**2) / E) ** (1 / 3)
+        hertz = 1.5 * f.sum() / (np.pi * a**2) * np.sqrt(1 - np.minimum(r / a, 1) ** 2)
+        radius, inner = np.sqrt(2.5 * f @ r**2 / f.sum()), r < 0.7 * a
+        peak = np.sqrt(np.polyfit(r[inner] ** 2, p[inner] ** 2, 1)[1])
+        w = r * np.gradient(r) / (r * np.gradient(r) @ hertz**2)
+        rows.append((np.sqrt(w @ (p - hertz) ** 2), radius / a - 1, peak / hertz[0] - 1))
+    return np.sqrt(np.mean(np.square(rows), 0)), r, p, hertz, peak * np.pi * radius**2 / f.sum()
+
+
+# -
+
+# ## Comparison
+
+# +
+errors, r, p, hertz, ratio = zip(*[run(n) for n in meshes])
+rates = -np.polyfit(np.log(meshes), np.log(errors), 1)[0]
+if comm.rank == 0:
+    print(f"{np.array(errors)}\nrates {rates.round(2)}; peak / mean {ratio[-1]:.4f}")
+    Path("results").mkdir(exist_ok=True)
+    left, right = (figure := Figure((9, 3.4), layout="constrained")).subplots(1, 2)
+    left.set(xlabel="r [mm]", ylabel="contact pressure [MPa]", xlim=(0, 0.1))
+    left.plot(r[0], p[0], "s", r[1], p[1], "^", r[3], p[3], "o", r[3], hertz[3], "k", ms=4)
+    left.legend([*(f"{n} x {n} cells" for n in meshes[[0, 1, 3]]), "Hertz"])
+    right.set(xlabel="n", ylabel="relative error", xlim=(10, 200))
+    right.legend(right.loglog(meshes, errors, "o-"), ["pressure", "radius", "peak"])
+    right.loglog(meshes, 2 / meshes, "k--", meshes, 8 / meshes**2, "k:")
+    figure.savefig("results/ball.png", dpi=150)
+# -
+
+# ## Check
+
+assert 0.8 < rates[0] < 1.3 and rates[1:].min() > 1.3 and abs(ratio[-1] / 1.5 - 1) < 0.005

@@ -1,0 +1,103 @@
+# # Identify friction and stiffness from a force-displacement curve
+#
+# This demo computes the gradient of a misfit through a path of sliding contact.
+#
+# ## Problem
+# A block is pressed on another one and drawn sideways: first it sticks and some of its nodes slide,
+# then all do. The forces P and Q on it are known in all steps. Young's modulus E of both blocks and
+# the coefficient of friction mu are unknown: they minimize the misfit
+#
+# J = 1/2 sum_k (P_k - P_k measured)^2 + (Q_k - Q_k measured)^2.
+#
+# The "measured" forces are those of E = 210 and mu = 0.35 here, without noise. L-BFGS-B of scipy
+# needs J and its gradient, which is that of the adjoint method: one transposed solve per step.
+#
+# ## Implementation
+
+# +
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import gmsh
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.optimize import minimize
+
+import ufl
+from dolfinx import fem
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import fenics_mortar as fm
+from meshes import two_blocks
+
+comm = MPI.COMM_WORLD
+measured_E, measured_mu, nu = 210.0, 0.35, 0.3
+# -
+
+model = None
+if comm.rank == 0:
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    model = two_blocks.build(n_upper=8, n_lower=17, layers_upper=6, layers_lower=6)
+data = fm.read_gmsh(model, comm)
+
+# E is a constant of the residual, mu a parameter of the law.
+
+# +
+V = fm.vector_space(data.mesh, 1)
+u, v = fem.Function(V), ufl.TestFunction(V)
+E, law = fem.Constant(data.mesh, measured_E), fm.Coulomb(measured_mu)
+strain = ufl.sym(ufl.grad(u))
+stress = E / (1 + nu) * (strain + nu / (1 - 2 * nu) * ufl.tr(strain) * ufl.Identity(2))
+residual = ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 2})
+push = fem.Constant(data.mesh, (0.0, 0.0))
+bcs = [fm.dirichlet(V, data, "lower/bottom", np.zeros(2)), fm.dirichlet(V, data, "upper/top", push)]
+pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
+problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="identify_")
+unloaded, slides = problem.state(), np.linspace(0.0, 0.06, 13)
+forces, mu = (
+    [fm.sensitivity.TotalForce(0, axis) for axis in np.eye(2)],
+    fm.sensitivity.LawParameter(0, "mu"),
+)
+
+
+def misfit_and_gradient(parameters):  # J and its derivatives by E / 100 and mu
+    E.value, law.mu = 100 * parameters[0], parameters[1]
+    problem.restore(unloaded)
+    path = fm.RecordedPath(problem)
+    for slide in slides:
+        push.value[:] = (slide, -0.02)
+        problem.solve(predict=False)
+        path.record()
+    found = fm.gradient(forces, [E, mu], path, over_steps=fm.sensitivity.least_squares(measured))
+    curves.append(found.values)
+    return found.value, np.array([100 * found[E], found[mu]])
+
+
+curves, measured = [], np.zeros((slides.size, 2))
+misfit_and_gradient([measured_E / 100, measured_mu])
+measured = curves.pop()
+options = {"method": "L-BFGS-B", "bounds": [(0.5, 5.0), (0.05, 1.0)], "options": {"ftol": 0.0}}
+result = minimize(misfit_and_gradient, [1.5, 0.2], jac=True, **options)
+# -
+
+# ## Comparison
+
+# +
+errors = np.abs(result.x / [measured_E / 100, measured_mu] - 1)
+if comm.rank == 0:
+    print(f"{len(curves)} paths; E / 100 and mu {result.x}, relative errors {errors}")
+    Path("results").mkdir(exist_ok=True)
+    figure = Figure((6, 3.2), layout="constrained")
+    axes = figure.add_subplot(xlabel="displacement [mm]", ylabel="shear force [N/mm]")
+    for number, curve in enumerate(curves, 1):
+        axes.plot(slides, -curve[:, 0], color="#c8102e", alpha=number / len(curves), lw=1)
+    axes.plot(slides, -measured[:, 0], "ko", ms=4)
+    figure.savefig("results/identify.png", dpi=150)
+# -
+
+# ## Check
+
+assert max(errors) < 1e-6

@@ -1,0 +1,67 @@
+# # The time of a gradient beside that of its path
+#
+# A half cylinder is pressed on a block with friction and drawn sideways in 20 steps. The objective
+# is the misfit of the forces of all steps; controls are the Young's modulus, mu, and a body force
+# with as many numbers as there are unknowns. Times are CPU times; the argument is the number of
+# refinements of the mesh; "linear": the bodies are linear, and the path has factors of the bulk:
+#
+#     python3 -m demos.studies.performance.gradient 1
+
+# +
+import sys
+import time
+
+from mpi4py import MPI
+
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from demos.studies.common import lame, linear_elastic, neo_hookean
+from demos.studies.performance.scene import read
+from meshes import half_cylinder_on_block
+
+comm = MPI.COMM_WORLD
+refinements = next((int(arg) for arg in sys.argv[1:] if arg.isdecimal()), 0)
+linear = "linear" in sys.argv
+# -
+
+# +
+shape = {"radius": 8.0, "width": 48.0, "height": 24.0, "fine": 1.0, "growth": 0.2, "h": 0.1}
+data = read(half_cylinder_on_block.build, refinements=refinements, **shape)
+V = fm.vector_space(data.mesh, 1)
+u, v = fem.Function(V), ufl.TestFunction(V)
+E, load, push = fem.Constant(data.mesh, 200.0), fem.Function(V), fem.Constant(data.mesh, (0.0, 0.0))
+mu, lmbda = lame(E, 0.3)
+dx = ufl.dx(metadata={"quadrature_degree": 1})
+stress = linear_elastic(u, mu, lmbda) if linear else neo_hookean(u, mu, lmbda)
+residual = ufl.inner(stress, ufl.grad(v)) * dx - ufl.inner(load, v) * dx
+bcs = [fm.dirichlet(V, data, "block/bottom", np.zeros(2))]
+bcs += [fm.dirichlet(V, data, "cylinder/top", push)]
+pair = fm.ContactPair(data, "cylinder/arc", "block/top", law=fm.Coulomb(0.2))
+options = {"petsc_options_prefix": "gradient_", "linear_bulk": linear}
+problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
+# -
+
+# +
+path, iterations, start = fm.RecordedPath(problem), 0, time.process_time()
+for step in range(1, 21):
+    push.value[:] = (0.02 * max(step - 8, 0), -0.02 * min(step, 8))
+    iterations += problem.solve().num_iterations
+    path.record()
+forward = comm.allreduce(time.process_time() - start, MPI.MAX)
+forces = [fm.sensitivity.TotalForce(0, direction) for direction in np.eye(2)]
+controls = [E, fm.sensitivity.LawParameter(0, "mu"), load]
+misfit = fm.sensitivity.least_squares(np.zeros((20, 2)))
+for words in ("first, with compilation", "second"):
+    start = time.process_time()
+    gradient = fm.gradient(forces, controls, path, over_steps=misfit)
+    backward = comm.allreduce(time.process_time() - start, MPI.MAX)
+    if comm.rank == 0:
+        print(
+            f"{problem.equations.bulk.r.getSize()} unknowns, {iterations} iterations in 20 steps: "
+            f"{forward:.2f} s; {words} gradient {backward:.2f} s, {backward / forward:.2f} of that"
+        )
+# -

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: MIT
+"""Time and memory of a contact law: values of the start of a step, replaced at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.contact.law import Law
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import call_together, check_same
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """Time and memory at an accepted state, a value.
+
+    Attributes:
+        time: Its time.
+        step: Length of the step that ended there; 1 before the first one [time].
+        memory: The law's numbers by name, shape (slave nodes,) each; read-only.
+    """
+
+    time: float = 0.0
+    step: float = 1.0
+    memory: Mapping[str, Array] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, time: float, step: float, memory: Mapping[str, Array]) -> Instant:
+        """An instant with copies of the arrays (local)."""
+        kept = {name: np.array(values, float) for name, values in memory.items()}
+        for values in kept.values():
+            values.flags.writeable = False
+        return cls(time, step, MappingProxyType(kept))
+
+    def begins(self, law: Law) -> bool:
+        """Whether the memory is not that of a law with these names."""
+        return tuple(self.memory) != tuple(law.memory)
+
+
+def first_instant(law: Law, slave: Surface, time: float) -> Instant:
+    """Time and initial memory of a law (collective).
+
+    Raises:
+        Exception: Any error of ``law.initial``, on all ranks.
+        ValueError: If it returns other names, shapes or values.
+    """
+
+    def initial() -> Mapping[str, Array]:
+        return check_memory(law, "initial", law.initial(slave.X.copy()), slave.num_nodes)
+
+    memory = call_together(slave.comm, f"{law!r}", initial) if law.memory else {}
+    check_same(slave.comm, [(f"{name} of {law!r}", values) for name, values in memory.items()])
+    return Instant.of(time, 1.0, memory)
+
+
+def check_memory(law: Law, what: str, answer: Any, count: int) -> dict[str, Array]:
+    """Memory returned by a law, in the order of its names (local).
+
+    Raises:
+        ValueError: If names, shapes or values are not allowed.
+    """
+    if not isinstance(answer, Mapping) or set(answer) != set(law.memory):
+        raise ValueError(
+            f"{law!r}: {what} returned {answer!r}; expected arrays named {', '.join(law.memory)}"
+        )
+    return {name: check_numbers(law, f"{what}: {name}", answer[name], count) for name in law.memory}
+
+
+def check_numbers(law: Law, what: str, values: Any, count: int) -> Array:
+    """Finite real numbers, one per slave node."""
+    array = np.asarray(values)
+    if array.shape != (count,) or array.dtype.kind not in "iufb":
+        raise ValueError(
+            f"{law!r}: {what} has shape {array.shape} and type {array.dtype}; expected real "
+            f"numbers of shape ({count},), one per slave node"
+        )
+    if not np.isfinite(array).all():
+        raise ValueError(f"{law!r}: {what} is not finite at {(~np.isfinite(array)).sum()} nodes")
+    return array.astype(float)
+
+
+def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
+    """Names of the memory, time and step (2,), and memory (names, slave nodes), for files (local).
+
+    Without names and memory for a tie.
+    """
+    instant, count = contact.state.committed or Instant(), contact.slave.num_nodes
+    values = np.array(list(instant.memory.values()), float).reshape(-1, count)
+    return list(instant.memory), np.array([instant.time, instant.step]), values
+
+
+def take_instant(contact: Any, clock: Array, values: Array) -> None:
+    """Go to an instant of a file with the memory of the present law (local)."""
+    time, step = map(float, clock)
+    instant = contact.state.committed
+    if instant is not None:
+        memory = dict(zip(instant.memory, values, strict=True))
+        contact.change(committed=Instant.of(time, step, memory))
+    contact.change(load_time=time)

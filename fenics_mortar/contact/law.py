@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: MIT
+"""Base of contact laws, and the two without parameters.
+
+Beside the tangential row and an adhesion, see ``laws``, a law may have
+
+- ``closing_gap``: a length g_c(g, u, z_n, z_tau) that takes the place of the gap g in
+
+    g_c >= 0,    z_n + a >= 0,    (z_n + a) g_c = 0.
+
+  Wear h is g_c = g + h; a soft layer of compliance 1 / k is g_c = g + z_n / k; a layer with the
+  pressure p(overlap) is g_c = (z_n - p(-g)) / k with any stiffness k.
+- ``memory``: numbers of its own at each node, which ``remember`` replaces at the end of a step.
+  They are part of the state of the interface: those of a step that fails are lost, checkpoints
+  have them.
+- ``fields``: parameters that vary in space.
+
+Each method sees all of ``Nodal``: positions, time, step and memory. Derivatives are the law's own,
+or those of ``nodal.row_of``. Archard's wear with Coulomb's friction, h' = wear z_n |u'|:
+
+>>> from fenics_mortar.contact.laws import Coulomb
+>>> from fenics_mortar.contact.nodal import magnitude, row_of
+>>> class Worn(Coulomb):
+...     memory = ("depth",)
+...
+...     def __init__(self, mu: float, wear: float) -> None:
+...         super().__init__(mu)
+...         self.wear = wear
+...
+...     def depth(self, node: Nodal) -> Any:
+...         return node.memory["depth"] + self.wear * node.z_n * magnitude(node.slip)
+...
+...     def closing_gap(self, node: Nodal) -> Row:
+...         return row_of(lambda at: at.gap + self.depth(at), node)
+...
+...     def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
+...         return {"depth": self.depth(node)}
+>>> Worn(0.3, wear=1e-4).memory
+('depth',)
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row
+from fenics_mortar.utils.errors import in_words
+
+# Distance from a kink of the complementarity functions [1] within which a node counts as on it:
+# that of the shear over the friction limit, and that of the gap over the nodal length. Larger than
+# the errors that Newton's method leaves.
+KINK = 1e-8
+STICK = 0
+
+
+def varies(value: Any) -> bool:
+    """Whether a parameter of a law is an array or a function of the position, no number."""
+    return isinstance(value, np.ndarray) or callable(value)
+
+
+class Law(ABC):
+    """Base class of all laws; all methods act on all slave nodes at once and are local.
+
+    Attributes:
+        parameters: Names of attributes, real numbers or arrays of these, by which results may be
+            differentiated: ``tangential`` and ``adhesion`` have to be analytic in them.
+        memory: Names of the numbers that the law keeps at each node.
+        fields: Names of parameters that may vary in space: attributes that are a number, an array
+            (slave nodes,), a function of undeformed positions (n, 2), or a scalar function of
+            dolfinx. Those that are no numbers are in ``Nodal.fields``, evaluated at each solve.
+        needs_time: Whether the law needs the length of the step, so that ``ContactProblem.time``
+            has to increase from solve to solve.
+        bridges_gap: Whether the tangential row also holds at open nodes with adhesion.
+    """
+
+    parameters: tuple[str, ...] = ()
+    memory: tuple[str, ...] = ()
+    fields: tuple[str, ...] = ()
+    needs_time: bool = False
+    bridges_gap: bool = False
+
+    def __repr__(self) -> str:
+        """Name and public numbers, equal on all ranks."""
+        return in_words(self)
+
+    @abstractmethod
+    def branch(self, node: Nodal, before: Branches) -> Branches:
+        """Branch of rho at each node, 0 for stick, shape (slave nodes,), int.
+
+        Args:
+            node: State of the slave nodes.
+            before: Previous branches, shape (slave nodes,), int.
+        """
+
+    @abstractmethod
+    def tangential(self, node: Nodal, branch: Branches) -> Row:
+        """Residual rho and its derivatives on given branches.
+
+        Args:
+            node: State of the slave nodes.
+            branch: Branches, shape (slave nodes,), int.
+
+        Returns:
+            Arrays (slave nodes,) or scalars.
+        """
+
+    def friction_limit(self, pressure: Array) -> Array:
+        """Largest admissible |z_tau| at given pressures, of a law that is the same at all nodes.
+
+        Args:
+            pressure: Shape (n,) [stress].
+
+        Returns:
+            Friction limits, shape (n,) [stress]; inf where there is none.
+        """
+        raise NotImplementedError(f"{self!r} has no friction_limit of the pressure alone")
+
+    def friction_limit_at(self, node: Nodal) -> Array:
+        """Largest admissible |z_tau| at each node at the pressure ``node.z_n``.
+
+        Override it instead of ``friction_limit`` where the limit depends on more than the pressure.
+
+        Returns:
+            Friction limits of the shape of ``node.z_n`` [stress]; inf where there is none.
+        """
+        return self.friction_limit(node.z_n)
+
+    def adhesion(self, gap: Array) -> tuple[Array, Array]:
+        """Adhesion of closed and open gaps, and its derivative; zero by default.
+
+        Args:
+            gap: Gaps g >= 0 of any shape [length].
+
+        Returns:
+            a(g) >= 0 [stress] and a'(g) [stress / length], each of the shape of ``gap``.
+        """
+        return np.zeros_like(gap), np.zeros_like(gap)
+
+    def adhesion_at(self, node: Nodal) -> Row:
+        """Adhesion at the gaps ``node.gap`` >= 0, and its derivatives [stress].
+
+        Override it instead of ``adhesion`` where the adhesion depends on more than the gap.
+        """
+        return Row(*self.adhesion(node.gap))
+
+    def closing_gap(self, node: Nodal) -> Row:
+        """The gap that contact closes, and its derivatives [length]; the gap by default."""
+        return Row(node.gap, by_gap=1.0)
+
+    def initial(self, X: Array) -> Mapping[str, Array]:
+        """Memory before the first step; zero by default.
+
+        Args:
+            X: Undeformed positions, shape (slave nodes, 2) [length].
+
+        Returns:
+            An array of shape (slave nodes,) for each name in ``memory``.
+        """
+        return {name: np.zeros(len(X)) for name in self.memory}
+
+    def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
+        """Memory at the end of a converged step; unchanged by default.
+
+        Args:
+            node: State of the slave nodes at the end of the step, memory at its start.
+            branch: Branches, shape (slave nodes,), int.
+
+        Returns:
+            An array of shape (slave nodes,) for each name in ``memory`` [units of the law].
+        """
+        return node.memory
+
+    def check_field(self, name: str, values: Array) -> None:  # noqa: B027
+        """Check the values of a parameter in ``fields`` at the slave nodes (local).
+
+        Args:
+            name: Its name.
+            values: Finite numbers, shape (slave nodes,).
+
+        Raises:
+            ValueError: If a value is not allowed.
+        """
+
+    def check(self) -> None:  # noqa: B027
+        """Check the parameters; called before each solve (local).
+
+        Override it in laws with parameters.
+
+        Raises:
+            ValueError: If a parameter has a value that is not allowed.
+        """
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether the law has friction."""
+        return type(self).tangential is not Frictionless.tangential
+
+    @property
+    def is_of_package(self) -> bool:
+        """Whether the law is one of the package, not a user's."""
+        return type(self).__module__.startswith(f"{__package__}.")
+
+    @property
+    def has_adhesion(self) -> bool:
+        """Whether the law has adhesion."""
+        return type(self).adhesion is not Law.adhesion or self.pulls_by_node
+
+    @property
+    def has_layer(self) -> bool:
+        """Whether the law has a closing gap of its own."""
+        return type(self).closing_gap is not Law.closing_gap
+
+    @property
+    def pulls_by_node(self) -> bool:
+        """Whether the adhesion depends on more than the gap."""
+        return type(self).adhesion_at is not Law.adhesion_at
+
+    @property
+    def varying(self) -> dict[str, Any]:
+        """Parameters in ``fields`` that are not numbers, by name."""
+        given = {name: getattr(self, name) for name in self.fields}
+        return {name: value for name, value in given.items() if varies(value)}
+
+    @property
+    def sees_nodes(self) -> bool:
+        """Whether the law has more than a tangential row, a friction limit and an adhesion a(g)."""
+        kind = type(self)
+        return bool(
+            self.memory
+            or self.has_layer
+            or self.bridges_gap
+            or self.varying
+            or self.pulls_by_node
+            or kind.friction_limit is Law.friction_limit
+        )
+
+
+class Frictionless(Law):
+    """No friction: z_tau = 0."""
+
+    def branch(self, node: Nodal, before: Branches) -> Branches:
+        """All nodes slide; see ``Law.branch``."""
+        return np.ones_like(before)
+
+    def tangential(self, node: Nodal, branch: Branches) -> Row:
+        """The residual is the shear; see ``Law.tangential``."""
+        return Row(node.z_tau, by_z_tau=1.0)
+
+    def friction_limit(self, pressure: Array) -> Array:
+        """Zero; see ``Law.friction_limit``."""
+        return np.zeros_like(pressure)
+
+
+class Stick(Law):
+    """All active nodes stick, without a limit of the shear: (k / l) u = 0."""
+
+    def branch(self, node: Nodal, before: Branches) -> Branches:
+        """All nodes stick; see ``Law.branch``."""
+        return np.full_like(before, STICK)
+
+    def tangential(self, node: Nodal, branch: Branches) -> Row:
+        """The residual is the slip times the stiffness; see ``Law.tangential``."""
+        return Row(node.stiffness * node.slip, by_slip=node.stiffness)
+
+    def friction_limit(self, pressure: Array) -> Array:
+        """Infinity; see ``Law.friction_limit``."""
+        return np.full_like(pressure, np.inf)

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: MIT
+"""Arguments and results of contact laws at the slave nodes, and derivatives by complex step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Branches = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Nodal:
+    """State of the slave nodes; every array of shape (slave nodes,) unless another one is given.
+
+    Attributes:
+        gap: Mean gap g, zero where there is no partner [length]. ``Law.closing_gap`` gets that of
+            the geometry, all other methods the closing gap.
+        slip: Slip u since the last accepted step, positive along tau [length].
+        z_n, z_tau: Multiplier [stress].
+        stiffness: Stiffness k_j / l_j of the bulk [stress / length].
+        c_n: Weight of the gap in the active-set test, c k_j / l_j [stress / length].
+        X, x: Positions in the undeformed mesh and at present, shape (slave nodes, 2) [length].
+        time: Time at the end of the step.
+        step: Length of the step [time].
+        memory: The law's own numbers at the start of the step, by the names in ``Law.memory``.
+        fields: Values of the law's parameters that vary in space, by the names in ``Law.fields``.
+    """
+
+    gap: Array
+    slip: Array
+    z_n: Array
+    z_tau: Array
+    stiffness: Array
+    c_n: Array
+    X: Any = None
+    x: Any = None
+    time: float = 0.0
+    step: float = 1.0
+    memory: Mapping[str, Array] = field(default_factory=dict)
+    fields: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Row(NamedTuple):
+    """Value of a law and its derivatives, each of shape (slave nodes,) or a scalar.
+
+    A residual rho [stress], a gap [length] or an adhesion [stress].
+    """
+
+    residual: Any
+    by_gap: Any = 0.0
+    by_slip: Any = 0.0
+    by_z_n: Any = 0.0
+    by_z_tau: Any = 0.0
+
+
+# Arguments by which a row has derivatives, in the order of ``Row``.
+ARGUMENTS = ("gap", "slip", "z_n", "z_tau")
+# Imaginary increment: its square underflows, so that derivatives are exact to rounding [1].
+TINY_STEP = 1e-200
+
+
+def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
+    """Row of a function, with derivatives by complex step, exact to rounding.
+
+    The function has to be analytic at the nodes: numpy's arithmetic, ``exp``, ``tanh``, ``where``
+    and so on. Take ``magnitude`` for the absolute value, ``np.where`` for maxima.
+
+    Args:
+        function: Value at a ``Nodal`` with complex ``gap``, ``slip``, ``z_n`` or ``z_tau``.
+        node: State of the slave nodes.
+    """
+    changes = []
+    for name in ARGUMENTS:
+        moved = replace(node, **{name: getattr(node, name) + 1j * TINY_STEP})
+        changes.append(np.imag(function(moved)) / TINY_STEP)
+    value = function(node)  # complex where a parameter is, see ``partials_law``
+    return Row(value if np.imag(value).any() else np.real(value), *changes)
+
+
+def magnitude(values: Any) -> Any:
+    """Absolute value that keeps the derivative of complex arguments; +1 at zero."""
+    return np.where(np.real(values) < 0.0, -values, values)
+
+
+def through(row: Row, gap: Row) -> Row:
+    """Row of a law in terms of a gap that is itself a row: the chain rule."""
+    first, *others = row[1:]
+    chained = [a + first * b for a, b in zip(others, gap[2:], strict=True)]
+    return Row(row.residual, first * gap.by_gap, *chained)
+
+
+def at_points(node: Nodal, of: Callable[[Any], Any]) -> Nodal:
+    """Nodal values interpolated to points of the surface; fields of shape (n, q).
+
+    Args:
+        node: State of the slave nodes.
+        of: Interpolates nodal values, shape (slave nodes,), to points, shape (n, q).
+    """
+    new: dict[str, Any] = {}
+    for part in fields(node):
+        value = getattr(node, part.name)
+        if isinstance(value, Mapping):
+            new[part.name] = {name: of(numbers) for name, numbers in value.items()}
+        elif part.name in ("X", "x"):
+            new[part.name] = np.stack([of(value[:, 0]), of(value[:, 1])], axis=-1)
+        else:
+            new[part.name] = of(value) if isinstance(value, np.ndarray) else value
+    return Nodal(**new)

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+"""Derivative of a contact's rows by its offset: through the weighted gap g_j - D_jk offset_k.
+
+Multipliers, displacement, active set and weights of the rows are fixed.
+"""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.interface.mortar import MortarOperators
+from fenics_mortar.utils.arrays import Array
+
+
+def weights_of_gaps(contact: Contact) -> Array:
+    """Derivative of the two rows of a node by its weighted gap, (slave nodes, 2) [1] (local).
+
+    Of the row of a closed gap, and of the laws, which depend on the mean gap.
+    """
+    f = contact.now
+    normal, _, *laws = contact.frame()
+    per_weight = np.where(f.covered, 1.0 / np.where(f.covered, f.operators.weight, 1.0), 0.0)
+    total = normal.copy()
+    for scaled, row in zip(laws, f.law_rows, strict=True):
+        total -= scaled * (row.by_gap * per_weight)[:, None]
+    return total
+
+
+def gap_along(o: MortarOperators, offset: Array) -> Array:
+    """Change of the weighted gaps with the offset, (slave nodes,) [length^2] (collective).
+
+    Args:
+        o: The operators.
+        offset: Change of the offset, shape (slave nodes,) [length].
+    """
+    change = np.zeros(len(o.x))
+    np.add.at(change, o.facet_nodes, -np.einsum("ejk,ek->ej", o.D, offset[o.facet_nodes]))
+    o.slave.comm.Allreduce(MPI.IN_PLACE, change)
+    return change
+
+
+def gap_back(o: MortarOperators, weights: Array) -> Array:
+    """Gradient of the sum of weighted gaps times ``weights`` by the offset (collective).
+
+    Args:
+        o: The operators.
+        weights: Shape (slave nodes,).
+
+    Returns:
+        Shape (slave nodes,), units of ``weights`` times length.
+    """
+    gradient = np.zeros(len(o.x))
+    np.add.at(gradient, o.facet_nodes, -np.einsum("ejk,ej->ek", o.D, weights[o.facet_nodes]))
+    o.slave.comm.Allreduce(MPI.IN_PLACE, gradient)
+    return gradient
+
+
+def rows_by_offset(contact: Contact, offset: Array) -> Array:
+    """Change of the rows with the offset, shape (slave nodes, 2) [stress length] (collective).
+
+    Args:
+        contact: The contact, evaluated.
+        offset: Change of the offset, shape (slave nodes,) [length].
+    """
+    return weights_of_gaps(contact) * gap_along(contact.operators, offset)[:, None]
+
+
+def offset_by_rows(contact: Contact, rows: Array) -> Array:
+    """Gradient of the sum of the rows times ``rows``, (slave nodes,) (collective)."""
+    weights = np.einsum("jc,jc->j", weights_of_gaps(contact), rows)
+    return gap_back(contact.operators, weights)

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: MIT
+"""Derivative of a contact's rows by parameters of its law, by complex steps.
+
+A law names its parameters, numbers or arrays, in ``Law.parameters``; those that vary in space are
+their values at the slave nodes. The law is evaluated with a parameter p + i h d: the imaginary part
+over h is the derivative along d, exact up to rounding. Functions such as ``abs`` are not analytic;
+a result that contradicts difference quotients on both sides is therefore refused. Branches are
+fixed, and so is the law's memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.law import Law
+from fenics_mortar.contact.law_fields import LawFields
+from fenics_mortar.utils.arguments import check_choice
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import call_together
+from fenics_mortar.utils.rounding import EPSILON
+
+# Complex step [1]: its square is below the rounding of any number that is not tiny itself.
+STEP = 1e-30
+# Real step of difference quotients, relative to the parameter, and largest relative difference to
+# the complex step [1]: errors of the quotients are of the order of the step.
+QUOTIENT, ALIKE = 1e-6, 1e-3
+
+
+# Arguments of laws that are made complex, so that arrays like them may be.
+NUMBERS = ("gap", "slip", "z_n", "z_tau", "stiffness", "c_n")
+
+
+def parameter(contact: Contact, name: str) -> Array:
+    """Value of a parameter of the law, any shape; (slave nodes,) if it varies in space (local).
+
+    Raises:
+        ValueError: If the law has no such parameter.
+    """
+    law = contact.pair.law
+    check_choice(f"parameter of {law!r}", name, law.parameters)
+    if name in law.varying:
+        return contact.parameters[name].copy()
+    return np.asarray(getattr(law, name), float)
+
+
+def rows_by_parameter(contact: Contact, name: str, direction: Array) -> Array:
+    """Change of the rows along a direction of a parameter (collective).
+
+    Args:
+        contact: The contact, evaluated.
+        name: Name of the parameter.
+        direction: Shape of the parameter, in its unit.
+
+    Returns:
+        Shape (slave nodes, 2) [stress length].
+
+    Raises:
+        ValueError: On all ranks, if the law has no such parameter, or cannot be differentiated.
+    """
+    law, f = contact.pair.law, contact.now
+    value, direction = parameter(contact, name), np.asarray(direction, float)
+
+    def residuals(changed: Any) -> Array:
+        if name in law.varying:
+            return _residuals(law, f, {**contact.parameters, name: changed})
+        return _residuals(_with_parameter(law, name, changed), f, contact.parameters)
+
+    words = f"the derivative of {law!r} by '{name}'"
+    changes = call_together(
+        contact.slave.comm,
+        words,
+        lambda: _differentiate(
+            f"{law!r}: the complex step by '{name}'", value, direction, residuals
+        ),
+    )
+    follows_law = contact.follows_law & (law.bridges_gap | ~f.attracted)
+    applies = follows_law & ~f.state.redundant, f.attracted, f.covered
+    rows = np.zeros_like(f.state.z)
+    for scaled, change, on in zip(contact.frame()[2:], changes, applies, strict=False):
+        rows -= scaled * np.where(on, change, 0.0)[:, None]
+    return rows
+
+
+def parameter_by_rows(contact: Contact, name: str, rows: Array) -> Array:
+    """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
+    value = parameter(contact, name)
+    if name in contact.pair.law.varying:  # a node's rows depend on its own value only
+        return np.einsum("jc,jc->j", rows, rows_by_parameter(contact, name, np.ones_like(value)))
+    gradient = np.zeros(value.size)
+    for i, unit in enumerate(np.eye(value.size)):
+        gradient[i] = (rows * rows_by_parameter(contact, name, unit.reshape(value.shape))).sum()
+    return gradient.reshape(value.shape)
+
+
+def _with_parameter(law: Law, name: str, value: Any) -> Law:
+    """Copy of the law with another value of a parameter (local)."""
+    other = copy(law)
+    setattr(other, name, value if np.ndim(value) else np.asarray(value).item())
+    return other
+
+
+def _residuals(law: Law, f: ContactFields, fields: dict[str, Any]) -> Array:
+    """Tangential residual, adhesion and closing gap, complex, (3, slave nodes) (local)."""
+    given = f.of_geometry if isinstance(f, LawFields) else f.nodal
+    numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
+    node = replace(given, fields=fields, **numbers)
+    found = np.zeros((3, len(f.state.z)), complex)
+    if law.has_layer:
+        node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
+    if law.has_friction:
+        found[0] = law.tangential(node, f.state.branch).residual
+    if law.has_adhesion:
+        opened = replace(node, gap=np.maximum(node.gap, 0.0))
+        found[1] = law.adhesion_at(opened).residual + f.adhesion[1] * np.minimum(node.gap, 0.0)
+    found[2] = node.gap
+    return found
+
+
+def _differentiate(
+    words: str, value: Array, direction: Array, function: Callable[[Any], Array]
+) -> Array:
+    """Derivative by complex step, compared with difference quotients (local).
+
+    Raises:
+        ValueError: If they contradict each other; ``words`` say what was differentiated.
+    """
+    start = np.real(function(value))
+    if not direction.any():
+        return np.zeros_like(start)
+    derivative = np.imag(function(value + 1j * STEP * direction)) / STEP
+    if not np.isfinite(value).all():  # an infinite limit is not reached
+        return derivative
+    size = np.abs(value).max(initial=0.0) or 1.0
+    step = QUOTIENT * size / np.abs(direction).max()
+    errors = []
+    for sign in (step, -step):
+        moved = np.real(function(value + sign * direction))
+        errors.append(np.abs((moved - start) / sign - derivative))
+    rounding = 10.0 * EPSILON * np.abs(start).max(axis=1) / step
+    allowed = ALIKE * np.abs(derivative).max(axis=1) + rounding
+    if (np.minimum(*errors) > allowed[:, None]).any():
+        raise ValueError(
+            f"{words} contradicts difference quotients; expected the law to be analytic in the "
+            "parameter, without abs, real parts or conversions to float"
+        )
+    return derivative

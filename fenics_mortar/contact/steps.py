@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: MIT
+"""Start and end of a step of all pairs: slip, time and memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from mpi4py import MPI
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.instant import Instant
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.utils.errors import MortarError
+
+
+def begin_step(contacts: Sequence[Interface]) -> None:
+    """Take over the laws, and start a step at the accepted state (collective).
+
+    Raises:
+        MortarError: On all ranks, if a law needs the length of the step and the time is not later
+            than that of the accepted state.
+        Exception: Any error of a law, on all ranks.
+    """
+    for contact in contacts:
+        if isinstance(contact, Contact):
+            contact.take_law()
+            _check_time(contact)
+        contact.start_step()
+
+
+def _check_time(contact: Contact) -> None:
+    """Refuse a step without length if the law needs it (local)."""
+    now, before = contact.state.load_time, contact.state.committed.time
+    if contact.pair.law.needs_time and not now > before:
+        raise MortarError(
+            f"{contact.pair.law!r} needs the length of the step, but the time {now:g} is not later "
+            f"than {before:g}, that of the last accepted state: set problem.time before each "
+            "solve, or use follow_path or Dynamics, which do"
+        )
+
+
+def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant | None]:
+    """Time and memory of all pairs at the end of the present step; ``None`` for ties (collective).
+
+    Raises:
+        Exception: Any error of a law, on all ranks.
+    """
+    found = [c.remembered() if isinstance(c, Contact) else None for c in contacts]
+    raise_noted(comm, contacts)
+    return found
+
+
+def commit(contacts: Sequence[Interface], instants: Sequence[Instant | None]) -> None:
+    """Set the accepted time and memory, from which the next step starts (local)."""
+    for contact, instant in zip(contacts, instants, strict=True):
+        contact.change(committed=instant)
+
+
+def start_clock(contacts: Sequence[Interface], time: float) -> None:
+    """Set the time of the accepted state (local)."""
+    for contact in contacts:
+        instant = contact.state.committed
+        if instant is not None and instant.time != time:
+            instant = replace(instant, time=time)
+        contact.change(committed=instant, load_time=time)

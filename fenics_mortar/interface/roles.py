@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: MIT
+"""Slave and master roles of the facets of a surface that may touch itself; see ``self_contact``."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fenics_mortar.kernels.roles import tabulate_masters
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+
+class Roles(NamedTuple):
+    """Order of the facets of a surface and their places along its curves.
+
+    Attributes:
+        keys: Place of each facet in the order, and number of its curve, shape (f, 2).
+        arcs: Start and end of each facet along its curve, undeformed, and length of the curve if it
+            is closed, else inf, shape (f, 3) [length].
+    """
+
+    keys: Indices
+    arcs: Array
+
+    def of(self, facets: Indices) -> tuple[Indices, Indices, Array]:
+        """Arguments of the kernels for the slave facets ``facets`` (k,)."""
+        return facets, self.keys, self.arcs
+
+    def masters_of(self, facets: Indices) -> Flags:
+        """Whether each facet is a master of the facets ``facets`` (k,), shape (k, f), bool."""
+        masters = np.empty((facets.size, len(self.keys)), bool)
+        tabulate_masters(self.keys, self.arcs, facets, masters)
+        return masters
+
+    def masters_of_nodes(self, facets: Indices, nodes: Indices) -> Flags:
+        """Whether a facet is a master of a facet at each of ``nodes`` (k,), (k, f), bool (local).
+
+        Args:
+            facets: Nodes of the facets, shape (f, K).
+            nodes: Numbers of the nodes, shape (k,).
+        """
+        masters = np.zeros((nodes.size, len(self.keys)), bool)
+        place = np.full(facets.max() + 1, -1)
+        place[nodes] = np.arange(nodes.size)
+        facet, column = np.nonzero(place[facets] >= 0)
+        np.logical_or.at(masters, place[facets[facet, column]], self.masters_of(facet))
+        return masters

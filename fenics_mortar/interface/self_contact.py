@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: MIT
+"""Slave and master roles of the facets of a surface that may touch itself.
+
+All facets have a place in one order, and of two facets that face each other the first one is the
+slave. A facet may be a slave of one and a master of another facet; nodes too. The order is that of
+the curves by mean facet length, finest first as a slave should be finer than its master, and along
+each curve. Facets whose nodes are all prescribed come last, since they carry no multipliers.
+
+Where a curve is folded, one of the two sides is before the other along the curve: roles change at
+the bend only, and at the start of a closed curve. The order follows from the undeformed mesh, so
+roles do not change in the course of a solve, and do not depend on ranks or numbering.
+
+Facets that are neighbours along the curve do not touch, see ``kernels.roles``. Like any other facet
+in between, they hide what is behind them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fenics_mortar.interface.roles import Roles
+from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.utils.arrays import Array, Flags, Indices
+
+# Digits of the mean facet length of a curve that count: equal meshes of curves are ordered by
+# their coordinates, not by rounding.
+DIGITS = 6
+
+
+def in_contact_with_itself(surface: Surface, may_carry: Flags) -> Surface:
+    """The surface with the roles of its facets (local).
+
+    Args:
+        surface: The surface.
+        may_carry: Whether a node may carry a multiplier, shape (nodes,), bool.
+    """
+    curves = facets_by_curve(surface)
+    mean = np.array([surface.lengths[facets].mean() for facets in curves])
+    mean = np.round(np.log10(mean), DIGITS)
+    keys = np.empty((len(surface.facets), 2), np.int64)
+    arcs, order = np.empty((len(surface.facets), 3)), np.empty(len(surface.facets), np.int64)
+    place = 0
+    for curve in np.argsort(mean, kind="stable"):
+        facets = curves[curve]
+        along = np.concatenate([[0.0], np.cumsum(surface.lengths[facets])])
+        closed = surface.facets[facets[0], 0] == surface.facets[facets[-1], -1]
+        order[facets] = place + np.arange(facets.size)
+        place += facets.size
+        keys[facets, 1] = curve
+        arcs[facets] = np.stack([along[:-1], along[1:], 0.0 * along[1:]], axis=1)
+        arcs[facets, 2] = along[-1] if closed else np.inf
+    fixed = ~may_carry[surface.facets].any(axis=1)
+    keys[np.lexsort((order, fixed)), 0] = np.arange(order.size)
+    return replace(surface, roles=Roles(keys, arcs))
+
+
+def facets_by_curve(surface: Surface) -> list[Indices]:
+    """Numbers of the facets of each curve, in order along it (local)."""
+    begins = np.full(surface.num_nodes, -1)
+    begins[surface.facets[:, 0]] = np.arange(len(surface.facets))
+    starts = np.flatnonzero(surface.previous[surface.facets[:, 0]] < 0)
+    seen, curves = np.zeros(len(surface.facets), bool), []
+    for start in (*starts, *range(len(surface.facets))):
+        facet, facets = int(start), []
+        while facet >= 0 and not seen[facet]:
+            seen[facet] = True
+            facets.append(facet)
+            facet = int(begins[surface.facets[facet, -1]])
+        if facets:
+            curves.append(np.array(facets))
+    return curves
+
+
+def starts_of_holes(surface: Surface) -> Indices:
+    """First nodes of closed curves around empty holes, shape (k,) (local).
+
+    There the roles change in the middle of a face that may touch the opposite one. With multipliers
+    on both sides, the gap between two nodes that meet would be constrained twice.
+    """
+    found = []
+    for facets in facets_by_curve(surface):
+        first = surface.facets[facets, 0]
+        if surface.facets[facets[-1], -1] != first[0]:
+            continue
+        x, y = surface.X[first].T
+        area = 0.5 * (x * np.roll(y, -1) - np.roll(x, -1) * y).sum()
+        others = np.setdiff1d(surface.facets.ravel(), surface.facets[facets].ravel())
+        if area < 0.0 and not _are_inside(surface.X[first], surface.X[others]).any():
+            found.append(first[0])
+    return np.array(found, np.int64)
+
+
+def _are_inside(polygon: Array, points: Array) -> Flags:
+    """Whether ``points`` (n, 2) are inside of a closed ``polygon`` (k, 2), shape (n,), bool."""
+    a, b, p = polygon, np.roll(polygon, -1, axis=0), points[:, None]
+    above = a[:, 1] > p[..., 1], b[:, 1] > p[..., 1]
+    edge, arm = b - a, p - a
+    on_left = edge[:, 0] * arm[..., 1] - edge[:, 1] * arm[..., 0] > 0.0
+    crossings = ((above[0] != above[1]) & (on_left == above[1])).sum(axis=1)
+    return np.asarray(crossings % 2 == 1)

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: MIT
+"""Which facets of a surface in contact with itself are masters of which."""
+
+from fenics_mortar.kernels import kernel
+
+# Distance along the boundary over the mean length of two facets [1] up to which they are
+# neighbours: the next facet and the next but one. The mesh resolves no fold between them.
+NEAR = 1.5
+
+
+@kernel
+def is_master(keys, arcs, slave, other):
+    """Whether facet ``other`` is a master of facet ``slave``.
+
+    Args:
+        keys: Place of each facet in the order of slaves before masters, and number of its curve,
+            shape (f, 2).
+        arcs: Start and end of each facet along its curve, undeformed, and length of the curve if it
+            is closed, else inf, shape (f, 3) [length].
+        slave: Number of one facet.
+        other: Number of the other one.
+    """
+    if keys[slave, 0] >= keys[other, 0]:
+        return False
+    if keys[slave, 1] != keys[other, 1]:
+        return True
+    period = arcs[slave, 2]
+    forward, backward = arcs[other, 0] - arcs[slave, 1], arcs[slave, 0] - arcs[other, 1]
+    forward += period if forward < 0.0 else 0.0
+    backward += period if backward < 0.0 else 0.0
+    lengths = arcs[slave, 1] - arcs[slave, 0] + arcs[other, 1] - arcs[other, 0]
+    return min(forward, backward) > NEAR * 0.5 * lengths
+
+
+@kernel
+def keep_masters(found, count, roles, number):
+    """Drop segments on facets that are no masters of a slave facet; return the number kept.
+
+    Args:
+        found: Rows as in ``pairing.keep_nearest``, of which the first ``count`` are used.
+        count: Number of rows.
+        roles: (numbers of the slave facets (s,), ``keys``, ``arcs`` as in ``is_master``).
+        number: The slave facet's place among these numbers.
+    """
+    numbers, keys, arcs = roles
+    kept = 0
+    for i in range(count):
+        if is_master(keys, arcs, numbers[number], int(found[i, 3])):
+            found[kept] = found[i]
+            kept += 1
+    return kept
+
+
+@kernel
+def tabulate_masters(keys, arcs, slaves, masters):
+    """Fill ``masters`` (s, f), bool, with ``is_master`` of the facets ``slaves`` (s,)."""
+    for i in range(slaves.size):
+        for other in range(keys.shape[0]):
+            masters[i, other] = is_master(keys, arcs, slaves[i], other)

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""Derivatives of solutions by loads, material, laws and shapes, through the steps of a path.
+
+Input are a solved problem or a recorded path, an objective and controls. Output are the derivatives
+of the objective by the controls, exact at the active sets and branches of the states: by the
+adjoint method (``fm.gradient``) or in one direction (``fm.tangent_linear``). Controls, quantities
+and functions of the values of all steps are attributes of this package.
+"""
+
+from fenics_mortar.sensitivity.controls import (
+    Interference,
+    LawParameter,
+    ObstacleLoad,
+    ObstaclePlace,
+    ObstacleShape,
+    Offset,
+)
+from fenics_mortar.sensitivity.gradient import Gradient
+from fenics_mortar.sensitivity.kinks import Kink
+from fenics_mortar.sensitivity.nodal_positions import NodalPositions
+from fenics_mortar.sensitivity.over_steps import last, least_squares, total
+from fenics_mortar.sensitivity.path_record import RecordedPath
+from fenics_mortar.sensitivity.protocols import Control, Quantity
+from fenics_mortar.sensitivity.quantities import (
+    ContactLength,
+    FrictionWork,
+    MeanGap,
+    Moment,
+    PeakPressure,
+    PressureFunctional,
+    PressureIntegral,
+    TotalForce,
+    effective_length,
+)
+from fenics_mortar.sensitivity.tangent_linear import TangentLinear
+
+__all__ = [
+    "ContactLength",
+    "Control",
+    "FrictionWork",
+    "Gradient",
+    "Interference",
+    "Kink",
+    "LawParameter",
+    "MeanGap",
+    "Moment",
+    "NodalPositions",
+    "ObstacleLoad",
+    "ObstaclePlace",
+    "ObstacleShape",
+    "Offset",
+    "PeakPressure",
+    "PressureFunctional",
+    "PressureIntegral",
+    "Quantity",
+    "RecordedPath",
+    "TangentLinear",
+    "TotalForce",
+    "effective_length",
+    "last",
+    "least_squares",
+    "total",
+]

@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: MIT
+"""Controls of contact: parameters of laws, offsets, obstacles, nodal positions.
+
+Each gives the derivative of the residuals of one step, of the rows and units of
+``equations.linearized``, at the present state: at fixed displacement, multipliers, sets, and state
+before.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.contact.partials_gap import offset_by_rows, rows_by_offset
+from fenics_mortar.contact.partials_law import parameter, parameter_by_rows, rows_by_parameter
+from fenics_mortar.contact.partials_shape import rows_by_shape, shape_by_rows
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.equations.state import State
+from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.history import History, has_history
+from fenics_mortar.sensitivity.pair_vectors import (
+    check_exact,
+    contact_of,
+    from_rows,
+    rows_at,
+    zeros,
+)
+from fenics_mortar.utils.arguments import check_choice
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import MortarError
+
+# The state at the start of the step, or its ``History``, which saves to evaluate it again.
+Before = State | History | None
+
+
+class Control(Protocol):
+    """Values that a solution depends on.
+
+    Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
+    ``before``, at the start of the step, which is needed where slip depends on the control through
+    it: a ``State``, or its ``History``.
+
+    Attributes:
+        name: Name for messages.
+    """
+
+    name: str
+
+    def get(self, problem: ContactProblem) -> Array:
+        """Present values (local), of shape () if it is one number [their unit]."""
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Set the ``values``, equal on all ranks (local)."""
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """Change of the residuals along a change ``dm`` of the values (collective)."""
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """Gradient of the scalar product of residuals and ``y`` (collective).
+
+        Equal on all ranks, of the shape of the values [units of the product over theirs].
+        """
+
+
+class LawParameter(Control):
+    """A parameter of the law of a pair, see ``Law.parameters``.
+
+    A parameter that varies in space, see ``Law.fields``, has its values at the slave nodes at the
+    last solve; ``set`` replaces a function by such values.
+
+    Args:
+        pair: Number of the pair.
+        name: Name of the parameter, such as "mu".
+    """
+
+    def __init__(self, pair: int, name: str) -> None:
+        self.pair, self.parameter = pair, name
+        self.name = f"{name} of pair {pair}"
+
+    def get(self, problem: ContactProblem) -> Array:
+        """See ``Control``."""
+        return parameter(contact_of(problem.equations, self.pair), self.parameter)
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """See ``Control``."""
+        law = contact_of(problem.equations, self.pair).pair.law
+        check_choice(f"parameter of {law!r}", self.parameter, law.parameters)
+        new = np.array(values, float)
+        setattr(law, self.parameter, new if new.ndim else new.item())
+        law.check()
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """See ``Control``; ``before`` is not used."""
+        contact = contact_of(problem.equations, self.pair)
+        rows = rows_by_parameter(contact, self.parameter, np.asarray(dm, float))
+        return from_rows(problem.equations, {self.pair: rows})
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """See ``Control``; ``before`` is not used."""
+        contact = contact_of(problem.equations, self.pair)
+        return parameter_by_rows(contact, self.parameter, rows_at(y, self.pair, contact))
+
+
+class Offset(Control):
+    """The nodal offsets of a pair, see ``PairView.offset``.
+
+    Args:
+        pair: Number of the pair.
+    """
+
+    def __init__(self, pair: int) -> None:
+        self.pair, self.name = pair, f"offset of pair {pair}"
+
+    def get(self, problem: ContactProblem) -> Array:
+        """See ``Control``: shape (slave nodes,) [length]."""
+        return contact_of(problem.equations, self.pair).offset.copy()
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """See ``Control``."""
+        contact_of(problem.equations, self.pair).offset = values
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """See ``Control``; ``before`` is not used."""
+        contact = contact_of(problem.equations, self.pair)
+        check_exact(contact)
+        return from_rows(problem.equations, {self.pair: rows_by_offset(contact, np.asarray(dm))})
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """See ``Control``; ``before`` is not used."""
+        contact = contact_of(problem.equations, self.pair)
+        check_exact(contact)
+        return offset_by_rows(contact, rows_at(y, self.pair, contact))
+
+
+class Interference(Control):
+    """Mean offset of a pair, which shifts the offsets of all nodes alike.
+
+    Args:
+        pair: Number of the pair.
+    """
+
+    def __init__(self, pair: int) -> None:
+        self.pair, self.name = pair, f"interference of pair {pair}"
+        self._offset = Offset(pair)
+
+    def get(self, problem: ContactProblem) -> Array:
+        """See ``Control``: shape () [length]."""
+        return np.asarray(self._offset.get(problem).mean())
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """See ``Control``; without effect beyond the other surface."""
+        shift = np.asarray(values, float).item() - self.get(problem)
+        self._offset.set(problem, self._offset.get(problem) + shift)
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """See ``Control``; ``before`` is not used."""
+        everywhere = np.full(len(self._offset.get(problem)), np.asarray(dm, float).item())
+        return self._offset.jvp(problem, everywhere)
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """See ``Control``; ``before`` is not used."""
+        return np.asarray(self._offset.vjp(problem, y).sum())
+
+
+class _OfObstacle(Control):
+    """Values of an obstacle in the rows of its motions.
+
+    Args:
+        obstacle: The obstacle.
+    """
+
+    quantity: str
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        self.obstacle = obstacle
+        self.name = f"{self.quantity} of '{obstacle.name}'"
+
+    def _number(self, problem: ContactProblem) -> int:
+        return problem.obstacles.index(self.obstacle)
+
+    def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
+        """Motions whose rows depend on the values, shape (3,), bool."""
+        raise NotImplementedError
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """See ``Control``; ``before`` is not used."""
+        change = zeros(problem.equations)
+        assert change.q is not None
+        change.q[self._number(problem)] = np.where(self._mine(problem), -np.asarray(dm), 0.0)
+        return change
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """See ``Control``; ``before`` is not used."""
+        if y.q is None:
+            return np.zeros(3)
+        return np.where(self._mine(problem), -y.q[self._number(problem)], 0.0)
+
+
+class ObstaclePlace(_OfObstacle):
+    """Prescribed place (x, y, angle) of an obstacle in this step [length, length, radian].
+
+    Values of driven motions have no effect.
+    """
+
+    quantity = "place"
+
+    def get(self, problem: ContactProblem) -> Array:
+        """See ``Control``: shape (3,)."""
+        return self.obstacle.place.copy()
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """See ``Control``; driven motions stay."""
+        self.obstacle.place = np.where(self._mine(problem), values, self.obstacle.place)
+
+    def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
+        return ~np.isfinite(self.obstacle.load)
+
+
+class ObstacleLoad(_OfObstacle):
+    """Forces and moment that drive an obstacle [stress length, stress length, stress length^2].
+
+    Values of prescribed motions have no effect.
+    """
+
+    quantity = "load"
+
+    def get(self, problem: ContactProblem) -> Array:
+        """See ``Control``: shape (3,), 0 for prescribed motions."""
+        return np.nan_to_num(self.obstacle.load)
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """See ``Control``; prescribed motions stay so."""
+        self.obstacle.load = np.where(self._mine(problem), values, np.nan)
+
+    def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
+        return np.isfinite(self.obstacle.load)
+
+
+class ObstacleShape(Control):
+    """A parameter of the shape of an obstacle, see ``Obstacle.shape``.
+
+    Args:
+        obstacle: The obstacle.
+        name: Name of the parameter: "radius" of a circle, "points" of a spline.
+    """
+
+    def __init__(self, obstacle: Obstacle, name: str) -> None:
+        check_choice("shape parameter", name, obstacle.shape())
+        self.obstacle, self.parameter = obstacle, name
+        self.name = f"{name} of '{obstacle.name}'"
+
+    def get(self, problem: ContactProblem) -> Array:
+        """See ``Control``."""
+        return np.array(self.obstacle.shape()[self.parameter])
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """See ``Control``."""
+        self.obstacle.set_shape(self.parameter, np.asarray(values, float))
+
+    def _pairs(self, problem: ContactProblem, before: Before) -> list[tuple[int, Any, Any]]:
+        """Pairs of the obstacle: number, contact, state before (collective)."""
+        e, found = problem.equations, []
+        history = history_of(problem, before)
+        for i, contact in enumerate(e.contacts):
+            if contact.obstacle is self.obstacle:
+                check_exact(contact)
+                found.append((i, contact, None if history is None else history.earlier.get(i)))
+        return found
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """See ``Control``."""
+        rows = {
+            i: rows_by_shape(contact, self.parameter, np.asarray(dm, float), earlier)
+            for i, contact, earlier in self._pairs(problem, before)
+        }
+        return from_rows(problem.equations, rows)
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """See ``Control``."""
+        gradient = np.zeros_like(self.get(problem))
+        for i, contact, earlier in self._pairs(problem, before):
+            rows = rows_at(y, i, contact)
+            gradient = gradient + shape_by_rows(contact, self.parameter, rows, earlier)
+        return gradient
+
+
+def history_of(problem: ContactProblem, before: Before) -> History | None:
+    """The ``History`` of a state before (collective).
+
+    Raises:
+        MortarError: If there is friction and no state is given.
+    """
+    if isinstance(before, State):
+        return History(problem, before)
+    if before is None:
+        for contact in problem.equations.contacts:
+            if has_history(contact):
+                raise MortarError(
+                    f"the slip of {contact.pair!r} depends on the control through the state before:"
+                    " expected before=..."
+                )
+    return before

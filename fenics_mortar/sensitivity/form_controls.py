@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: MIT
+"""Constants and functions of UFL in the residual and in Dirichlet conditions, as controls.
+
+The rows of free dofs change with the form r, those of prescribed dofs hold u - g with the
+prescribed values g. A control m may occur in both:
+
+    (dR/dm) dm = dr/dm dm  at free dofs,    -dg/dm dm  at prescribed dofs.
+
+g copies numbers of m. Which ones is found by numbering the entries of m: later conditions on a dof
+then overwrite earlier ones as in a solve.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from dolfinx import fem
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.controls import Before
+from fenics_mortar.sensitivity.forms import FormDerivative, derivative_by, num_owned, put_owned
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array, Indices
+
+
+class FormControl:
+    """A ``fem.Constant`` or ``fem.Function`` of a problem; all methods are collective.
+
+    Values have the shape of the constant and are replicated, or that of the owned dofs of the
+    function. See ``controls`` for the methods.
+
+    Args:
+        bulk: The bodies.
+        data: The constant or function.
+    """
+
+    def __init__(self, bulk: Bulk, data: Any) -> None:
+        self._comm, self._space, self._bcs = bulk.comm, bulk.space.whole, bulk.bcs
+        self._is_prescribed = bulk.prescribed[: bulk.num_owned]
+        self.data = data
+        self.is_distributed = isinstance(data, fem.Function)
+        self.name = str(data.name) if self.is_distributed else "a constant"
+        self.is_in_residual = any(data is value for value in bulk.data)
+        self._derivative: FormDerivative = derivative_by(
+            bulk.V.mesh, bulk.residual, data, self._space
+        )
+
+    @property
+    def _numbers(self) -> Array:
+        """All numbers, ghosts included, as a flat view."""
+        values = self.data.x.array if self.is_distributed else self.data.value
+        return values.reshape(-1)
+
+    @cached_property
+    def _copied(self) -> tuple[Indices, Indices]:
+        """Owned prescribed dofs that copy a number, and the numbers' places; each (k,)."""
+        before, found = self._numbers.copy(), []
+        for numbers in (np.arange(1.0, before.size + 1.0), np.zeros(before.size)):
+            self._numbers[:] = numbers
+            values = np.zeros(self._is_prescribed.size + self._num_ghosts)
+            compat.set_prescribed(values, self._bcs)
+            found.append(values[: self._is_prescribed.size])
+        self._numbers[:] = before
+        places = np.rint(found[0] - found[1]).astype(np.int64)
+        dofs = np.flatnonzero(places)
+        return dofs, places[dofs] - 1
+
+    @property
+    def _num_ghosts(self) -> int:
+        layout = self._space.dofmap
+        return int(layout.index_map.num_ghosts * layout.index_map_bs)
+
+    @cached_property
+    def occurs(self) -> bool:
+        """Whether residual or prescribed values depend on it."""
+        return self._comm.allreduce(self.is_in_residual or self._copied[0].size > 0)
+
+    def get(self, problem: ContactProblem) -> Array:
+        """Present values."""
+        if self.is_distributed:
+            return self.data.x.array[: num_owned(self.data.function_space)].copy()
+        return np.array(self.data.value)
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Set the values."""
+        if self.is_distributed:
+            put_owned(self.data, np.asarray(values))
+        else:
+            self.data.value[...] = values
+
+    def jvp(self, problem: ContactProblem, direction: Array, before: Before = None) -> LinearVector:
+        """(dR/dm) dm; see ``controls``."""
+        rows = np.zeros(self._is_prescribed.size)
+        if self.is_in_residual:
+            rows = np.where(self._is_prescribed, 0.0, self._derivative.along(direction))
+        dofs, places = self._copied
+        rows[dofs] = -self._with_ghosts(direction)[places]
+        return LinearVector(u=rows)
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """(dR/dm)^T y; see ``controls``."""
+        u = np.zeros(self._is_prescribed.size) if y.u is None else y.u
+        result = np.zeros_like(self.get(problem))
+        if self.is_in_residual:
+            result = self._derivative.transposed(np.where(self._is_prescribed, 0.0, u))
+        dofs, places = self._copied
+        copied = np.zeros(self._numbers.size)
+        np.add.at(copied, places, u[dofs])
+        return result - self._sum_ghosts(copied).reshape(result.shape)
+
+    def _with_ghosts(self, values: Array) -> Array:
+        """Values of a direction with ghosts, flat."""
+        if not self.is_distributed:
+            return np.ravel(values)
+        direction = fem.Function(self.data.function_space)
+        put_owned(direction, values)
+        return direction.x.array
+
+    def _sum_ghosts(self, values: Array) -> Array:
+        """Sum of the values (local numbers,) of all ranks, at owned dofs or replicated."""
+        if not self.is_distributed:
+            return self._comm.allreduce(values)
+        vector = compat.create_vector(self.data.function_space)
+        with vector.localForm() as local:
+            local.array[:] = values
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        owned = vector.array_r.copy()
+        vector.destroy()
+        return owned

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: MIT
+"""Gradients by the adjoint method, backwards through the steps of a path.
+
+With the equations R_k(s_k, s_{k-1}, m) = 0 of the steps k = 1..N, the quantities J_k and the
+objective f(J_1, ..., J_N), w_k = df/dJ_k,
+
+    A_k^T y_k = w_k dJ_k/ds_k + w_{k+1} dJ_{k+1}/ds_k - (dR_{k+1}/ds_k)^T y_{k+1},
+    df/dm = sum_k [w_k dJ_k/dm - (dR_k/dm)^T y_k],             A_k = dR_k/ds_k.
+
+One solve with the transposed tangent per step gives the derivatives by all controls. dR_{k+1}/ds_k
+is the history: partners, slip and shear of the accepted state; without friction it vanishes, and
+steps without weight are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dolfinx import fem
+
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.controls import Before
+from fenics_mortar.sensitivity.forms import put_owned
+from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.kinks import Kink, find_kinks, nearest
+from fenics_mortar.sensitivity.linear_vectors import Term, combine
+from fenics_mortar.sensitivity.linearization import linearize
+from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
+from fenics_mortar.sensitivity.path_record import RecordedPath
+from fenics_mortar.sensitivity.protocols import (
+    Control,
+    Quantity,
+    as_list,
+    check_dependence,
+    controls_of,
+    explicit,
+    quantities_of,
+)
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import together
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """Derivatives of an objective by controls.
+
+    ``gradient[control]`` is the derivative by a control: an array of the shape of a constant, the
+    derivatives by all nodal values of a function as a function of its space (the dual vector; for
+    the gradient in L2 solve with the mass matrix), and an array for controls of contact.
+
+    Attributes:
+        value: The objective.
+        values: Values of the quantities, shape (steps, quantities); nan in steps that the objective
+            does not depend on.
+        controls: The controls as given.
+        by_step: Contributions of the steps: for each control a list of arrays, the derivatives by
+            the value in this step alone. Their sum is the derivative by a value of all steps.
+            Functions: values of the owned dofs.
+        kinks: Undecided nodes and the nodes nearest to a change of set; see ``kinks``.
+    """
+
+    value: float
+    values: Array
+    controls: tuple[Any, ...]
+    by_step: tuple[list[Array], ...]
+    kinks: tuple[Kink, ...]
+
+    def __getitem__(self, control: Any) -> Any:
+        """Derivative by a control (collective for functions).
+
+        Raises:
+            KeyError: If it is none of ``controls``.
+        """
+        for given, parts in zip(self.controls, self.by_step, strict=True):
+            if given is control:
+                return in_own_space(control, sum(parts[1:], parts[0]))
+        raise KeyError(f"{control!r} is none of the controls of this gradient")
+
+    @property
+    def undecided(self) -> tuple[Kink, ...]:
+        """Nodes on a kink, where the gradient is one of several."""
+        return tuple(kink for kink in self.kinks if kink.is_undecided)
+
+    @property
+    def nearest_change(self) -> Kink | None:
+        """The node nearest to a change of its set, ``None`` without contact."""
+        return nearest(list(self.kinks))
+
+
+def in_own_space(control: Any, values: Array) -> Any:
+    """Values of the owned dofs of a function as a function, others unchanged (collective)."""
+    if not isinstance(control, fem.Function):
+        return values
+    function = fem.Function(control.function_space, name=f"derivative by {control.name}")
+    put_owned(function, values)
+    return function
+
+
+def gradient(
+    objective: Any,
+    controls: Any,
+    path: RecordedPath | ContactProblem,
+    *,
+    over_steps: OverSteps = last,
+) -> Gradient:
+    """Derivatives of an objective by controls (collective).
+
+    Args:
+        objective: A scalar UFL form of the displacement and other fields, or a quantity of contact
+            such as ``TotalForce``; or a list of them.
+        controls: A control or a list of them: constants and functions of the residual and of
+            Dirichlet conditions, and parameters of contact such as ``LawParameter``.
+        path: A recorded path, or a solved problem: then the objective is that of its present state,
+            and the state that slip counts from is given.
+        over_steps: The objective as a function of the quantities' values in the steps; the sum of
+            the quantities in the last step by default. See ``over_steps``.
+
+    Returns:
+        Objective and derivatives. The problem is in its present state again.
+
+    Raises:
+        ValueError: If an argument is of another type, or nothing depends on a control.
+        MortarError: On all ranks, if the path has no steps, a tangent is singular, or rigid moves
+            between steps changed the state that slip counts from.
+    """
+    path = recorded(path)
+    problem = path.problem
+    with together(problem.comm, "gradient"):
+        quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
+    check_dependence(problem, quantities, made)
+    with path.visited():
+        value, values, weights = evaluate(path, quantities, over_steps)
+        by_step, kinks = _backwards(path, quantities, weights, made)
+    return Gradient(value, values, tuple(as_list(controls)), tuple(by_step), tuple(kinks))
+
+
+def recorded(path: Any) -> RecordedPath:
+    """A recorded path of at least one step.
+
+    Raises:
+        ValueError: If the argument is of another type.
+        MortarError: If there is no state.
+    """
+    if isinstance(path, ContactProblem):
+        return RecordedPath.of_state(path)
+    if not isinstance(path, RecordedPath):
+        raise ValueError(f"path={path!r}: expected a RecordedPath or a solved ContactProblem")
+    path.check()
+    return path
+
+
+def _backwards(
+    path: RecordedPath, quantities: Sequence[Quantity], weights: Array, controls: Sequence[Control]
+) -> tuple[list[list[Array]], list[Kink]]:
+    """Contributions of the steps to the derivatives by each control, and kinks (collective)."""
+    problem = path.problem
+    by_step: list[list[Array]] = [[] for _ in controls]
+    kinks: list[Kink] = []
+    carried: list[Term] = []
+    for number in reversed(range(len(path.steps))):
+        if not carried and not weights[number].any():
+            for parts, control in zip(by_step, controls, strict=True):
+                parts.insert(0, np.zeros_like(control.get(problem)))
+            continue
+        path.go_to(number)
+        before = state_before(path, number)
+        kinks[:0] = find_kinks(problem, number)
+        weighted = [(w, q) for w, q in zip(weights[number], quantities, strict=True) if w]
+        rhs = combine([*((w, q.gradient(problem, before)) for w, q in weighted), *carried])
+        y = linearize(problem).solve(rhs, transpose=True)
+        for parts, control in zip(by_step, controls, strict=True):
+            change = -control.vjp(problem, y, before)
+            for weight, quantity in weighted:
+                change = change + weight * explicit(problem, quantity, control, before)
+            parts.insert(0, change)
+        carried = _carried(problem, weighted, y, before) if number else []
+    return by_step, kinks
+
+
+def _carried(
+    problem: ContactProblem,
+    weighted: Sequence[tuple[float, Quantity]],
+    y: LinearVector,
+    before: Before,
+) -> list[Term]:
+    """Right-hand sides of the step before (collective)."""
+    terms: list[Term] = []
+    for weight, quantity in weighted:
+        by_before = quantity.by_before(problem, before)
+        if by_before is not None:
+            terms.append((weight, by_before))
+    return [*terms, (-1.0, before.vjp(y))] if isinstance(before, History) else terms

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: MIT
+"""Derivative of a step's residuals by the state at its start, that slip is counted from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.partials_history import Earlier
+from fenics_mortar.contact.partials_history import History as PairHistory
+from fenics_mortar.contact.slip import find_partners
+from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.equations.state import State
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.pair_vectors import (
+    add_pair,
+    at_pair,
+    check_exact,
+    check_law,
+    from_rows,
+    rows_at,
+    zeros,
+)
+from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.rounding import ROUNDING
+
+
+class History:
+    """Derivative of the residuals of the present state by the state before; collective methods.
+
+    Rows and units are those of ``equations.linearized``. Only rows of multipliers of pairs with
+    friction depend on the state before: through their partners, and through the shear of redundant
+    sticks. Sets are fixed.
+
+    Args:
+        problem: The problem, at the end of a step, with operators of the linearization ``EXACT``.
+        before: Accepted state at the start of the step.
+
+    Attributes:
+        any: Whether any row depends on the state before.
+        pairs: Derivatives of the pairs, by their numbers.
+        earlier: States before of the pairs, by their numbers.
+
+    Raises:
+        MortarError: On all ranks, if slip does not count from that state, as after a rigid move of
+            a body or of an obstacle before the solve; if operators lack derivatives; or if a law
+            has memory.
+    """
+
+    def __init__(self, problem: ContactProblem, before: State) -> None:
+        e = self._equations = problem.equations
+        self.earlier: dict[int, Earlier] = {}
+        self.pairs: dict[int, PairHistory] = {}
+        for i, contact in enumerate(e.contacts):
+            if not isinstance(contact, Contact) or not has_history(contact):
+                continue
+            check_law(contact)
+            check_exact(contact)
+            self.earlier[i] = earlier_of(e, i, contact, before)
+            self.pairs[i] = PairHistory(contact, self.earlier[i])
+        self.any = bool(self.pairs)
+
+    def jvp(self, ds: LinearVector) -> LinearVector:
+        """Change of the residuals along a change ``ds`` of the state before."""
+        e = self._equations
+        return from_rows(e, {i: pair.along(at_pair(e, i, ds)) for i, pair in self.pairs.items()})
+
+    def vjp(self, y: LinearVector) -> LinearVector:
+        """Gradient of the scalar product of the residuals and ``y`` by the state before."""
+        gradient = zeros(self._equations)
+        for i, pair in self.pairs.items():
+            rows = rows_at(y, i, self._equations.contacts[i])
+            add_pair(self._equations, i, gradient, pair.back(rows))
+        return gradient
+
+
+def has_history(contact: Any) -> bool:
+    """Whether the rows of a pair depend on the state before (local)."""
+    if not isinstance(contact, Contact):
+        return False
+    law = contact.pair.law
+    return bool(law.has_friction or law.memory or law.sees_nodes)
+
+
+def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> Earlier:
+    """State before of pair ``i``; its partners have to be those of the step (collective).
+
+    Raises:
+        MortarError: On all ranks, if slip counts from another state.
+    """
+    place = None
+    if contact.obstacle is not None:
+        place = before.places[e.motions.obstacles.index(contact.obstacle)]
+    earlier = Earlier(contact, before.u, before.interfaces[i], place)
+    measure = contact.slip_measure
+    with earlier.at_its_place():
+        found = find_partners(
+            earlier.operators, earlier.fields.covered, earlier.touches, measure,
+            master_planes=contact.master_planes,
+        )  # fmt: skip
+    o, given = contact.operators, contact.partners
+    apart = np.abs(found.apart(o) - given.apart(o)).max()
+    apart = max(apart, np.abs(found.start - given.start).max())
+    if not apart <= ROUNDING * contact.slave.extent:
+        raise MortarError(
+            f"the slip of {contact.pair!r} does not count from the state before, but from one that "
+            f"differs by {apart:.3g}: bodies or obstacles were moved before the solve"
+        )
+    return earlier

@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: MIT
+"""The linearized equations of a recorded step."""
+
+from __future__ import annotations
+
+from fenics_mortar.equations.linearized import LinearizedEquations
+from fenics_mortar.problem import ContactProblem
+
+
+def linearize(problem: ContactProblem) -> LinearizedEquations:
+    """A = dR/ds at the present state, which has to be evaluated; factored once (collective)."""
+    e = problem.equations
+    e.bulk.free_garbage()
+    return LinearizedEquations(e.bulk, e.contacts, e.motions, e.system)

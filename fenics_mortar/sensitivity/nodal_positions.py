@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: MIT
+"""Positions of the nodes of the mesh as a control: shape derivatives.
+
+Values at the nodes stay while the nodes move. Residual and UFL objectives are differentiated by
+UFL's coordinate derivative; contact depends on the positions x = X + u alone, in the step and in
+the state that slip counts from.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.controls import Before
+from fenics_mortar.sensitivity.forms import AssembledForm, put_owned
+from fenics_mortar.sensitivity.positions import ContactPositions
+from fenics_mortar.utils import compat
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import MortarError
+
+NUM_VERTICES = {"triangle": 3, "quadrilateral": 4}
+
+
+class NodalPositions:
+    """Positions X of the nodes; all methods are collective.
+
+    Values are those of a displacement of the mesh at the owned dofs of ``u``, [length]. Prescribed
+    values, loads, offsets, thickness and the choices at set-up do not move with the mesh. The
+    displacement has to be of degree 1, without further unknowns, on straight cells.
+    """
+
+    name, is_distributed = "nodal positions", True
+
+    def __init__(self) -> None:
+        self._forms: WeakKeyDictionary[Bulk, _Derivatives] = WeakKeyDictionary()
+
+    def get(self, problem: ContactProblem) -> Array:
+        """See ``protocols.Control``: shape (owned dofs,) [length]."""
+        space = problem.equations.bulk.space
+        return space.positions()[: space.num_owned].copy()
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Refused: surfaces and integrals belong to the mesh at set-up.
+
+        Raises:
+            MortarError: Always.
+        """
+        raise MortarError("nodes of a problem cannot be moved: set up a new one on the moved mesh")
+
+    def _of(self, problem: ContactProblem) -> _Derivatives:
+        bulk = problem.equations.bulk
+        if bulk not in self._forms:
+            self._forms[bulk] = _Derivatives(bulk)
+        return self._forms[bulk]
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """See ``protocols.Control``."""
+        change, prescribed = ContactPositions(problem, before).jvp(dm), _prescribed(problem)
+        of_bodies = np.where(prescribed, 0.0, self._of(problem).along(dm))
+        return LinearVector(
+            of_bodies if change.u is None else change.u + of_bodies, change.z, change.q
+        )
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """See ``protocols.Control``."""
+        total = ContactPositions(problem, before).vjp(y)
+        if y.u is None:
+            return total
+        return total + self._of(problem).transposed(np.where(_prescribed(problem), 0.0, y.u))
+
+    def explicit(self, problem: ContactProblem, quantity: Any, before: Before = None) -> Array:
+        """Derivative of a quantity at fixed displacements, shape (owned dofs,)."""
+        form = getattr(quantity, "form", None)
+        if form is not None:
+            return self._of(problem).of_form(form)
+        total = np.zeros(problem.equations.bulk.num_owned)
+        for vector in (quantity.gradient(problem, before), quantity.by_before(problem, before)):
+            total = total if vector is None or vector.u is None else total + vector.u
+        return total
+
+
+class _Derivatives:
+    """Derivatives of the residual of the bodies by positions, and of forms of rank 0.
+
+    Args:
+        bulk: The bodies.
+
+    Raises:
+        MortarError: On all ranks, if the nodes of displacement and mesh differ.
+    """
+
+    def __init__(self, bulk: Bulk) -> None:
+        space, mesh = bulk.space, bulk.V.mesh
+        nodes = compat.dofmap(space.V).shape[1], compat.geometry_dofmap(mesh).shape[1]
+        if space.is_mixed or nodes != 2 * (NUM_VERTICES[compat.cell_name(mesh)],):
+            raise MortarError(
+                "nodal positions as control need displacements of degree 1 on straight cells"
+            )
+        self._V, self._mesh = space.V, mesh
+        self._X = ufl.SpatialCoordinate(mesh)
+        self._direction, self._weights = fem.Function(space.V), fem.Function(space.V)
+        (test,) = bulk.residual.arguments()
+        action = ufl.replace(bulk.residual, {test: self._weights})
+        forwards = ufl.derivative(bulk.residual, self._X, self._direction)
+        self._forwards = AssembledForm(forwards, mesh.comm, space.V)
+        self._backwards = self._by_positions(action)
+        self._forms: dict[ufl.Form, AssembledForm] = {}
+
+    def _by_positions(self, form: ufl.Form) -> AssembledForm:
+        derivative = ufl.derivative(form, self._X, ufl.TestFunction(self._V))
+        return AssembledForm(derivative, self._mesh.comm, self._V)
+
+    def along(self, direction: Array) -> Array:
+        put_owned(self._direction, direction)
+        return self._forwards.vector()
+
+    def transposed(self, weights: Array) -> Array:
+        put_owned(self._weights, weights)
+        return self._backwards.vector()
+
+    def of_form(self, form: ufl.Form) -> Array:
+        if form not in self._forms:
+            self._forms[form] = self._by_positions(form)
+        return self._forms[form].vector()
+
+
+def _prescribed(problem: ContactProblem) -> Any:
+    """Marks of the owned prescribed dofs (local)."""
+    bulk = problem.equations.bulk
+    return bulk.prescribed[: bulk.num_owned]

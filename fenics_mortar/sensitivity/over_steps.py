@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: MIT
+"""Objectives of a path as functions of the values of quantities in its steps.
+
+Such a function takes the values, shape (steps, quantities), and returns the objective and its
+derivatives by the values, of the same shape. It is local and has to return equal numbers on all
+ranks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.sensitivity.controls import Before
+from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.path_record import RecordedPath
+from fenics_mortar.sensitivity.protocols import Quantity
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import together
+
+OverSteps = Callable[[Array], tuple[float, Array]]
+
+
+def last(values: Array) -> tuple[float, Array]:
+    """Sum of the quantities in the last step."""
+    weights = np.zeros_like(values)
+    weights[-1] = 1.0
+    return float(values[-1].sum()), weights
+
+
+def total(values: Array) -> tuple[float, Array]:
+    """Sum of the quantities over all steps, such as the work of friction."""
+    return float(values.sum()), np.ones_like(values)
+
+
+def least_squares(measured: npt.ArrayLike, scale: npt.ArrayLike = 1.0) -> OverSteps:
+    """Half the sum of the squares of (value - measured) / scale.
+
+    Args:
+        measured: Measured values, shape (steps,) or (steps, quantities).
+        scale: Unit of the differences, a number or an array that broadcasts to (steps, quantities).
+
+    Returns:
+        The function of the values.
+    """
+
+    def misfit(values: Array) -> tuple[float, Array]:
+        data = np.asarray(measured, float).reshape(len(values), -1)
+        difference = (values - data) / scale
+        return 0.5 * float((difference**2).sum()), difference / scale
+
+    return misfit
+
+
+def evaluate(
+    path: RecordedPath,
+    quantities: Sequence[Quantity],
+    over_steps: OverSteps,
+    *,
+    everywhere: bool = False,
+) -> tuple[float, Array, Array]:
+    """Objective, values of the quantities and their weights, (steps, quantities) (collective).
+
+    Args:
+        path: The path.
+        quantities: The quantities.
+        over_steps: The objective as a function of their values.
+        everywhere: Whether to evaluate all steps if the objective depends on the last one alone;
+            values of the others are nan otherwise.
+
+    Raises:
+        ValueError: If the function returns other shapes.
+    """
+    problem, shape = path.problem, (len(path.steps), len(quantities))
+    first = shape[0] - 1 if over_steps is last and not everywhere else 0
+    values = np.full(shape, np.nan)
+    for number in range(first, shape[0]):
+        path.go_to(number)
+        before = path.before(number)
+        values[number] = [quantity.value(problem, before) for quantity in quantities]
+    with together(problem.comm, "over_steps"):
+        value, weights = over_steps(values)
+        weights = np.asarray(weights, float)
+        if np.ndim(value) or weights.shape != shape:
+            raise ValueError(
+                f"over_steps returned a value of shape {np.shape(value)} and derivatives of shape "
+                f"{weights.shape}: expected a number and the shape {shape}"
+            )
+    return float(value), values, weights
+
+
+def state_before(path: RecordedPath, number: int) -> Before:
+    """The state that step ``number`` starts from, for partial derivatives (collective).
+
+    Args:
+        path: The path, at this step.
+        number: Number of the step.
+
+    Returns:
+        Derivatives by the state, where residuals depend on it and it is a step of the path;
+        otherwise the state.
+    """
+    state = path.before(number)
+    if number == 0 or state is None:
+        return state
+    history = History(path.problem, state)
+    return history if history.any else state

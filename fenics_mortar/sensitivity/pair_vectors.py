@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: MIT
+"""Vectors of a problem and of its pairs: values at surfaces and obstacles of a ``LinearVector``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.partials import PairVector
+from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.interface.mortar import EXACT
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import MortarError
+
+
+def zeros(equations: ContactEquations) -> LinearVector:
+    """The zero vector (local)."""
+    z = [np.zeros_like(contact.z) for contact in equations.contacts]
+    q = np.zeros(equations.motions.scales.shape)
+    return LinearVector(np.zeros(equations.bulk.num_owned), z, q)
+
+
+def scales_of(equations: ContactEquations, contact: Any) -> tuple[int, Array]:
+    """Number of the obstacle of a pair, and its motions per (x, y, angle), shape (3,) (local)."""
+    number = equations.motions.obstacles.index(contact.obstacle)
+    return number, equations.motions.scales[number]
+
+
+def at_pair(equations: ContactEquations, i: int, x: LinearVector) -> PairVector:
+    """Values of a vector at pair ``i`` (collective)."""
+    contact = equations.contacts[i]
+    none = np.zeros_like(contact.z)
+    u = np.zeros(equations.bulk.num_owned) if x.u is None else x.u
+    motion = np.zeros(3)
+    if contact.obstacle is not None and x.q is not None:
+        number, scales = scales_of(equations, contact)
+        motion = x.q[number] * scales
+    on_slave, on_master = contact.slave.gather(u), contact.master.gather(u)
+    return PairVector(on_slave, on_master, none if x.z is None else x.z[i], motion)
+
+
+def add_pair(equations: ContactEquations, i: int, x: LinearVector, pair: PairVector) -> None:
+    """Add values at pair ``i`` to a vector made by ``zeros``: transpose of ``at_pair`` (local)."""
+    contact = equations.contacts[i]
+    u, z, q = x.u, x.z, x.q
+    assert u is not None and z is not None and q is not None
+    contact.slave.scatter_add(pair.on_slave, u)
+    contact.master.scatter_add(pair.on_master, u)
+    z[i][:] += pair.z
+    if contact.obstacle is not None:
+        number, scales = scales_of(equations, contact)
+        q[number] += pair.motion * scales
+
+
+def from_rows(equations: ContactEquations, rows: dict[int, Array]) -> LinearVector:
+    """Residuals with given rows of multipliers, (slave nodes, 2) by number of the pair (local)."""
+    none = zeros(equations)
+    z = [rows.get(i, np.zeros_like(contact.z)) for i, contact in enumerate(equations.contacts)]
+    return LinearVector(none.u, z, none.q)
+
+
+def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
+    """Rows of the multipliers of pair ``i``, shape (slave nodes, 2) (local)."""
+    z: Sequence[Array] | None = x.z
+    return np.zeros_like(contact.z) if z is None else z[i]
+
+
+def contact_of(equations: ContactEquations, i: int) -> Contact:
+    """Contact of the pair with number ``i`` (local).
+
+    Raises:
+        ValueError: If it is a tie.
+        MortarError: If derivatives by the state of its law are not implemented.
+    """
+    contact = equations.contacts[i]
+    if not isinstance(contact, Contact):
+        raise ValueError(f"pair {i} is tied: expected a contact")
+    check_law(contact)
+    return contact
+
+
+def check_law(contact: Any) -> None:
+    """Raise if the law of a contact has a memory, or an adhesion of more than the gap (local).
+
+    Raises:
+        MortarError: For such a law: its memory has no derivatives yet.
+    """
+    law = contact.pair.law if isinstance(contact, Contact) else None
+    if law is not None and (law.memory or law.bridges_gap or law.pulls_by_node):
+        raise MortarError(
+            f"{law!r} has memory, or an adhesion that depends on more than the gap, which have "
+            "no sensitivities: expected a law with tangential, closing_gap and adhesion alone"
+        )
+
+
+def check_exact(contact: Any) -> None:
+    """Raise if the operators of a contact lack derivatives (local, equal on all ranks).
+
+    Raises:
+        MortarError: If terms of the linearization are left out.
+    """
+    terms = contact.operators.linearization
+    if contact.pair.sliding == "small" and isinstance(contact, Contact):
+        if (contact.now.fades_fast & contact.attracted).any():
+            raise MortarError(
+                "adhesion that fades fast with sliding='small' has no derivative: expected "
+                "sliding='finite'"
+            )
+    elif terms != EXACT:
+        raise MortarError(f"operators with {terms}: derivatives of a solution need {EXACT}")

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: MIT
+"""Reference positions of the nodes as a control: the part of the contacts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fenics_mortar.contact.partials_positions import Positions
+from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.controls import Before, history_of
+from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, check_exact, zeros
+from fenics_mortar.utils.arrays import Array
+
+
+class ContactPositions:
+    """Derivative of the residuals by the positions of the nodes, contacts only.
+
+    Positions are values at the dofs of the displacement. The residuals of the bodies depend on them
+    as well; their derivative is not included. See ``contact.partials_positions``.
+
+    Args:
+        problem: The problem, at the end of a step, evaluated with ``EXACT``; collective.
+        before: State at the start of the step, with friction.
+
+    Raises:
+        MortarError: On all ranks, if contact depends on the undeformed mesh otherwise.
+    """
+
+    def __init__(self, problem: ContactProblem, before: Before = None) -> None:
+        self._equations = problem.equations
+        self._history = history_of(problem, before)
+        self._pairs = []
+        for contact in self._equations.contacts:
+            check_exact(contact)
+            self._pairs.append(Positions(contact))
+
+    def jvp(self, dx: Array) -> LinearVector:
+        """Change of the residuals with the positions, (owned dofs,) [length] (collective)."""
+        e, positions = self._equations, LinearVector(u=dx)
+        change = zeros(e)
+        for i, pair in enumerate(self._pairs):
+            at = at_pair(e, i, positions)
+            add_pair(e, i, change, pair.along(at.on_slave, at.on_master))
+        _drop_prescribed(e, change)
+        if self._history is not None:
+            history = self._history.jvp(positions).z
+            assert change.z is not None and history is not None
+            for rows, of_history in zip(change.z, history, strict=True):
+                rows += of_history
+        return change
+
+    def vjp(self, y: LinearVector) -> Array:
+        """Gradient of the residuals times ``y`` by the positions, (owned dofs,) (collective)."""
+        e, gradient = self._equations, zeros(self._equations)
+        given = LinearVector(
+            None if y.u is None else y.u.copy(), y.z, None if y.q is None else y.q.copy()
+        )
+        _drop_prescribed(e, given)
+        for i, (pair, contact) in enumerate(zip(self._pairs, e.contacts, strict=True)):
+            on_slave, on_master = pair.back(at_pair(e, i, given))
+            assert gradient.u is not None
+            contact.slave.scatter_add(on_slave, gradient.u)
+            contact.master.scatter_add(on_master, gradient.u)
+        total = gradient.u
+        assert total is not None
+        if self._history is not None:
+            of_history = self._history.vjp(y).u
+            assert of_history is not None
+            total = total + of_history
+        return total
+
+
+def _drop_prescribed(e: ContactEquations, x: LinearVector) -> None:
+    """Set the entries of prescribed dofs and motions to zero: their rows have no forces (local)."""
+    if x.u is not None:
+        x.u[e.bulk.prescribed_dofs] = 0.0
+    if x.q is not None:
+        x.q[:] = np.where(e.motions.driven, x.q, 0.0)

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: MIT
+"""Protocols of controls and quantities, and both from the arguments of users.
+
+R_k(s_k, s_{k-1}, m) = 0 are the equations of step k for its state s_k = (u, z, q), rows and units
+as in ``equations.linearized``; all derivatives are those at fixed active sets and branches, at the
+present state of the problem, which has to be evaluated. All methods are collective.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol, TypeVar
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+import ufl
+from dolfinx import fem
+
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.controls import Before
+from fenics_mortar.sensitivity.form_controls import FormControl
+from fenics_mortar.sensitivity.form_quantity import FormQuantity
+from fenics_mortar.sensitivity.nodal_positions import NodalPositions
+from fenics_mortar.utils.arrays import Array
+
+
+class Control(Protocol):
+    """Values m that a solution depends on.
+
+    They have a shape of their own and are replicated, or those of the owned dofs of a function if
+    there is an attribute ``is_distributed`` that is true.
+
+    Attributes:
+        name: Name for messages.
+    """
+
+    name: str
+
+    def get(self, problem: ContactProblem) -> Array:
+        """Present values (local)."""
+
+    def set(self, problem: ContactProblem, values: Array) -> None:
+        """Set the values, equal on all ranks."""
+
+    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
+        """(dR_k/dm) dm; ``before``: the state s_{k-1}, for values that slip depends on."""
+
+    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
+        """(dR_k/dm)^T y, of the shape of the values."""
+
+
+class Quantity(Protocol):
+    """A number J(s_k, s_{k-1}, m) that a state has."""
+
+    def value(self, problem: ContactProblem, before: Before = None) -> float:
+        """Value at the present state, equal on all ranks."""
+
+    def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
+        """dJ/ds_k."""
+
+    def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
+        """dJ/ds_{k-1}; ``None`` if it is zero."""
+
+    def by_control(
+        self, problem: ContactProblem, control: Any, before: Before = None
+    ) -> Array | float:
+        """Explicit derivative dJ/dm at fixed states."""
+
+
+T = TypeVar("T")
+# Controls and quantities with compiled forms, by bulk and by the UFL object.
+_kept: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
+
+
+def controls_of(problem: ContactProblem, given: Any) -> list[Control]:
+    """Controls, made from constants and functions where these are given (local).
+
+    Raises:
+        ValueError: If an object is no control.
+    """
+    return [_control_of(problem, control) for control in as_list(given)]
+
+
+def quantities_of(problem: ContactProblem, given: Any) -> list[Quantity]:
+    """Quantities, made from UFL forms where these are given (local).
+
+    Raises:
+        ValueError: If an object is neither a quantity nor a form of rank 0.
+    """
+    return [_quantity_of(problem, quantity) for quantity in as_list(given)]
+
+
+def as_list(given: Any) -> list[Any]:
+    """A list of at least one object from one or several of them (local).
+
+    Raises:
+        ValueError: If the list is empty.
+    """
+    found = list(given) if isinstance(given, Sequence) else [given]
+    if not found:
+        raise ValueError("an empty list: expected at least one control and one quantity")
+    return found
+
+
+def check_dependence(
+    problem: ContactProblem, quantities: Sequence[Quantity], controls: Sequence[Control]
+) -> None:
+    """Refuse controls that nothing depends on (collective).
+
+    Raises:
+        ValueError: On all ranks.
+    """
+    for control in controls:
+        occurs = getattr(control, "occurs", True)
+        asked = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)
+        if not occurs and not any(depends_on(control) for depends_on in asked):
+            raise ValueError(
+                f"{control.name}: neither residual nor Dirichlet conditions nor objective depend "
+                "on this control"
+            )
+
+
+def explicit(
+    problem: ContactProblem, quantity: Quantity, control: Control, before: Before
+) -> Array | float:
+    """dJ/dm at fixed states (collective)."""
+    if isinstance(control, NodalPositions):
+        return control.explicit(problem, quantity, before)
+    return quantity.by_control(problem, control, before)
+
+
+def dot(problem: ContactProblem, control: Control, one: Array, other: Array) -> float:
+    """Sum of the products of two sets of numbers of a control, equal on all ranks (collective).
+
+    Values of controls with a true ``is_distributed`` are those of the owned dofs, others are
+    replicated.
+    """
+    mine = float(np.vdot(one, other))
+    return problem.comm.allreduce(mine) if getattr(control, "is_distributed", False) else mine
+
+
+def _control_of(problem: ContactProblem, control: Any) -> Control:
+    bulk = problem.equations.bulk
+    if control is bulk.u:
+        raise ValueError("the displacement is an unknown: expected a control that it depends on")
+    if isinstance(control, (fem.Constant, fem.Function)):
+        return _keep(bulk, control, lambda: FormControl(bulk, control))
+    if not hasattr(control, "jvp") or not hasattr(control, "vjp"):
+        raise ValueError(
+            f"control {control!r}: expected a fem.Constant, a fem.Function or a control of the "
+            "package, as LawParameter(0, 'mu')"
+        )
+    return control
+
+
+def _quantity_of(problem: ContactProblem, quantity: Any) -> Quantity:
+    bulk = problem.equations.bulk
+    if isinstance(quantity, ufl.Form):
+        if quantity.arguments():
+            raise ValueError(
+                f"the objective is a form with {len(quantity.arguments())} arguments: expected a "
+                "form without test functions"
+            )
+        return _keep(bulk, quantity, lambda: FormQuantity(bulk, quantity))
+    if not hasattr(quantity, "value") or not hasattr(quantity, "gradient"):
+        raise ValueError(
+            f"objective {quantity!r}: expected a scalar UFL form or a quantity of the package, as "
+            "TotalForce(0, (0.0, 1.0))"
+        )
+    return quantity
+
+
+def _keep(bulk: Any, key: Any, make: Any) -> Any:
+    """The object made earlier for a UFL object, or a new one (local)."""
+    kept = _kept.setdefault(bulk, {})
+    if key not in kept:
+        kept[key] = make()
+    return kept[key]

@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: MIT
+"""Quantities of contact as objectives: forces, pressures, gaps, friction work, contact lengths.
+
+Nodal quadrature with the weights w_j, the integrals of the multiplier functions over the current
+surface and the thickness, gives int f(p) = sum_j w_j f(p_j); it is exact for f = p. Derivatives are
+those at fixed sets, at the present state of the problem, which has to be evaluated with ``EXACT``.
+All values are equal on all ranks; all methods but constructors and operators are collective.
+
+Sums, products with numbers, and powers of quantities are quantities:
+
+>>> misfit = (TotalForce(0, (0.0, 1.0)) - 12.5) ** 2 + 0.1 * FrictionWork(0)
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.partials import PairVector
+from fenics_mortar.contact.partials_fields import ByFields, moment, moment_gradient
+from fenics_mortar.contact.partials_gap import gap_back
+from fenics_mortar.contact.partials_shape import change_by_shape
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.combined import Combined, ContactQuantity
+from fenics_mortar.sensitivity.controls import (
+    Before,
+    Interference,
+    ObstacleShape,
+    Offset,
+    history_of,
+)
+from fenics_mortar.sensitivity.pair_vectors import add_pair, check_exact, contact_of, zeros
+from fenics_mortar.utils.arguments import check_number
+from fenics_mortar.utils.arrays import Array, Indices
+
+
+class PairQuantity(ContactQuantity):
+    """Base of the quantities of one pair, functions of its nodal fields.
+
+    Args:
+        pair: Number of the pair.
+    """
+
+    def __init__(self, pair: int) -> None:
+        self.pair = pair
+
+    @abstractmethod
+    def _of(self, contact: Any) -> float:
+        """Value."""
+
+    @abstractmethod
+    def _by_fields(self, contact: Any) -> ByFields:
+        """Derivative by nodal fields."""
+
+    def value(self, problem: ContactProblem, before: Before = None) -> float:
+        """See ``ContactQuantity``."""
+        return self._of(problem.equations.contacts[self.pair])
+
+    def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
+        """See ``ContactQuantity``."""
+        contact = problem.equations.contacts[self.pair]
+        return self._vector(problem, self._by_state(contact))
+
+    def _by_state(self, contact: Interface) -> PairVector:
+        """Derivative by the present state at the pair."""
+        if isinstance(contact, Contact):
+            check_exact(contact)
+        return self._by_fields(contact).gradient(contact)
+
+    def _vector(self, problem: ContactProblem, values: PairVector) -> LinearVector:
+        total = zeros(problem.equations)
+        add_pair(problem.equations, self.pair, total, values)
+        return total
+
+    def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
+        """See ``ContactQuantity``."""
+        contact = problem.equations.contacts[self.pair]
+        by_slip = self._by_fields(contact).slip
+        if by_slip is None:
+            return None
+        history = history_of(problem, before)
+        if history is None or self.pair not in history.pairs:
+            return None
+        return self._vector(problem, history.pairs[self.pair].slip.back(by_slip))
+
+    def by_control(
+        self, problem: ContactProblem, control: Any, before: Before = None
+    ) -> Array | float:
+        """See ``ContactQuantity``; offsets and shapes of obstacles."""
+        contact = problem.equations.contacts[self.pair]
+        by = self._by_fields(contact)
+        if isinstance(control, (Offset, Interference)) and control.pair == self.pair:
+            if by.gap is None:
+                return 0.0
+            gradient = gap_back(contact.operators, by.gap)
+            return gradient if isinstance(control, Offset) else np.asarray(gradient.sum())
+        if isinstance(control, ObstacleShape) and contact.obstacle is control.obstacle:
+            return self._by_shape(problem, control, by, before)
+        return 0.0
+
+    def _by_shape(
+        self, problem: ContactProblem, control: ObstacleShape, by: ByFields, before: Before
+    ) -> Array:
+        contact, value = contact_of(problem.equations, self.pair), control.get(problem)
+        history = None if by.slip is None else history_of(problem, before)
+        earlier = None if history is None else history.earlier.get(self.pair)
+        gradient = np.zeros(value.size)
+        for i, unit in enumerate(np.eye(value.size)):
+            direction = unit.reshape(value.shape)
+            change = change_by_shape(contact, control.parameter, direction, earlier)
+            for name, of_field in change._asdict().items():
+                weights = getattr(by, name)
+                if weights is not None:
+                    gradient[i] += weights @ of_field
+        return gradient.reshape(value.shape)
+
+
+class TotalForce(PairQuantity):
+    """Component of the contact force on the slave body [stress length].
+
+    Args:
+        pair: Number of the pair, a contact or a tie.
+        direction: Vector by which the force is multiplied, shape (2,).
+    """
+
+    def __init__(self, pair: int, direction: npt.ArrayLike) -> None:
+        super().__init__(pair)
+        self.direction = np.asarray(direction, float)
+
+    def _of(self, contact: Interface) -> float:
+        """See ``PairQuantity``."""
+        return float(contact.total_force @ self.direction)
+
+    def _by_fields(self, contact: Interface) -> ByFields:
+        """See ``PairQuantity``."""
+        weight = contact.operators.weight
+        return ByFields(weight=-contact.z @ self.direction, z=-weight[:, None] * self.direction)
+
+
+class Moment(PairQuantity):
+    """Moment of the contact forces on the slave body, counter-clockwise [stress length^2].
+
+    Args:
+        pair: Number of the pair, a contact or a tie.
+        about: Fixed point, shape (2,) [length].
+    """
+
+    def __init__(self, pair: int, about: npt.ArrayLike = (0.0, 0.0)) -> None:
+        super().__init__(pair)
+        self.about = np.asarray(about, float)
+
+    def _of(self, contact: Interface) -> float:
+        """See ``PairQuantity``."""
+        return moment(contact, self.about)
+
+    def _by_fields(self, contact: Interface) -> ByFields:
+        """See ``PairQuantity``: no control changes the moment at a fixed state."""
+        return ByFields()
+
+    def _by_state(self, contact: Interface) -> PairVector:
+        return moment_gradient(contact, self.about)
+
+
+class PressureFunctional(PairQuantity):
+    """Integral of a function of the pressure over the slave, sum_j w_j f(p_j).
+
+    Args:
+        pair: Number of the pair.
+        function: Maps the pressures of all slave nodes (slave nodes,) to values, (slave nodes,).
+        derivative: Maps them to the derivatives.
+    """
+
+    def __init__(
+        self, pair: int, function: Callable[[Array], Array], derivative: Callable[[Array], Array]
+    ) -> None:
+        super().__init__(pair)
+        self._function, self._derivative = function, derivative
+
+    def _of(self, contact: Contact) -> float:
+        """See ``PairQuantity``."""
+        return float(contact.operators.weight @ self._function(contact.now.z_n))
+
+    def _by_fields(self, contact: Contact) -> ByFields:
+        """See ``PairQuantity``."""
+        p, weight = contact.now.z_n, contact.operators.weight
+        return ByFields(weight=self._function(p), z_n=weight * self._derivative(p))
+
+
+class PressureIntegral(PressureFunctional):
+    """Integral of a power of the pressure over the slave [stress^power length].
+
+    Args:
+        pair: Number of the pair.
+        power: A whole number, at least 1.
+    """
+
+    def __init__(self, pair: int, power: int = 1) -> None:
+        check_number("power", power, "at least 1", lambda n: n >= 1, whole=True)
+        super().__init__(pair, lambda p: p**power, lambda p: power * p ** (power - 1))
+
+
+class PeakPressure(PairQuantity):
+    """Smooth maximum of the pressure, the norm (sum_j w_j p_j^P / sum_j w_j)^(1/P) [stress].
+
+    Tensile pressures, as under adhesion, count as zero.
+
+    Args:
+        pair: Number of the pair.
+        power: P; the norm is below the maximum and tends to it.
+    """
+
+    def __init__(self, pair: int, power: float = 8.0) -> None:
+        super().__init__(pair)
+        check_number("power", power, "more than 1", lambda P: 1.0 < P < np.inf)
+        self.power = power
+
+    def _parts(self, contact: Contact) -> tuple[Array, float, float, float]:
+        """Pressures over the largest, the largest, the sum of weights, mean of the powers."""
+        weight, p = contact.operators.weight, np.maximum(contact.now.z_n, 0.0)
+        largest = float(p.max()) or 1.0
+        total = float(weight.sum())
+        return p / largest, largest, total, float(weight @ (p / largest) ** self.power) / total
+
+    def _of(self, contact: Contact) -> float:
+        """See ``PairQuantity``."""
+        _, largest, _, mean = self._parts(contact)
+        return float(largest * mean ** (1.0 / self.power))
+
+    def _by_fields(self, contact: Contact) -> ByFields:
+        """See ``PairQuantity``; zero without pressure."""
+        p, largest, total, mean = self._parts(contact)
+        if mean == 0.0:
+            return ByFields()
+        by_mean = mean ** (1.0 / self.power - 1.0) / total
+        by_weight = largest / self.power * by_mean * (p**self.power - mean)
+        weight = contact.operators.weight
+        return ByFields(weight=by_weight, z_n=by_mean * weight * p ** (self.power - 1.0))
+
+
+class MeanGap(PairQuantity):
+    """Mean gap of nodes, the sum of their weighted gaps over that of their weights [length].
+
+    Args:
+        pair: Number of the pair.
+        nodes: Numbers of slave nodes along the surface; all covered ones by default.
+    """
+
+    def __init__(self, pair: int, nodes: Indices | None = None) -> None:
+        super().__init__(pair)
+        self.nodes = nodes
+
+    def _counts(self, contact: Contact) -> Array:
+        counts = contact.covered.astype(float)
+        if self.nodes is not None:
+            chosen = np.zeros_like(counts)
+            chosen[self.nodes] = 1.0
+            counts = counts * chosen
+        return counts
+
+    def _of(self, contact: Contact) -> float:
+        """See ``PairQuantity``; nan if none of the nodes is covered."""
+        o, counts = contact.operators, self._counts(contact)
+        total = float(counts @ o.weight)
+        return float(counts @ o.gap) / total if total else np.nan
+
+    def _by_fields(self, contact: Contact) -> ByFields:
+        """See ``PairQuantity``."""
+        counts = self._counts(contact)
+        total = float(counts @ contact.operators.weight) or 1.0
+        return ByFields(weight=-self._of(contact) / total * counts, gap=counts / total)
+
+
+class FrictionWork(PairQuantity):
+    """Work of friction in the step, by the shear at its end [stress length^2].
+
+    The sum of w_j z_tau u_j over active nodes with the slip u_j; see ``PairView.friction_work``.
+
+    Args:
+        pair: Number of the pair.
+    """
+
+    def _of(self, contact: Contact) -> float:
+        """See ``PairQuantity``."""
+        return contact.friction_work
+
+    def _by_fields(self, contact: Contact) -> ByFields:
+        """See ``PairQuantity``."""
+        w, z_tau, on = contact.operators.weight, contact.z_tau, contact.active
+        slip = np.where(on, contact.slip, 0.0)
+        return ByFields(weight=z_tau * slip, z_tau=w * slip, slip=np.where(on, w * z_tau, 0.0))
+
+
+class ContactLength(PairQuantity):
+    """Length of the surface in contact, the sum of w_j over active nodes [length].
+
+    It jumps where the active set changes; the derivative at a fixed set is the stretch of the
+    active nodes only. ``effective_length`` is smooth.
+
+    Args:
+        pair: Number of the pair.
+    """
+
+    def _of(self, contact: Contact) -> float:
+        """See ``PairQuantity``."""
+        return float(contact.operators.weight @ contact.active)
+
+    def _by_fields(self, contact: Contact) -> ByFields:
+        """See ``PairQuantity``."""
+        return ByFields(weight=contact.active.astype(float))
+
+
+def effective_length(pair: int) -> ContactQuantity:
+    """Length over which the mean pressure acts, (int p)^2 / int p^2 [length].
+
+    The length in contact if the pressure is uniform, 3 pi^2 / 32 = 0.925 of it if the pressure is
+    Hertz's. It changes continuously with the active set.
+
+    Args:
+        pair: Number of the pair.
+    """
+    parts = [PressureIntegral(pair, 1), PressureIntegral(pair, 2)]
+    return Combined(
+        parts,
+        lambda v: v[0] ** 2 / v[1],
+        lambda v: np.array([2.0 * v[0] / v[1], -((v[0] / v[1]) ** 2)]),
+    )

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: MIT
+"""Derivatives in one direction of the controls, forwards through the steps of a path.
+
+The derivatives s'_k of the states and f' of the objective along dm are, see ``gradient``,
+
+    A_k s'_k = -(dR_k/dm) dm - (dR_k/ds_{k-1}) s'_{k-1},
+    f' = sum_k w_k [dJ_k/ds_k . s'_k + dJ_k/ds_{k-1} . s'_{k-1} + dJ_k/dm . dm].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dolfinx import fem
+
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.gradient import recorded
+from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.kinks import Kink, find_kinks
+from fenics_mortar.sensitivity.linear_vectors import Term, combine
+from fenics_mortar.sensitivity.linearization import linearize
+from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
+from fenics_mortar.sensitivity.path_record import RecordedPath
+from fenics_mortar.sensitivity.protocols import (
+    Control,
+    Quantity,
+    as_list,
+    check_dependence,
+    controls_of,
+    dot,
+    explicit,
+    quantities_of,
+)
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import together
+
+
+@dataclass(frozen=True)
+class TangentLinear:
+    """Derivatives of an objective and of the states in one direction of the controls.
+
+    Attributes:
+        value: The objective.
+        derivative: Its derivative.
+        values: Values of the quantities, shape (steps, quantities).
+        derivatives: Derivatives of the values, shape (steps, quantities).
+        states: Derivatives of the states of all steps, units as in ``equations.linearized`` over
+            that of the direction's factor.
+        kinks: Undecided nodes and the nodes nearest to a change of set; see ``kinks``.
+    """
+
+    value: float
+    derivative: float
+    values: Array
+    derivatives: Array
+    states: tuple[LinearVector, ...]
+    kinks: tuple[Kink, ...]
+
+
+def tangent_linear(
+    objective: Any,
+    controls: Any,
+    directions: Any,
+    path: RecordedPath | ContactProblem,
+    *,
+    over_steps: OverSteps = last,
+) -> TangentLinear:
+    """Derivative of an objective in one direction of the controls (collective).
+
+    Args:
+        objective: See ``gradient``.
+        controls: See ``gradient``.
+        directions: Direction of the control, or a list with that of each control: numbers in the
+            shape of its derivative, a function of the space of a function; or a function of the
+            number of the step that returns one of these.
+        path: See ``gradient``.
+        over_steps: See ``gradient``.
+
+    Returns:
+        Derivatives of the objective, the quantities and the states. The problem is in its present
+        state again.
+
+    Raises:
+        ValueError: If an argument is of another type or shape, or nothing depends on a control.
+        MortarError: See ``gradient``.
+    """
+    path = recorded(path)
+    problem = path.problem
+    with together(problem.comm, "tangent_linear"):
+        quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
+        given = as_list(directions) if len(made) > 1 or _is_list(directions) else [directions]
+        if len(given) != len(made):
+            raise ValueError(f"{len(given)} directions: expected {len(made)}, one per control")
+        along = [
+            [_direction_of(problem, *pair, number) for pair in zip(made, given, strict=True)]
+            for number in range(len(path.steps))
+        ]
+    check_dependence(problem, quantities, made)
+    with path.visited():
+        value, values, weights = evaluate(path, quantities, over_steps, everywhere=True)
+        derivatives, states, kinks = _forwards(path, quantities, made, along)
+    derivative = float((weights * derivatives).sum())
+    return TangentLinear(value, derivative, values, derivatives, tuple(states), tuple(kinks))
+
+
+def _is_list(directions: Any) -> bool:
+    """Whether an argument is a list of directions and not one of them (local)."""
+    return isinstance(directions, Sequence) and any(
+        isinstance(direction, (Callable, fem.Function)) or np.ndim(direction)  # type: ignore[arg-type]
+        for direction in directions
+    )
+
+
+def _direction_of(problem: ContactProblem, control: Control, given: Any, number: int) -> Array:
+    """Numbers of a direction in a step (local).
+
+    Raises:
+        ValueError: If their shape is not that of the control's derivative.
+    """
+    if callable(given) and not isinstance(given, fem.Function):
+        given = given(number)
+    size = control.get(problem).shape
+    if isinstance(given, fem.Function):
+        given = given.x.array[: int(np.prod(size))]
+    direction = np.asarray(given, float)
+    if direction.shape != size:
+        raise ValueError(
+            f"the direction of {control.name} has the shape {direction.shape}: expected {size}"
+        )
+    return direction
+
+
+def _forwards(
+    path: RecordedPath,
+    quantities: Sequence[Quantity],
+    controls: Sequence[Control],
+    along: Sequence[Sequence[Array]],
+) -> tuple[Array, list[LinearVector], list[Kink]]:
+    """Derivatives of the quantities' values and of the states, and kinks (collective)."""
+    problem = path.problem
+    derivatives = np.zeros((len(path.steps), len(quantities)))
+    states: list[LinearVector] = []
+    kinks: list[Kink] = []
+    for number, directions in enumerate(along):
+        path.go_to(number)
+        before = state_before(path, number)
+        earlier = states[-1] if states else LinearVector()
+        kinks += find_kinks(problem, number)
+        pairs = list(zip(controls, directions, strict=True))
+        terms: list[Term] = [(-1.0, c.jvp(problem, dm, before)) for c, dm in pairs]
+        if states and isinstance(before, History):
+            terms.append((-1.0, before.jvp(earlier)))
+        states.append(linearize(problem).solve(combine(terms)))
+        for i, quantity in enumerate(quantities):
+            change = quantity.gradient(problem, before).dot(states[-1], problem.comm)
+            by_before = quantity.by_before(problem, before) if states[:-1] else None
+            if by_before is not None:
+                change += by_before.dot(earlier, problem.comm)
+            for control, dm in pairs:
+                by_control = np.zeros_like(dm) + explicit(problem, quantity, control, before)
+                change += dot(problem, control, by_control, dm)
+            derivatives[number, i] = change
+    return derivatives, states, kinks

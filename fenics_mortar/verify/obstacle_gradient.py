@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: MIT
+"""Gradients of users' signed distances against difference quotients.
+
+Contact forces act along the gradient of an obstacle's distance. A gradient that is not that of the
+distance would turn them without a violation of any other condition.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import call_together, place
+
+# Length of the differences over the nodal length [1]: short of curvatures that facets resolve, long
+# against roundoff of positions.
+DIFFERENCE = 1e-4
+
+
+def gradient_error(contact: Contact) -> tuple[float, str]:
+    """Error of the direction of a user's gradient at active nodes (collective).
+
+    Returns:
+        Sine of the angle between gradient and difference quotients, the median since a node may lie
+        on a kink, one where they are opposed; the position of the node with the largest one. Zero
+        for the obstacles of the package and without active nodes.
+
+    Raises:
+        Exception: An error of the user's function, on all ranks.
+    """
+    obstacle, comm = contact.obstacle, contact.slave.comm
+    if obstacle is None or not contact.active.any() or _is_of_package(obstacle):
+        return 0.0, ""
+    call = partial(_errors, obstacle, contact)
+    errors = call_together(comm, f"the distance of '{obstacle.name}'", call)
+    where = place(contact.operators.x[contact.active][int(errors.argmax())])
+    return max(comm.allgather((float(np.median(errors)), where)))
+
+
+def _errors(obstacle: Obstacle, contact: Contact) -> Array:
+    """Sine of the angle between gradient and difference quotients, (active nodes,) (local)."""
+    x = contact.operators.x[contact.active]
+    step = DIFFERENCE * contact.nodal_lengths[contact.active]
+    _, gradient, _ = obstacle.evaluate(x)
+    moves = step[:, None, None] * np.eye(2)
+    ahead, behind = (
+        np.stack([obstacle.evaluate(x + sign * moves[:, axis])[0] for axis in (0, 1)], axis=1)
+        for sign in (1.0, -1.0)
+    )
+    quotients = ahead - behind  # only their direction matters
+    across = gradient[:, 0] * quotients[:, 1] - gradient[:, 1] * quotients[:, 0]
+    along = (gradient * quotients).sum(axis=1)
+    sine = np.abs(across) / np.maximum(np.hypot(across, along), np.finfo(float).tiny)
+    return np.where(along > 0.0, sine, 1.0)
+
+
+def _is_of_package(obstacle: Obstacle) -> bool:
+    """Whether the distance is one of the package's shapes, not a user's."""
+    package = SignedDistance.__module__.partition(".")[0]
+    kind = type(obstacle)
+    return kind is not SignedDistance and kind.__module__.partition(".")[0] == package

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: MIT
+"""Bodies that touch themselves or each other, with and without chosen sides."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scenes import TIGHT, internal, neo_hookean, read
+
+import ufl
+from dolfinx import fem
+
+import fenics_mortar as fm
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block, mapped, sector
+
+E, NU = 100.0, 0.3
+
+
+class Driven:
+    """A problem whose loads are the motions of parts of boundaries.
+
+    Attributes:
+        data: Mesh and names.
+        u: Displacement.
+        problem: The problem.
+        moved: Prescribed displacements by name of the part.
+    """
+
+    def __init__(
+        self, grids: list[Grid], parts: dict[str, Any], pairs: Any, *, problem: Any = None,
+        order: int = 1, reverse: bool = False, foundation: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Set up.
+
+        Args:
+            grids: The bodies.
+            parts: By name, where nodes are held: functions of x (3, n) that return bool (n,).
+            pairs: Function of the mesh data that returns the pairs.
+            problem: Options of the problem.
+            order: Order of cells and displacement.
+            reverse: Whether the nodes are numbered from the other end.
+            foundation: Stiffness of springs at all points [stress / length^2].
+        """
+        grids = [backwards(grid) for grid in grids] if reverse else grids
+        self.data = read(lambda: mapped_grids.build(grids, order=order))
+        V = fm.vector_space(self.data.mesh, order)
+        self.u, self.moved, bcs = fem.Function(V), {}, []
+        for name, where in parts.items():
+            self.moved[name] = fem.Constant(self.data.mesh, (0.0, 0.0))
+            bcs.append(fem.dirichletbc(self.moved[name], fem.locate_dofs_geometrical(V, where), V))
+        residual = internal(self.u, neo_hookean(self.u, E, NU))
+        if foundation:
+            residual += foundation * ufl.inner(self.u, ufl.TestFunction(V)) * ufl.dx
+        options = {"petsc_options_prefix": "test_self_", "newton": TIGHT, **(problem or {})}
+        self.problem = fm.ContactProblem(residual, self.u, pairs(self.data), bcs=bcs, **options)
+
+    def move(self, steps: int, **motions: Any) -> Any:
+        """Move parts proportionally to new places; return the path's report.
+
+        Args:
+            steps: Number of steps at least.
+            motions: Displacement of each part at the end, shape (2,) [length].
+        """
+        start = {name: self.moved[name].value.copy() for name in motions}
+
+        def load(time: float) -> None:
+            for name, motion in motions.items():
+                self.moved[name].value[:] = start[name] + time * (motion - start[name])
+
+        options = fm.SteppingOptions(step=1.0 / steps, smallest=1e-3 / steps)
+        return fm.follow_path(self.problem, load, options=options)
+
+    @property
+    def contact(self):
+        return self.problem.equations.contacts[0]
+
+    def forces(self) -> np.ndarray:
+        """Norms of the contact forces of all pairs [stress length]."""
+        return np.array([
+            np.linalg.norm(c.operators.force(c.z)[0], axis=1).sum()
+            for c in self.problem.equations.contacts
+        ])  # fmt: skip
+
+
+def backwards(grid: Grid) -> Grid:
+    """The same body with its columns and rows numbered from the other end."""
+    other = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
+    names = {other[side]: grid.boundary(side) for side in mapped_grids.SIDES}
+    return replace(grid, x=grid.x[::-1, ::-1], joined=names)
+
+
+def c_ring(pairs: Any, *, mouth: float = 0.12, columns: int = 36, **options: Any) -> Driven:
+    """A ring with a mouth of parallel ends on the right, fixed at the bottom, moved at the top."""
+    half = np.arcsin(mouth)
+    shape = sector(columns, 3, radii=(0.8, 1.0), angles=(half, 2 * np.pi - half))
+    shape[0, :, 1], shape[-1, :, 1] = 0.5 * mouth, -0.5 * mouth
+    names = {"left": "ring/first", "right": "ring/last"}
+    return Driven(
+        [Grid("ring", shape, joined=names)],
+        {
+            "low": lambda x: (np.hypot(x[0], x[1]) > 0.999) & (x[0] > 0.6) & (x[1] < -0.2),
+            "high": lambda x: (np.hypot(x[0], x[1]) > 0.999) & (x[0] > 0.6) & (x[1] > 0.2),
+        },
+        pairs,
+        **options,
+    )
+
+
+def strip_in_s(pairs: Any, *, thickness: float = 0.1, gap: float = 0.1, **options: Any) -> Driven:
+    """A strip with three arms and two bends; the upper arm is moved, the lower one is fixed."""
+    radius, length = 0.5 * (gap + thickness), 1.0
+    order = options.get("order", 1)
+    along, around = 12 * order, 8 * order
+    line: list[np.ndarray] = [np.zeros(2)]
+    for arm, way in enumerate((1.0, -1.0, 1.0)):
+        line += [line[-1] + [way * length * k / along, 0.0] for k in range(1, along + 1)]
+        if arm < 2:
+            centre = line[-1] + [0.0, radius]
+            turn = -0.5 * np.pi + way * np.linspace(0.0, np.pi, around + 1)[1:]
+            line += list(centre + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+    middle = np.array(line)
+    tangent = np.gradient(middle, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    t = thickness * np.linspace(-0.5, 0.5, 2 * order + 1)
+    shape = middle[:, None] + t[None, :, None] * normal[:, None]
+    low, high = shape[..., 1].min(), shape[..., 1].max()
+    names = {side: "strip/outline" for side in mapped_grids.SIDES}
+    return Driven(
+        [Grid("strip", shape, joined=names)],
+        {
+            "low": lambda x: x[1] < low + 1e-6 * thickness,
+            "high": lambda x: (x[1] > high - 1e-6 * thickness) & (x[0] > 0.3) & (x[0] < 0.7),
+        },
+        pairs,
+        **options,
+    )
+
+
+def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any) -> Driven:
+    """A tube, flattened by motions of two opposite lines of its outside."""
+    shape = sector(columns, 3, radii=(0.85, 1.0))
+    x, y = (0, 1) if upright else (1, 0)
+    names = {"top": "tube/inside", "bottom": "tube/outside"}
+
+    def held(side: float) -> Any:
+        width = 0.1
+        return lambda X: (np.hypot(X[0], X[1]) > 0.999) & (abs(X[x]) < width) & (side * X[y] > 0.0)
+
+    return Driven(
+        [Grid("tube", shape, joined=names, closed=True)],
+        {"low": held(-1.0), "high": held(1.0)},
+        pairs,
+        **options,
+    )
+
+
+def ten_bodies(pairs: Any, *, seed: int = 1, foundation: float = 0.5, **options: Any) -> Driven:
+    """Ten blocks of random sizes between a ground and a tool, on weak springs."""
+    rng = np.random.default_rng(seed)
+    grids, y = [], 0.0
+    for layer, count in enumerate((3, 4, 3)):
+        height, cuts = rng.uniform(0.5, 0.8), np.linspace(0.0, 3.0, count + 1)
+        cuts[1:-1] += rng.uniform(-0.12, 0.12, count - 1)
+        for i, (a, b) in enumerate(pairwise(cuts)):
+            bulge = rng.uniform(0.0, 0.03)
+
+            def position(s: Any, t: Any, a=a, b=b, y=y, height=height, bulge=bulge) -> Any:
+                bent = bulge * np.sin(np.pi * s) * (t - 0.5)
+                return a + (b - a - 0.01) * s, y + height * t + bent
+
+            shape = mapped(int(rng.integers(5, 9)), int(rng.integers(3, 5)), position)
+            name = f"b{layer}{i}"
+            names = dict.fromkeys(mapped_grids.SIDES, f"{name}/outline")
+            grids.append(Grid(name, shape, joined=names))
+        y += height + 0.03
+    tool = block(13, 2, width=3.2, height=0.3, corner=(-0.1, y))
+    ground = block(11, 2, width=3.4, height=0.3, corner=(-0.2, -0.33))
+    grids += [Grid("tool", tool), Grid("ground", ground)]
+    names = [f"{grid.name}/outline" for grid in grids[:-2]] + ["tool/bottom", "ground/top"]
+    return Driven(
+        grids,
+        {"low": lambda x: x[1] < -0.329, "high": lambda x: x[1] > y + 0.299},
+        lambda data: pairs(data, names),
+        foundation=foundation,
+        **options,
+    )

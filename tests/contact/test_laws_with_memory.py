@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: MIT
+"""Laws with memory, rate and layers, against closed forms; the tangent of each."""
+
+import numpy as np
+import pytest
+from law_scenes import HEIGHT, E, block_on_plane
+from scenes import pressed_blocks
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from demos.laws import Cohesive, NormalCompliance, RateAndState, Stribeck, Worn
+
+SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
+LAWS = {
+    "wear": Worn(0.03, 2e-2),
+    "compliance": NormalCompliance(2000.0, 1.5, 0.3),
+    "linear compliance": NormalCompliance(200.0, 1.0, 0.2),
+    "cohesive": Cohesive(2.0, 0.4),
+    "Stribeck": Stribeck(0.4, 0.2, 0.05, 0.1),
+    "rate and state": RateAndState(0.4, 0.2, 0.1, 0.2, 0.01),
+    "field": fm.Coulomb(lambda X: 0.2 + 0.1 * np.sin(X[:, 0])),
+}
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_wear_under_a_held_top_is_implicit_euler(degree):
+    """p' = -(E / H) wear p |v|: p falls by the same factor in each step."""
+    law = Worn(0.0, 1e-2)
+    problem, push, plane = block_on_plane(law, degree=degree)
+    push.value[1] = -0.05
+    problem.solve()
+    contact, slip = problem.contacts[0], 0.2
+    pressure = 0.05 * E / HEIGHT
+    assert contact.pressure == pytest.approx(pressure, rel=1e-11)
+    for number in range(1, 4):
+        plane.move(x=number * slip)
+        assert problem.solve().certificate.violations() == []
+        expected = pressure / (1.0 + E / HEIGHT * law.wear * slip) ** number
+        assert contact.pressure == pytest.approx(expected, rel=1e-10)
+        depth = contact.memory["depth"]
+        assert depth == pytest.approx((pressure - expected) * HEIGHT / E, rel=1e-9)
+        assert contact.gap == pytest.approx(-depth, abs=1e-12)
+
+
+@pytest.mark.parametrize("m", [1.0, 2.0])
+def test_soft_layer_bears_what_its_overlap_says(m):
+    k, depth = 400.0, 0.04
+    problem, push, _ = block_on_plane(NormalCompliance(k, m))
+    push.value[1] = -depth
+    assert problem.solve().certificate.violations() == []
+    contact = problem.contacts[0]
+    # p = k o^m and p = E (depth - o) / H
+    assert contact.pressure == pytest.approx(k * (-contact.gap) ** m, rel=1e-11)
+    assert contact.pressure == pytest.approx(E / HEIGHT * (depth + contact.gap), rel=1e-11)
+
+
+def test_cohesive_zone_is_loaded_unloaded_and_broken():
+    strength, reach = 2.0, 0.04
+    law = Cohesive(strength, reach)
+    problem, push, _ = block_on_plane(law)
+    contact, stiffness = problem.contacts[0], E / HEIGHT
+    left, largest = strength / reach, np.nan
+    for up, opening in ((0.005, 0.0), (0.02, None), (0.01, None), (0.03, None), (0.06, None)):
+        push.value[1] = up
+        assert problem.solve().certificate.violations() == []
+        if up == 0.005:
+            expected = stiffness * up
+            gap = opening
+        elif up == 0.01:  # back, on the secant of the largest gap
+            secant = strength * (1.0 - largest / reach) / largest
+            gap = stiffness * up / (stiffness + secant)
+            expected = secant * gap
+        elif up == 0.06:
+            gap, expected = up, 0.0
+        else:
+            gap = (stiffness * up - strength) / (stiffness - left)
+            expected, largest = strength - left * gap, gap
+        assert contact.gap == pytest.approx(gap, abs=1e-12)
+        assert contact.pressure == pytest.approx(-expected, abs=1e-10)
+    push.value[1] = 0.01  # broken for good
+    problem.solve()
+    assert np.abs(contact.pressure).max() < 1e-10
+
+
+def test_rate_and_state_becomes_steady():
+    """After a slip of 30 L all nodes slide at the rate of the plane, in the steady state."""
+    law = RateAndState(0.4, 0.02, 0.03, 0.01, 0.01)
+    problem, push, plane = block_on_plane(law)
+    push.value[1] = -0.02
+    for v in (0.01, 0.1):
+        start = problem.time
+        for number in range(1, 13):
+            problem.time = start + number * 0.025 / v
+            plane.move(x=plane.place[0] + 0.025)
+            assert problem.solve().certificate.violations() == []
+        contact = problem.contacts[0]
+        steady = law.mu + (law.a - law.b) * np.log(v / law.v_0)
+        coefficient = contact.shear / contact.pressure
+        assert np.abs(coefficient) == pytest.approx(steady, rel=1e-9)
+        theta = contact.memory["theta"]
+        assert theta == pytest.approx(law.L / v, rel=1e-9)
+
+
+def test_stribeck_falls_with_the_rate():
+    law = Stribeck(0.4, 0.2, 0.05, 0.1)
+    problem, push, plane = block_on_plane(law)
+    push.value[1] = -0.02
+    for v in (0.02, 0.1, 1.0):
+        for _ in range(3):
+            problem.time += 0.1 / v
+            plane.move(x=plane.place[0] + 0.1)
+            assert problem.solve().certificate.violations() == []
+        contact = problem.contacts[0]
+        coefficient, step = -contact.shear / contact.pressure, 0.1 / v
+        assert coefficient == pytest.approx(law.coefficient(-contact.slip / step), rel=1e-10)
+        expected = 0.2 + 0.2 * np.exp(-v / 0.05) + 0.1 * v
+        assert coefficient == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["array", "position", "function", "quadratic"])
+def test_coefficient_of_friction_is_a_field(kind):
+    law = fm.Coulomb(0.0)
+    problem, push, plane = block_on_plane(law)
+    contact = problem.contacts[0]
+    X = contact.positions
+
+    def mu(x):
+        return 0.1 + 0.2 * x[0]
+
+    if kind == "array":
+        law.mu = mu(X.T)
+    elif kind == "position":
+        law.mu = lambda X: mu(X.T)
+    else:
+        mesh = problem.equations.bulk.V.mesh
+        V = fem.FunctionSpace(mesh, ("Lagrange", 1 if kind == "function" else 2))
+        law.mu = fem.Function(V)
+        law.mu.interpolate(mu)
+    push.value[1] = -0.02
+    problem.solve()
+    plane.move(x=0.05)
+    assert problem.solve().certificate.violations() == []
+    assert -contact.shear == pytest.approx(mu(X.T) * contact.pressure, rel=1e-10)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("name", LAWS)
+def test_tangent_has_slope_two(name, degree):
+    scene = pressed_blocks(degree=degree, pair={"law": LAWS[name]}, **SMALL)
+    push, problem = scene.loads["push"], scene.problem
+    sign = 1.0 if name == "cohesive" else -1.0
+    for number in (1, 2):
+        problem.time = float(number)
+        push.value[:] = (0.01 * number, sign * 0.02 * number)
+        problem.solve(accept_violations=True)
+    assert scene.contact.acts.any()
+    assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: MIT
+"""Active sets that do not settle where no body floats: those of the linearized problem."""
+
+import numpy as np
+import pytest
+from scenes import internal, neo_hookean, read
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block
+
+THICKNESS, E = 0.01, 1e5
+
+
+def plates(law, cell="triangle"):
+    """A thin plate that rests flat on another one, which is clamped at both ends; its push."""
+    lower = block(48, 2, width=2.0, height=THICKNESS, corner=(-1.0, -THICKNESS))
+    upper = block(30, 4, width=1.2, height=3 * THICKNESS, corner=(-0.5, 0.0))
+    grids = [Grid("lower", lower), Grid("upper", upper)]
+    data = read(mapped_grids.build, grids=grids, cell=cell, order=2)
+    V = fm.vector_space(data.mesh, 2)
+    u, push = fem.Function(V), fem.Function(V)
+    loaded = fem.locate_dofs_geometrical(
+        V, lambda x: np.isclose(x[1], 3 * THICKNESS) & (np.abs(x[0] - 0.1) < 0.3)
+    )
+    bcs = [fm.dirichlet(V, data, f"lower/{side}", (0.0, 0.0)) for side in ("left", "right")]
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, E, 0.3)),
+        u,
+        [pair],
+        bcs=[*bcs, fem.dirichletbc(push, loaded)],
+        petsc_options_prefix="plates_",
+    )
+    return problem, push
+
+
+@pytest.mark.parametrize("law", [None, fm.Coulomb(0.3)], ids=["frictionless", "friction"])
+def test_thin_plates_that_touch_settle(law):
+    """Bent plates open and close over wide parts at once; the force grows as the push."""
+    problem, push = plates(law)
+    forces = []
+    for depth in (1e-6, 2e-6):
+        push.interpolate(lambda x, d=depth: np.outer((0.0, -d), np.ones(x.shape[1])))
+        report = problem.solve(predict=False)
+        assert report.num_iterations <= 20
+        forces.append(problem.contacts[0].forces[:, 1].sum())
+    assert forces[0] > 0.0
+    assert forces[1] / forces[0] == pytest.approx(2.0, rel=1e-3)  # a receding contact is linear

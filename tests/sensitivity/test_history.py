@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: MIT
+"""Derivative of the rows of a step by the state at its start."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import sensitivity_scenes as scenes
+from friction_scenes import block_on
+from self_scenes import c_ring
+
+import fenics_mortar as fm
+from fenics_mortar.contact.nodal import magnitude, row_of
+from fenics_mortar.interface.mortar import LINEARIZATIONS
+from fenics_mortar.sensitivity.history import History
+from fenics_mortar.sensitivity.pair_vectors import at_pair
+
+comm = MPI.COMM_WORLD
+# Relative, of sums of some hundred terms.
+DOT = 1e-12
+
+
+def check(problem, before, sizes=(0.005, 1.0, 0.005), *, sticks=True):
+    """Taylor test of slip and rows, and dot product with the transpose; returns the history."""
+    history = History(problem, before)
+    contact = problem.equations.contacts[0]
+    present = problem.state()
+    frames = [c.frame() for c in problem.equations.contacts]
+    d, y = scenes.random_vector(problem, 1, sizes), scenes.random_vector(problem, 2)
+
+    def at(value):
+        def of(t):
+            scenes.count_slip_from(problem, scenes.moved(problem, before, d, t), present)
+            return value()
+
+        return of
+
+    change = history.pairs[0].slip.along(at_pair(problem.equations, 0, d))
+    assert np.abs(change).max() > 0.1 * sizes[0]
+    rate, errors = scenes.taylor(at(lambda: contact.slip.copy()), change)
+    assert rate > 1.9, errors
+    change = history.jvp(d)
+    of_rows = np.concatenate([z.ravel() for z in change.z])
+    assert of_rows.any() == sticks
+    rate, errors = scenes.taylor(at(lambda: scenes.rows(problem, frames)), of_rows)
+    assert rate > 1.9, errors
+    assert not change.u.any() and not change.q.any()
+    there, back = y.dot(change, comm), history.vjp(y).dot(d, comm)
+    assert there == pytest.approx(back, rel=DOT, abs=1e-300)
+    return history
+
+
+@pytest.mark.parametrize("slip", ["partners", "operators"])
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    "law, sticks",
+    [(fm.Coulomb(0.3), True), (fm.Coulomb(2.0), True), (fm.Coulomb(0.05), False)],
+    ids=["mixed", "stick", "slip"],
+)
+def test_blocks(law, sticks, degree, slip):
+    pair = {"slip": slip, "search_radius": 0.8}
+    scene, before, _ = scenes.two_steps(law, degree=degree, pair=pair)
+    contact = scene.contact
+    mixed = contact.sticking.any() and contact.now.sliding.any()
+    assert mixed == (law.mu == 0.3) and contact.sticking.any() == sticks
+    check(scene.problem, before, sticks=sticks)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("slip", ["partners", "operators"])
+def test_open_and_uncovered_nodes(slip, cell):
+    """The slave is wider than the master and bent: its ends are open, some without a partner."""
+    scene, before, _ = scenes.two_steps(
+        fm.Tresca(3.0), slave="lower", cell=cell, pair={"slip": slip}, n_lower=9, n_upper=4,
+        width_lower=1.8, width_upper=1.0,
+    )  # fmt: skip
+    contact = scene.contact
+    assert contact.sticking.any() and (~contact.covered).any()
+    check(scene.problem, before)
+
+
+def test_nodes_that_were_open():
+    """No node touches at the start of the step: slip counts from tangents of both sides."""
+    scene, before, _ = scenes.two_steps(
+        fm.Coulomb(0.3), pushes=((0.0, 0.01), (0.01, -0.05)), gap=0.005
+    )
+    assert not before.interfaces[0].active.any() and scene.contact.active.any()
+    check(scene.problem, before)
+
+
+def test_small_sliding():
+    scene, before, _ = scenes.two_steps(fm.Coulomb(0.3), pair={"sliding": "small"})
+    check(scene.problem, before)
+
+
+@pytest.mark.parametrize("basis", ["standard", "vertices"])
+def test_other_bases(basis):
+    scene, before, _ = scenes.two_steps(fm.Coulomb(0.3), degree=2, pair={"basis": basis})
+    check(scene.problem, before)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("law", [fm.Coulomb(0.3), fm.Coulomb(3.0)], ids=["mixed", "stick"])
+def test_obstacle_that_moves_and_turns(law, degree):
+    circle = fm.Circle((0.4, -1.5), 1.52)
+    problem, _ = block_on(circle, degree=degree, law=law, angle=0.02)
+    states = []
+    for x, angle in ((0.0, 0.0), (0.02, 0.01)):
+        circle.move(x=x, angle=angle)
+        problem.solve(predict=False)
+        states.append(problem.state())
+    scenes.exact(problem)
+    contact = problem.equations.contacts[0]
+    assert contact.sticking.any() and (~contact.active).any()
+    check(problem, states[0])
+    assert (circle.place == states[1].places[0]).all()
+
+
+def test_another_state_before_is_refused():
+    scene, before, now = scenes.two_steps(fm.Coulomb(0.3))
+    with pytest.raises(fm.MortarError, match="does not count from the state before"):
+        History(scene.problem, now)
+    assert History(scene.problem, before).any
+
+
+def test_terms_that_are_left_out_are_refused():
+    scene, before, _ = scenes.two_steps(fm.Coulomb(0.3), problem={"linearization": "no_normals"})
+    scene.problem.equations.linearization = LINEARIZATIONS["no_normals"]
+    scene.problem.equations.evaluate_operators()
+    with pytest.raises(fm.MortarError, match="derivatives of a solution need"):
+        History(scene.problem, before)
+
+
+def test_without_friction_there_is_no_history():
+    scene, before, _ = scenes.two_steps(fm.Frictionless())
+    history = History(scene.problem, before)
+    d = scenes.random_vector(scene.problem, 1)
+    assert not history.any and not any(z.any() for z in history.jvp(d).z)
+
+
+def test_a_surface_in_contact_with_itself():
+    """Slave and master are one surface, with nodes that are both."""
+    law = fm.Coulomb(0.3)
+    ring = c_ring(lambda data: [fm.ContactPair(data, ["ring/first", "ring/last"], law=law)])
+    ring.move(10, high=np.array([0.01, -0.16]))
+    before = ring.problem.state()
+    ring.moved["high"].value[:] = 0.012, -0.165
+    ring.problem.solve(predict=False)
+    scenes.exact(ring.problem)
+    assert ring.contact.master is ring.contact.slave and ring.contact.sticking.any()
+    check(ring.problem, before)
+
+
+class Worn(fm.Coulomb):
+    """Wear by Archard's law."""
+
+    memory = ("depth",)
+
+    def depth(self, node):
+        return node.memory["depth"] + 0.01 * node.z_n * magnitude(node.slip)
+
+    def closing_gap(self, node):
+        return row_of(lambda at: at.gap + self.depth(at), node)
+
+    def remember(self, node, branch):
+        return {"depth": self.depth(node)}
+
+
+def test_memory_is_refused_through_steps_and_given_within_one():
+    """The gap of a worn surface depends on the slip, also of sliding nodes."""
+    scene, before, _ = scenes.two_steps(Worn(0.05))
+    with pytest.raises(fm.MortarError, match="has memory"):
+        History(scene.problem, before)
+    scene.contact.pair.law = forgetful = Worn(0.05)
+    type(forgetful).memory = ()
+    try:
+        check(scene.problem, before)
+    finally:
+        type(forgetful).memory = ("depth",)
