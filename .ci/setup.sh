@@ -17,11 +17,12 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 
 say() { echo "setup: $*"; }
 
-# gcc: FFCx compiles each form when it is first used. openblas: see the README.
+# gcc: FFCx compiles each form when it is first used. openblas: see the README. venv: for
+# "pip install ." in an environment, as demos/guide/installation.md says.
 demo=(python3-dolfinx python3-numba python3-gmsh python3-scipy python3-matplotlib python3-meshio
-    libopenblas0-pthread openmpi-bin gcc libc6-dev python3-dev)
+    libopenblas0-pthread openmpi-bin gcc libc6-dev python3-dev python3-venv)
 test=("${demo[@]}" python3-pytest python3-pytest-xdist python3-hypothesis
-    python3-venv python3-setuptools python3-wheel)
+    python3-setuptools python3-wheel)
 lint=("${test[@]}")
 ci=("${lint[@]}" debootstrap)
 
@@ -74,10 +75,20 @@ if [ ${#missing[@]} -gt 0 ]; then
         } >&2
         exit $not_installed
     fi
+    # One line for each step; what apt says is in the log, and shown if it fails.
+    log=$(mktemp "${TMPDIR:-/tmp}/fenics_mortar-setup.XXXXXX.log")
+    say "what apt says is kept in $log"
     as_admin() {
-        local command=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive "$@")
-        echo "+ ${command[*]}"
-        "${command[@]}" </dev/null
+        local command=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive "$@") start=$SECONDS from
+        from=$(($(wc -l <"$log") + 1))
+        echo "+ ${command[*]}" >>"$log"
+        if "${command[@]}" </dev/null >>"$log" 2>&1; then
+            say "apt-get $2: done in $((SECONDS - start)) s"
+        else
+            say "apt-get $2: failed; the end of what it said:" >&2
+            tail -n "+$from" "$log" | tail -n 40 >&2
+            return 1
+        fi
     }
     options=(-o DPkg::Lock::Timeout=300 -o Acquire::Retries=3 -o Dpkg::Use-Pty=0 -q)
     if ! as_admin apt-get update "${options[@]}"; then

@@ -38,8 +38,7 @@ R, E, nu = 8.0, 200.0, 0.3
 
 model = None
 if comm.rank == 0:
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.initialize(["", "-v", "0"])
     model = half_cylinder_on_block.build(
         radius=R, width=48.0, height=24.0, h=0.02, fine=0.5, growth=0.15
     )

@@ -25,8 +25,7 @@ from matplotlib.figure import Figure
 import ufl
 from dolfinx import fem
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root)]
+sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 import fenics_mortar as fm
 from meshes import indenter_on_block
 
@@ -37,8 +36,7 @@ step, n = map(float, sys.argv[1:] or (0.125, 40))
 
 model = None
 if comm.rank == 0:
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.initialize(["", "-v", "0"])
     layers = {"layers_block": round(0.3 * n), "layers_indenter": round(0.15 * n)}
     model = indenter_on_block.build(n_block=int(n), n_indenter=2 * round(0.1 * n), **layers)
 data = fm.read_gmsh(model, comm)

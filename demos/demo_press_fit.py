@@ -43,8 +43,7 @@ E, nu, friction = 210e3, 0.3, 0.15
 # +
 model = None
 if comm.rank == 0:
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.initialize(["", "-v", "0"])
     shaft = Grid("shaft", block(8, 50, width=b, height=80.0, corner=(0.0, -40.0)))
     hub = Grid("hub", block(8, 32, width=c - b, height=length, corner=(b, -length / 2)))
     model = build([shaft, hub])

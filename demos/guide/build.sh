@@ -15,8 +15,8 @@ bash "$root/.ci/setup.sh" lint
 . "$root/.ci/env.sh"
 cd "$root"
 
-tools=(sphinx==9.0.4 myst-parser==5.2.0 sphinx-book-theme==1.4.0 sphinx-design==0.8.0
-    sphinx-copybutton==0.5.2 jupytext==1.19.6)
+tools=(sphinx==9.0.4 docutils==0.22.4 myst-parser==5.2.0 sphinx-book-theme==1.4.0
+    pydata-sphinx-theme==0.20.0 sphinx-design==0.8.0 sphinx-copybutton==0.5.2 jupytext==1.19.6)
 venv="${XDG_CACHE_HOME:-$HOME/.cache}/fenics_mortar/site-venv"
 wanted="${tools[*]} $(/usr/bin/python3 --version)"
 if [ "$(cat "$venv/complete" 2>/dev/null || true)" != "$wanted" ]; then
@@ -24,10 +24,11 @@ if [ "$(cat "$venv/complete" 2>/dev/null || true)" != "$wanted" ]; then
     rm -rf "$venv"
     /usr/bin/python3 -m venv --system-site-packages "$venv"
     # Inside this environment only: PYTHONPATH would hide what is installed there.
-    env -u PYTHONPATH "$venv/bin/python" -m pip install --quiet "${tools[@]}"
+    env -u PYTHONPATH "$venv/bin/python" -m pip install --quiet --no-warn-conflicts "${tools[@]}"
     echo "$wanted" >"$venv/complete"
 fi
 
+rm -rf build/site
 "$venv/bin/python" demos/guide/site/gather.py build/site/source
 "$venv/bin/python" -m sphinx --fail-on-warning --keep-going --quiet \
     -c demos/guide/site build/site/source build/site/html

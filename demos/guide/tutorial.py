@@ -446,6 +446,10 @@ if comm.rank == 0:
 # shear / normal: 0.103
 # ```
 #
+# The derivatives may also be left to `fenics_mortar.contact.nodal.row_of`, which takes the equation
+# alone. Laws with memory, such as wear, and parameters that vary in space are in the docstring of
+# [`contact/law.py`](../../fenics_mortar/contact/law.py).
+#
 # ## Are the derivatives right?
 #
 # `check_tangent` compares each derivative with differences of what it differentiates. A correct
@@ -508,6 +512,9 @@ if comm.rank == 0:
 # ```text
 # compliance [mm^2/N]: 0.01155, by the transposed solve 0.01155
 # ```
+#
+# `fm.gradient` does this for whole paths of load steps, with the derivatives of forces, pressures
+# and laws provided.
 #
 # ## Where to go
 #

@@ -142,8 +142,8 @@ class Bulk:
         """Create ``K`` anew with the pattern of the form, not assembled (collective)."""
         self._K_is_whole = False
         self.free_garbage()
-        self.K.destroy()
-        self.K = compat.create_matrix(self._tangent)
+        old, self.K = self.K, compat.create_matrix(self._tangent)  # never without a matrix
+        old.destroy()
         self.num_patterns, self._num_growths = self.num_patterns + 1, 0
         self._K_has_room = False
 

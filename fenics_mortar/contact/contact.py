@@ -69,7 +69,8 @@ class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
     Replicated: all attributes except the blocks in ``operators`` are equal on all ranks. The class
-    has more than 20 methods since it implements ``Interface``; computations are in other modules.
+    has more than 20 methods and 350 lines since it implements ``Interface``; computations are in
+    other modules.
 
     Attributes:
         integration: Evaluates the operators.

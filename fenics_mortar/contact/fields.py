@@ -3,7 +3,7 @@
 
 A field is computed when first read, and cached. New operators invalidate all fields, a new state
 those that depend on a changed attribute; each field names the attributes of the state that it
-depends on.
+depends on. More than 350 lines: one short function for each field.
 """
 
 from __future__ import annotations

@@ -71,8 +71,6 @@ class Law(ABC):
         fields: Names of parameters that may vary in space: attributes that are a number, an array
             (slave nodes,), a function of undeformed positions (n, 2), or a scalar function of
             dolfinx. Those that are no numbers are in ``Nodal.fields``, evaluated at each solve.
-        parameters: Names of attributes, real numbers or arrays of these, by which results may be
-            differentiated: ``tangential`` and ``adhesion`` have to be analytic in them.
         needs_time: Whether the law needs the length of the step, so that ``ContactProblem.time``
             has to increase from solve to solve.
         bridges_gap: Whether the tangential row also holds at open nodes with adhesion.

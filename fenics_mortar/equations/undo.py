@@ -57,6 +57,23 @@ def undone_if_interrupted(equations: ContactEquations, adequacy: Any) -> Iterato
         if isinstance(error, RaisedElsewhereError):  # on that rank it is another error
             before.take_back(renew=True)
         raise
-    except BaseException:
+    except BaseException as error:
         before.take_back(renew=True)
-        raise
+        told = as_interruption(error)
+        if told is error:
+            raise
+        raise told from error
+
+
+def as_interruption(error: BaseException) -> BaseException:
+    """Return a KeyboardInterrupt for an error that one in compiled code caused (local).
+
+    Numba reports an exception that is set during a call as a SystemError. Any other error is
+    returned as it is.
+    """
+    cause: BaseException | None = error
+    while isinstance(cause, SystemError):
+        cause = cause.__cause__ or cause.__context__
+    if isinstance(error, SystemError) and isinstance(cause, KeyboardInterrupt):
+        return KeyboardInterrupt(*cause.args)
+    return error

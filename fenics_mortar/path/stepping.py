@@ -14,7 +14,7 @@ from fenics_mortar.bulk.residual import MIN_FRACTION
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.predictor import Predictor
-from fenics_mortar.equations.undo import Before
+from fenics_mortar.equations.undo import Before, as_interruption
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
 from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends
@@ -180,8 +180,11 @@ def _kept(last: _LastStep) -> Iterator[None]:
         ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
         time, before = last.reached
         before.take_back(renew=not ours)
-        error.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
-        raise
+        told = as_interruption(error)
+        told.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
+        if told is error:
+            raise
+        raise told from error
 
 
 def _last_words(time: float, step: float, why: str, failure: NotConvergedError) -> str:

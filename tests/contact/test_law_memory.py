@@ -301,6 +301,14 @@ def test_tangent_by_all_discretizations(name, choice):
     assert scene.problem.check_tangent(print_table=False).slopes["whole"] > 1.98
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("name", LAWS)
+def test_tangent_with_a_thickness(name):
+    scene = blocks(LAWS[name], problem={"thickness": lambda X: 1.0 + 0.3 * X[:, 0]})
+    drive(scene, [1, 2])
+    assert scene.problem.check_tangent(print_table=False).slopes["whole"] > 1.98
+
+
 @pytest.mark.parametrize("name", [*LAWS, "cohesive"])
 def test_tangent_at_an_obstacle(name):
     """The motions of the circle are directions of the test, too."""

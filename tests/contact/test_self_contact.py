@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from self_scenes import c_ring, strip_in_s, tube
+from self_scenes import c_ring, strip_in_s, ten_bodies, tube
 
 import fenics_mortar as fm
 
@@ -118,8 +118,12 @@ def test_other_integrations_are_refused(options):
         tube(with_itself("tube/inside", discretization=fm.Discretization(**options)))
 
 
-def test_ranks_do_not_matter():
-    """Sum of all positions under pressure, as on one rank."""
-    ring = close(with_itself(RING, law=MU))
-    contact = ring.contact
-    assert contact.active.sum() == 4
+def test_ten_bodies_that_may_all_touch():
+    """All outlines are one list; numbers of 1 rank, equal on 2 and 3."""
+    stack = ten_bodies(lambda data, names: [fm.ContactPair(data, names, law=MU)], foundation=10.0)
+    stack.move(4, high=np.array([0.0, -0.12]))
+    contact = stack.contact
+    assert stack.problem.certificate().violations() == []
+    assert contact.active.sum() == 87
+    assert np.abs(contact.z).sum() == pytest.approx(145.998329, rel=1e-6)
+    assert imbalance(stack) < 1e-13

@@ -11,12 +11,14 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
-from scenes import linear_elastic, neo_hookean, pressed_blocks
+from scenes import linear_elastic, neo_hookean, nodal, pressed_blocks
 from test_climbing import climbing
 from test_driven import block_under
 from test_floating import falling_disk
 
 import fenics_mortar as fm
+from fenics_mortar.equations.undo import as_interruption
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.clock import clock
 
 comm = MPI.COMM_WORLD
@@ -212,3 +214,50 @@ def test_an_error_of_a_law_of_the_user_leaves_the_problem_as_it_was():
     law.fails = False
     assert are_equal(before, everything(scene.problem))
     assert scene.problem.solve().converged
+
+
+def test_a_second_interruption_while_matrices_are_created_again_is_harmless(monkeypatch):
+    """The tangent was destroyed before its successor existed, and the next solve crashed."""
+    scene = pressed_blocks(**MESH)
+    scene.loads["push"].value[1] = -0.01
+    create = compat.create_matrix
+
+    def interrupted(form):
+        monkeypatch.setattr(compat, "create_matrix", create)
+        raise KeyboardInterrupt
+
+    scene.problem.equations.interrupted = True
+    monkeypatch.setattr(compat, "create_matrix", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        scene.problem.solve()
+    assert scene.problem.solve().converged
+
+
+@pytest.mark.parametrize("chain", [1, 2])
+def test_an_interruption_in_compiled_code_is_one(chain, monkeypatch):
+    """Numba raises a SystemError that has the interruption as its cause."""
+    scene = pressed_blocks(**MESH)
+    scene.loads["push"].value[1] = -0.01
+    before = nodal(scene.problem)
+
+    def kernel(*arguments):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            for _ in range(chain):
+                outer = SystemError("returned a result with an exception set")
+                outer.__cause__ = error
+                error = outer
+            raise error from error.__cause__
+
+    monkeypatch.setattr(type(scene.contact), "evaluate", kernel)
+    with pytest.raises(KeyboardInterrupt):
+        scene.problem.solve()
+    monkeypatch.undo()
+    assert np.array_equal(nodal(scene.problem), before)
+    assert scene.problem.solve().converged
+
+
+def test_other_errors_of_the_system_are_left_as_they_are():
+    error = SystemError("mine")
+    assert as_interruption(error) is error

@@ -65,6 +65,29 @@ def test_setup_without_rights_prints_the_command_for_an_administrator(tmp_path):
     assert "python3-dolfinx" not in command
 
 
+@pytest.mark.parametrize("works", [True, False])
+def test_setup_folds_what_apt_says_into_a_line_and_keeps_it(tmp_path, monkeypatch, works):
+    flag, logs = tmp_path / "installed", tmp_path / "logs"
+    logs.mkdir()
+    monkeypatch.setenv("TMPDIR", str(logs))
+    put_command(tmp_path, "id", "echo 0")
+    known = f"[ -e {flag} ] && exec /usr/bin/dpkg-query \"$@\"; printf 'gcc=installed '; exit 1"
+    put_command(tmp_path, "dpkg-query", known)
+    ends = f"touch {flag}" if works else "exit 100"
+    put_command(tmp_path, "apt-get", f"seq 500 | sed 's/^/unpacking /'; {ends}")
+    result = run("bash", ROOT / ".ci/setup.sh", "demo", path=tmp_path)
+    (log,) = logs.glob("fenics_mortar-setup.*.log")
+    assert log.read_text().count("unpacking") >= 1000  # of update and install
+    assert "unpacking" not in result.stdout and str(log) in result.stdout
+    if works:
+        assert result.returncode == 0, result.stderr
+        assert result.stdout.count("apt-get update: done") == 1
+        assert result.stdout.count("apt-get install: done") == 1
+    else:
+        assert result.returncode == 10
+        assert "unpacking 500" in result.stderr and "unpacking 400\n" not in result.stderr
+
+
 def test_unknown_demo_lists_the_known_ones():
     result = run("bash", ROOT / "demos/run.sh", "no_such_demo")
     assert result.returncode == 2

@@ -248,7 +248,8 @@ class Gathered:
         out.mkdir()
         for folder in folders:
             dotted = f"fenics_mortar.{folder.name}"
-            lines = [f"# {folder.name}", "", *automodule(dotted)]
+            about = ["```{eval-rst}", f".. automodule:: {dotted}", "   :no-members:", "```", ""]
+            lines = [f"# {folder.name}", "", *about]
             for module in sorted(folder.glob("*.py")):
                 if module.stem != "__init__":
                     lines += [f"## {module.stem}", "", *automodule(f"{dotted}.{module.stem}")]
