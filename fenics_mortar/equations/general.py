@@ -158,7 +158,7 @@ class ContactEquations:
             num_active += int(np.count_nonzero(active))
             sets += np.packbits([active, c.multiplier_nodes]).tobytes()
             sets += (active * c.branch).tobytes()
-        force, roundoff = self.residual.force, self.residual.roundoff()
+        force, roundoff = self.residual.force, self.residual.attainable
         return Status(residual, force, gap, num_active, changed, roundoff, sets)
 
     def evaluate_operators(self) -> None:
@@ -268,7 +268,9 @@ class ContactEquations:
             part: Fraction of the increment that was applied [1].
             note: Remark.
         """
-        size = max(self.residual.largest_displacement(), 1e-8 * self._shortest_facet, 1e-300)
+        moved = self.motions.largest() if self.motions.obstacles else 0.0
+        displacement = max(self.bulk.largest(self.bulk.u.x.array), moved)
+        size = max(displacement, 1e-8 * self._shortest_facet, 1e-300)
         return Step(increment / size, part, note)
 
     @cached_property

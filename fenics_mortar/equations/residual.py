@@ -39,11 +39,13 @@ class Residual:
         distance: Distance to the prescribed values, (prescribed dofs,) [length].
         force: Reference force: the largest norm of contact forces, reactions and inertia
             [stress length].
+        attainable: ``roundoff`` at that state [stress length].
     """
 
     total: Array
     distance: Array
     force: float
+    attainable: float
 
     def __init__(
         self,
@@ -77,19 +79,16 @@ class Residual:
         bulk.comm.Allreduce(MPI.IN_PLACE, sums)
         largest = sums[1:4].max()
         check_alike(float(sums[4]), float(sums[5]), largest, bulk.comm.size)
-        self.force = float(np.sqrt(largest))
+        self.force, self.attainable = float(np.sqrt(largest)), self.roundoff()
         return float(np.sqrt(sums[0] + rows))
 
     def roundoff(self) -> float:
         """Attainable accuracy of the residual, limited by roundoff [stress length]."""
-        inertia = self._bulk.inertia
+        largest, inertia = self._bulk.largest(self._bulk.u.x.array), self._bulk.inertia
+        if self._motions.obstacles:
+            largest = max(largest, self._motions.largest())
         stiffest = self._stiffest + (0.0 if inertia is None else inertia.stiffness)
-        return rounding_of(self._bulk, self._contacts, self.largest_displacement(), stiffest)
-
-    def largest_displacement(self) -> float:
-        """Largest displacement of nodes and obstacles [length]."""
-        largest = self._bulk.largest(self._bulk.u.x.array)
-        return max(largest, self._motions.largest()) if self._motions.obstacles else largest
+        return rounding_of(self._bulk, self._contacts, largest, stiffest)
 
     def forces(self) -> tuple[Array, Array, Array]:
         """Bulk residual, contact forces and forces on obstacles at the present state.
