@@ -85,20 +85,19 @@ def gap_if_facing(y, xi, shapes, min_cosine):
 
 
 @kernel
-def is_hidden(y, N, xi, depth, view, facets, roles=None):
+def is_hidden(y, N, xi, depth, view, facets):
     """Whether a partner at ``depth`` behind the slave surface is not the nearer way out.
 
     ``view`` = (safe depths (f,) [length] and bodies (f,) of the slave facets, bodies of the master
     facets, outline, fraction of a facet that is rounding [1]), see ``sight``; ``facets`` = (slave
-    facet, master facet); ``roles`` is not None if a surface may touch itself.
+    facet, master facet).
     """
     _, slave_bodies, master_bodies, outline, rounding = view
     last = 2 * N.shape[1] - 2
     length = np.sqrt((y[last] - y[0]) ** 2 + (y[last + 1] - y[1]) ** 2)
     bodies = slave_bodies[facets[0]], master_bodies[facets[1]]
-    if roles is not None:
-        if bodies[0] == bodies[1]:
-            return not sight.overlaps_point(y, N, xi, depth, outline, bodies[0], rounding * length)
+    if bodies[0] == bodies[1]:
+        return not sight.overlaps_point(y, N, xi, depth, outline, bodies[0], rounding * length)
     return not sight.is_way_out(y, N, xi, depth, outline, bodies, rounding * length)
 
 
@@ -206,7 +205,7 @@ def facet_segments(
             continue
         if view is not None:
             facets = number, hits[hit]
-            if -gap > safe and is_hidden(y, N, middle, -gap, view, facets, roles):
+            if -gap > safe and is_hidden(y, N, middle, -gap, view, facets):
                 continue
         found[count, 0], found[count, 1], found[count, 2] = abs(gap), lower, upper
         found[count, 3] = hits[hit]

@@ -12,17 +12,15 @@ t_m that of the master's body from the partner back. The first way is the shorte
 
     d < (t_s + t_m) / 2.
 
-Bodies that do not overlap have d >= t_s + t_m, so such a partner is always rejected. If both
-surfaces are on one part of a body, as on a strip that is wound up, then t_s = t_m = d up to
-rounding: the partner is the back of the strip, and is rejected as well. Both lengths are needed:
-with t_s alone, a thin slave would miss a thick master once the overlap exceeds its own thickness;
-with t_m alone, or the smaller of both, a thick slave would miss a thin master.
+Bodies that do not overlap have d >= t_s + t_m, so such a partner is always rejected. Both lengths
+are needed: with t_s alone, a thin slave would miss a thick master once the overlap exceeds its own
+thickness; with t_m alone, or the smaller of both, a thick slave would miss a thin master.
 
-Where a surface may touch itself, parts of one body lie on each other, and where they overlap, as in
-iterates, the line passes from one into the next: t_s and t_m include several parts. There the exits
-are counted instead. Of the k parts that cover the point x, one is its own, the others overlap it.
-A partner is one of these if it is among the first k - 1 exits, since overlaps are shallower than
-the parts.
+If both surfaces are on one body, as on a strip that is wound up, parts of it lie on each other.
+Where they overlap, as in iterates, the line passes from one into the next, and t_s and t_m include
+several parts: the back of a winding would count as a partner. There the exits are counted instead.
+Of the k parts that cover the point x, one is its own, the others overlap it. A partner is one of
+these if it is among the first k - 1 exits, since overlaps are shallower than the parts.
 """
 
 import numpy as np

@@ -336,6 +336,33 @@ def test_spiral_is_touched_by_a_wall_at_its_outer_winding_only(slave):
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
 
 
+@pytest.mark.serial
+def test_spiral_that_is_pressed_does_not_find_its_own_back():
+    """Windings overlap in iterates: the back of the outer one was taken for a partner."""
+
+    def spiral(s, t):
+        angle = 4.0 * np.pi * s
+        r = 0.4 + 0.1 * angle / (2.0 * np.pi) + 0.04 * (1.0 - t)
+        return r * np.cos(angle), r * np.sin(angle)
+
+    data = read(mapped_grids.build, grids=[Grid("strip", mapped(80, 2, spiral))])
+    V = fm.vector_space(data.mesh, 1)
+    u, push = fem.Function(V), fem.Function(V)
+    inner = fem.locate_dofs_geometrical(V, lambda x: np.hypot(x[0], x[1]) < 0.42)
+    outer = fem.locate_dofs_geometrical(V, lambda x: np.hypot(x[0], x[1]) > 0.6 - 1e-9)
+    bcs = [fem.dirichletbc(np.zeros(2), inner, V), fem.dirichletbc(push, outer)]
+    pair = fm.ContactPair(data, "strip/top", "strip/bottom", law=fm.Coulomb(0.3))
+    residual = internal(u, neo_hookean(u, 1e4, 0.3))
+    problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, petsc_options_prefix="wound_")
+
+    def load(t):
+        push.interpolate(lambda x: np.stack([np.full(x.shape[1], -0.13 * t), np.zeros(x.shape[1])]))
+
+    fm.follow_path(problem, load, fm.SteppingOptions(step=0.1, smallest=1e-3))
+    assert problem.certificate().violations() == []
+    assert problem.contacts[0].active.any()
+
+
 def test_deep_overlap_of_an_active_node_is_named_with_the_reach():
     """Bodies that are meshed in one another: what Newton could not do is said."""
     grids = [

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from fenics_mortar.kernels.sight import is_way_out, length_inside
+from fenics_mortar.kernels.sight import is_way_out, length_inside, overlaps_point
 
 LEAST = 1e-10
 
@@ -107,3 +107,21 @@ def test_the_back_of_a_strip_is_no_way_out_of_itself(angle):
     for xi in np.linspace(-0.9, 0.9, 7):
         depth = 0.5 * ((0.13 + 0.02) * (1.0 - xi) + 0.1 * (1.0 + xi))
         assert not is_way_out(y, N, xi, depth, shape, (0, 0), LEAST)
+
+
+@pytest.mark.parametrize("overlap", [-1e-3, 1e-3, 0.05])
+def test_back_of_a_winding_is_no_partner_where_windings_overlap(overlap):
+    """Two windings of a strip of thickness 0.1, one into the other, as in iterates."""
+    shape = outline((0, box(0.0, 0.1)), (0, box(0.1 - overlap, 0.2 - overlap)))
+    N, up, down = np.empty((3, 2)), np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0, -1.0])
+
+    def counts(height, normals, depth):
+        ends = (0.0, 1.0) if normals is down else (1.0, 0.0)
+        behind = height + depth if normals is down else height - depth
+        y = [ends[0], height, ends[1], height, *normals, ends[1], behind, ends[0], behind]
+        return overlaps_point(np.array(y), N, 0.1, depth, shape, 0, LEAST)
+
+    assert not counts(0.2 - overlap, up, 0.1)  # its own back
+    if overlap > 0.0:
+        assert counts(0.1, up, overlap)
+        assert counts(0.1 - overlap, down, overlap)
