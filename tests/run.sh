@@ -77,7 +77,7 @@ run_ranks() { # N ARGUMENTS...: pytest on N ranks; rank 0 prints, the others onl
 if [ $# -gt 0 ]; then
     run "tests in serial: $*" "${pytest[@]}" "$@" || true
 else
-    run "tests in serial" "${pytest[@]}" "${spread[@]}" || true
+    run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 || true
     run_ranks 2 -m "not serial and not demo" --ignore=tests/rigid/test_supported.py "${on_three[@]/#/--ignore=}"
     run_ranks 3 -m "not serial and not demo" "${on_three[@]}"
     run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
