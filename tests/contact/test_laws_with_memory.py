@@ -10,6 +10,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from demos.laws import Cohesive, NormalCompliance, RateAndState, Stribeck, Worn
+from fenics_mortar.utils import compat
 
 SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
 LAWS = {
@@ -134,7 +135,7 @@ def test_coefficient_of_friction_is_a_field(kind):
         law.mu = lambda X: mu(X.T)
     else:
         mesh = problem.equations.bulk.V.mesh
-        V = fem.FunctionSpace(mesh, ("Lagrange", 1 if kind == "function" else 2))
+        V = compat.scalar_space(mesh, 1 if kind == "function" else 2)
         law.mu = fem.Function(V)
         law.mu.interpolate(mu)
     push.value[1] = -0.02
