@@ -304,7 +304,7 @@ if comm.rank == 0:
     axes = figure.add_subplot(xlabel="time", ylabel="force [N/mm]")
     axes.plot(time, 0.3 * pressed, "k--", lw=1, label="0.3 times normal force")
     axes.plot(time, sheared, "o-", ms=3, color="#c8102e", label="shear force")
-    axes.legend(frameon=False, loc="upper left")
+    axes.legend(frameon=False, loc="lower right")
     figure.savefig("results/tutorial_3_forces.png", dpi=150)
 
 # ![Shear force over time: it grows until all nodes slide](../pictures/tutorial_3_forces.png)
