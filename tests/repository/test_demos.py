@@ -10,7 +10,7 @@ import pytest
 
 DEMOS = sorted((Path(__file__).resolve().parents[2] / "demos").glob("demo_*.py"))
 # two_blocks runs on two ranks in the set-up of each machine; many steps take long on busy cores
-ON_RANKS = {"demo_hertz": 2, "demo_tied": 3, "demo_wear": 2}
+ON_RANKS = {"demo_hertz": 2, "demo_tied": 3}
 # a demo promises a minute; a loaded machine gets four
 LIMIT = 240
 # what MPI leaves in the environment: a process that mpirun starts would take it for its own
