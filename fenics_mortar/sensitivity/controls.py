@@ -8,6 +8,7 @@ before.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any, Protocol
 
 import numpy as np
@@ -41,7 +42,8 @@ class Control(Protocol):
 
     Methods take a ``problem`` at the end of a step, evaluated with ``EXACT``, and the state
     ``before``, at the start of the step, which is needed where slip depends on the control through
-    it: a ``State``, or its ``History``.
+    it: a ``State``, or its ``History``. Values have a shape of their own and are replicated, or are
+    those of the owned dofs of a function if an attribute ``is_distributed`` is true.
 
     Attributes:
         name: Name for messages.
@@ -181,9 +183,9 @@ class _OfObstacle(Control):
     def _number(self, problem: ContactProblem) -> int:
         return problem.obstacles.index(self.obstacle)
 
+    @abstractmethod
     def _mine(self, problem: ContactProblem) -> npt.NDArray[np.bool_]:
         """Motions whose rows depend on the values, shape (3,), bool."""
-        raise NotImplementedError
 
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``; ``before`` is not used."""

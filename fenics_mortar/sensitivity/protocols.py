@@ -19,36 +19,11 @@ from dolfinx import fem
 
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
-from fenics_mortar.sensitivity.controls import Before
+from fenics_mortar.sensitivity.controls import Before, Control
 from fenics_mortar.sensitivity.form_controls import FormControl
 from fenics_mortar.sensitivity.form_quantity import FormQuantity
 from fenics_mortar.sensitivity.nodal_positions import NodalPositions
 from fenics_mortar.utils.arrays import Array
-
-
-class Control(Protocol):
-    """Values m that a solution depends on.
-
-    They have a shape of their own and are replicated, or those of the owned dofs of a function if
-    there is an attribute ``is_distributed`` that is true.
-
-    Attributes:
-        name: Name for messages.
-    """
-
-    name: str
-
-    def get(self, problem: ContactProblem) -> Array:
-        """Present values (local)."""
-
-    def set(self, problem: ContactProblem, values: Array) -> None:
-        """Set the values, equal on all ranks."""
-
-    def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
-        """(dR_k/dm) dm; ``before``: the state s_{k-1}, for values that slip depends on."""
-
-    def vjp(self, problem: ContactProblem, y: LinearVector, before: Before = None) -> Array:
-        """(dR_k/dm)^T y, of the shape of the values."""
 
 
 class Quantity(Protocol):

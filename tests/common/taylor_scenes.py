@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scenes import TIGHT, lame, pair_options, read
+from scenes import TIGHT, neo_hookean, pair_options, read
 
 import ufl
 from dolfinx import fem
@@ -25,21 +25,6 @@ PRESS = [(0.003, -0.05)]
 SLIDE = [(0.002, -0.03), (0.01, -0.05), (0.05, -0.05), (0.12, -0.05), (0.1, -0.045)]
 # Places of a circle, likewise.
 ROLL = [(0.0, -0.03, 0.1), (0.01, -0.05, 0.1), (0.06, -0.05, 0.1)]
-
-
-def neo_hookean(u, E, nu):
-    """First Piola-Kirchhoff stress with a modulus that may be a constant or a function."""
-    mu, lmbda = lame(E, nu)
-    F = ufl.Identity(2) + ufl.grad(u)
-    inverse = ufl.inv(F).T
-    return mu * (F - inverse) + lmbda * ufl.ln(ufl.det(F)) * inverse
-
-
-def linear(u, E, nu):
-    """Cauchy stress of linear elasticity with such a modulus."""
-    mu, lmbda = lame(E, nu)
-    strain = ufl.sym(ufl.grad(u))
-    return 2 * mu * strain + lmbda * ufl.tr(strain) * ufl.Identity(2)
 
 
 @dataclass

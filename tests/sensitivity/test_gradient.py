@@ -5,7 +5,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from taylor_scenes import PRESS, SLIDE, blocks, check, linear, obstacle_on_block, value_of, wave
+from scenes import linear_elastic
+from taylor_scenes import PRESS, SLIDE, blocks, check, obstacle_on_block, value_of, wave
 
 import ufl
 from dolfinx import fem
@@ -79,7 +80,7 @@ def test_function_of_the_values_of_all_steps():
         {"pair": {"basis": "standard"}},
         {"pair": {"slip": "operators"}},
         {"pair": {"sliding": "small"}},
-        {"material": linear, "linear_bulk": True},
+        {"material": linear_elastic, "linear_bulk": True},
         {"solver": "iterative", "petsc_options": {"ksp_rtol": 1e-13}},
         {"linearization": "no_normals"},
     ],
@@ -128,7 +129,7 @@ def test_nodal_positions(name):
 
 def test_force_is_proportional_to_the_modulus():
     """Hertz: linear bodies of one modulus at a given approach, dF/dE = F / E."""
-    scene = blocks(material=linear)
+    scene = blocks(material=linear_elastic)
     scene.solve()
     E = scene.controls["E"]
     gradient = fm.gradient(sensitivity.TotalForce(0, (0.0, 1.0)), E, scene.problem)
