@@ -38,7 +38,6 @@ from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.multiplier_nodes import (
     MultiplierNodes,
-    covered_fraction,
     normals_on_planes,
 )
 from fenics_mortar.contact.pair import ContactPair
@@ -140,9 +139,6 @@ class Contact(Interface):
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
         self.integration.see(outline)
         return outline
-
-    def _fields(self, operators: MortarOperators) -> ContactFields:
-        return self._kind(self, self._state, operators)
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, shape (local dofs,) (collective)."""
@@ -273,7 +269,7 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
-        cover = covered_fraction(self.slave, self.operators.cover)
+        cover = _covered_fraction(self.operators)
         new = self._multiplier_nodes.update(self.multiplier_nodes, cover)
         changed = int((self.multiplier_nodes != new).sum())
         if changed:
@@ -285,7 +281,7 @@ class Contact(Interface):
         """Nodes whose cover is at the limit; see ``MultiplierNodes.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
-        cover = covered_fraction(self.slave, self.operators.cover)
+        cover = _covered_fraction(self.operators)
         return self._multiplier_nodes.undecided(cover, self.active)
 
     def set_initial_gap(self) -> None:
@@ -304,3 +300,12 @@ class Contact(Interface):
         self.now, changed = next_sets(self.now, start=start)
         self._state = self.now.state
         return int(np.count_nonzero(changed))
+
+
+def _covered_fraction(o: MortarOperators) -> Array:
+    """Cover of slave nodes over that of a whole cover, shape (slave nodes,) [1] (local)."""
+    slave = o.slave
+    if slave.thickness is None:
+        return o.cover / slave.full_cover
+    alone = slave.weightless
+    return np.where(alone, 0.0, o.cover / np.where(alone, 1.0, slave.full_cover))

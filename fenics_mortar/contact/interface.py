@@ -70,6 +70,7 @@ class Interface(ABC):
     now: InterfaceFields
     rows: InterfaceRows
     offset: Any
+    _kind: type[InterfaceFields]
 
     state, c_n = read_only("_state"), settable("c_n", lambda _, weight: weight)
     z, active, branch = (
@@ -141,11 +142,7 @@ class Interface(ABC):
 
     def show(self, operators: MortarOperators) -> None:
         """Set the operators of the present displacement (local)."""
-        self.now = self._fields(operators)
-
-    @abstractmethod
-    def _fields(self, operators: MortarOperators) -> InterfaceFields:
-        """The fields of the present state with these operators."""
+        self.now = self._kind(self, self._state, operators)
 
     def set_stiffness(self, stiffness: Array) -> None:
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""

@@ -59,19 +59,6 @@ def normals_on_planes(normals: Array, free: Array) -> Array:
     return np.where(on_plane[:, None], np.sign(normals) * free, np.nan)
 
 
-def covered_fraction(slave: Surface, cover: Array) -> Array:
-    """Cover of slave nodes over that of a whole cover, shape (slave nodes,) [1].
-
-    Args:
-        slave: The slave surface.
-        cover: Cover of each node, shape (slave nodes,) [length].
-    """
-    if slave.thickness is None:
-        return cover / slave.full_cover
-    alone = slave.weightless
-    return np.where(alone, 0.0, cover / np.where(alone, 1.0, slave.full_cover))
-
-
 class MultiplierNodes:
     """Slave nodes that may carry multipliers, and those that do; equal on all ranks.
 

@@ -57,9 +57,7 @@ class InterfaceState:
     committed: Any = field(default=None, metadata=DERIVED)
     borne: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
 
-    def __post_init__(self) -> None:
-        """Take copies of arrays that can be written to."""
-        freeze(self)
+    __post_init__ = freeze
 
 
 # Names of the parts that determine all others.

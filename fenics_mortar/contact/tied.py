@@ -64,6 +64,8 @@ class Tie(Interface):
     now: TiedFields
     rows: TiedRows
 
+    _kind = TiedFields
+
     jump = read_only("now.jump")
     offset = settable("offset", _refuse_offset)
 
@@ -154,9 +156,6 @@ class Tie(Interface):
         matrix = coo_array((v, (i, j)), shape=shape).tocsr()
         matrix.eliminate_zeros()
         return matrix
-
-    def _fields(self, operators: Any) -> TiedFields:
-        return TiedFields(self, self._state, operators)
 
     @property
     def nodes(self) -> Indices:

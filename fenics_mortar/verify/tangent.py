@@ -213,7 +213,7 @@ class _Probe:
 
     def _by_motions(self, contact: Contact | Tie) -> tuple[Array, Array, Array]:
         """Derivatives of normals, gap and law along the motions of the pair's obstacle (local)."""
-        if contact.obstacle is None:
+        if isinstance(contact, Tie) or contact.obstacle is None:
             return np.zeros(1), np.zeros(1), np.zeros_like(contact.z)
         dq = self.dq[self.motions.obstacles.index(contact.obstacle)]
         o = contact.on_obstacle
