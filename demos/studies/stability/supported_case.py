@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from demos.studies.stability.case import Case
 from demos.studies.stability.random_bodies import Array, Body
-from demos.studies.stability.random_cases import Case
 from demos.studies.stability.user_laws import Rule
 
 # A point with a normal, of a rigid plane.

@@ -9,19 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from demos.studies.stability.limit_analysis import (
-    GROUND,
-    Point,
-    Structure,
-    judge,
-    least_factor,
+from demos.studies.stability.limit_analysis import GROUND, Point, Structure, judge, least_factor
+from demos.studies.stability.random_bodies import Array
+from demos.studies.stability.supported_case import SupportedCase
+from demos.studies.stability.touching import (
     normal_of,
     touching_lines,
     touching_nodes,
     touching_plane,
 )
-from demos.studies.stability.random_bodies import Array
-from demos.studies.stability.supported_case import SupportedCase
 
 
 def rigid(case: SupportedCase, *, at_nodes: bool = False) -> Structure:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from demos.studies.stability.case import Prescribed
 from demos.studies.stability.random_bodies import Array, Body, draw_cells, split
-from demos.studies.stability.random_cases import Prescribed
 from demos.studies.stability.supported_case import SupportedCase
 
 # Width of upright joints that are no pairs [length]: bodies that bulge do not meet in them.
