@@ -187,10 +187,7 @@ class ContactEquations:
 
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase, see ``clock``; maximum over ranks."""
-        mine = clock.read()
-        slowest = np.array(list(mine.values()))
-        self.comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
-        return dict(zip(mine, slowest.tolist(), strict=True))
+        return clock.slowest(self.comm)
 
     def diagnose(self) -> str:
         """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none."""
