@@ -42,7 +42,8 @@ import fenics_mortar as fm
 from demos.studies.accuracy import cylinders
 from demos.studies.accuracy.cylinders import MODULUS, NU, RADIUS, E
 from demos.studies.accuracy.norms import errors
-from demos.studies.accuracy.scenes_exact import Choice, cattaneo
+from demos.studies.accuracy.posed import Choice
+from demos.studies.accuracy.scenes_exact import cattaneo
 from demos.studies.common import linear_elastic
 from fenics_mortar.contact.slip import Measure
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.partials import Dofs, PairVector
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.sensitivity.partials.maps import Dofs, PairVector
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
