@@ -116,7 +116,7 @@ class ContactEquations:
         self._loose: list[FloatingBody] = []
 
     def add_inertia(self, inertia: Inertia) -> None:
-        """Add mass: inertia holds all bodies, and none floats."""
+        """Add mass; no body with mass floats."""
         self.bulk.inertia = inertia
         self.floating.find()
         self.last_converged, self.interrupted = False, True  # matrices have another pattern

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Contact surfaces: the facets of some tags as curves, replicated on every rank.
 
-A curve has O(sqrt(N)) nodes if the bulk has N, so every rank holds all of it: the contact
+A curve has O(sqrt(N)) nodes if the bulk has N, so every rank stores all of it: the contact
 evaluation does not depend on the ownership of facets. Nodes are numbered along the curves. Start
 and order of the curves follow from coordinates alone, so the numbering does not depend on the
 partition of the mesh.

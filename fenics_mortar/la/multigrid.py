@@ -35,8 +35,8 @@ A saddle point A has its multipliers in the strip, all of them. Nothing is gathe
 that L = T^T, and step 2 changes displacements only. A standard basis has no diagonal D: D_jj is the
 sum of row j then, and T y meets the constraints where y is smooth, as the cycle's changes are.
 
-A tied node follows its partners in both directions. If all are tied, T y holds every solution of
-the condensed system, and with a symmetric K so is B: conjugate gradients with the cycle then solve
+A tied node follows its partners in both directions. If all are tied, every solution of the
+condensed system is T y, and B is symmetric if K is: conjugate gradients with the cycle then solve
 B y = L (b - A x_0) altogether.
 """
 

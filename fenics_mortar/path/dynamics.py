@@ -53,8 +53,9 @@ class Dynamics:
     """Motion of the bodies of a contact problem; all methods are collective.
 
     The problem becomes that of the end of a time step: its residual, multipliers, results and
-    checkpoints (``save_state``, ``state``) include inertia. Contact holds no body any more, inertia
-    does. A static solution before is a start at rest.
+    checkpoints (``save_state``, ``state``) include inertia. No body needs
+    support by contact any more: inertia makes its equations regular. A static solution before is a
+    start at rest.
 
     Args:
         problem: The problem, with the residual f_int - f_ext of statics.
