@@ -82,10 +82,8 @@ class Contact(Interface):
         "offset", lambda self, value: check_lengths("offset", value, self.slave.num_nodes)
     )
 
-    attracted, tension = read_only("now.attracted"), read_only("now.tension")
     nodal, sliding = read_only("now.nodal"), read_only("now.sliding")
-    closing_gap = read_only("now.closing_gap")
-    friction_work, on_obstacle = read_only("now.friction_work"), read_only("now.on_obstacle")
+    attracted, on_obstacle = read_only("now.attracted"), read_only("now.on_obstacle")
 
     def __init__(
         self,

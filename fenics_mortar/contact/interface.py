@@ -78,23 +78,15 @@ class Interface(ABC):
         read_only("_state.active"),
         read_only("_state.branch"),
     )
-    multiplier_nodes, redundant = (
-        read_only("_state.multiplier_nodes"),
-        read_only("_state.redundant"),
-    )
-    partners, accepted = read_only("_state.partners"), read_only("_state.accepted")
-    past, committed = read_only("_state.past"), read_only("_state.committed")
-    load_time = read_only("_state.load_time")
-    operators, covered, acts = (
-        read_only("now.operators"),
-        read_only("now.covered"),
-        read_only("now.acts"),
-    )
+    multiplier_nodes = read_only("_state.multiplier_nodes")
+    redundant, partners = read_only("_state.redundant"), read_only("_state.partners")
+    accepted, committed = read_only("_state.accepted"), read_only("_state.committed")
+    operators, gap = read_only("now.operators"), read_only("now.gap")
+    covered, acts = read_only("now.covered"), read_only("now.acts")
     sticking, active_nodes = read_only("now.sticking"), read_only("now.active_nodes")
     pressure, slip, z_tau = read_only("now.pressure"), read_only("now.slip"), read_only("now.z_tau")
     shear, shear_force = read_only("now.shear"), read_only("now.shear_force")
-    total_force, steepness = read_only("now.total_force"), read_only("now.steepness")
-    gap, closing_gap = read_only("now.gap"), read_only("now.gap")
+    total_force = read_only("now.total_force")
 
     def __init__(
         self,

@@ -153,7 +153,7 @@ class ContactEquations:
         gap, num_active, sets = 0.0, 0, b""
         for c in self.contacts:
             active = c.active
-            gaps = np.abs(c.closing_gap[active] / c.now.nodal_lengths[active])
+            gaps = np.abs(c.now.closing_gap[active] / c.now.nodal_lengths[active])
             gap = max(gap, float(gaps.max(initial=0.0)))
             num_active += int(np.count_nonzero(active))
             sets += np.packbits([active, c.multiplier_nodes]).tobytes()
