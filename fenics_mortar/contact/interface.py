@@ -73,12 +73,8 @@ class Interface(ABC):
     _kind: type[InterfaceFields]
 
     state, c_n = read_only("_state"), settable("c_n", lambda _, weight: weight)
-    z, active, branch = (
-        read_only("_state.z"),
-        read_only("_state.active"),
-        read_only("_state.branch"),
-    )
-    multiplier_nodes = read_only("_state.multiplier_nodes")
+    z, active = read_only("_state.z"), read_only("_state.active")
+    branch, multiplier_nodes = read_only("_state.branch"), read_only("_state.multiplier_nodes")
     redundant, partners = read_only("_state.redundant"), read_only("_state.partners")
     accepted, committed = read_only("_state.accepted"), read_only("_state.committed")
     operators, gap = read_only("now.operators"), read_only("now.gap")
