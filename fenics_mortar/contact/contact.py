@@ -133,9 +133,9 @@ class Contact(Interface):
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         raise_noted(self.slave.comm, [self])
 
-    def see(self, outline: Outline) -> Outline:
+    def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
-        self.integration.see(outline)
+        self.integration.limit_sight(outline)
         return outline
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:

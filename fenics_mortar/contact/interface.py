@@ -139,7 +139,7 @@ class Interface(ABC):
         if hasattr(self, "now"):
             self.show(self.operators)
 
-    def see(self, outline: Outline) -> Outline:
+    def limit_sight(self, outline: Outline) -> Outline:
         """Receive the outlines of the bodies; return those for the next interface (local)."""
         return outline
 

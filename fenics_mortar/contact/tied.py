@@ -214,7 +214,7 @@ class Tie(Interface):
         """B^T, see ``Interface``; constant."""
         return self._force_blocks
 
-    def see(self, outline: Outline) -> Outline:
+    def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; tied facets are no boundary."""
         for side in self._sides:
             outline = outline.without(side, self.nodes)
