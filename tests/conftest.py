@@ -25,7 +25,8 @@ import pytest  # noqa: E402
 ONE_OF = 12
 # Cases of a test function in the short run; 0, as in a plain pytest: all, and long tests, too.
 CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
-CASES_ON_RANKS = 1  # they run there because bodies are cut, whatever else is varied
+# Tests run on several ranks because bodies are cut there: of many cases the first and the last do.
+CASES_ON_RANKS = 2
 # One half of all kernels each: two processes compile them, others load them from the cache.
 COMPILING = ("test_crossing_kernels", "test_mortar_kernels")
 
@@ -46,8 +47,8 @@ def pytest_collection_modifyitems(items):
     alone = MPI.COMM_WORLD.size == 1
     without = {"ranks" if alone else "serial", *(["long"] if CASES else [])}
     items[:] = [item for item in items if without.isdisjoint(item.keywords)]
-    functions, count = enumerate(by_function(items)), CASES if alone else CASES_ON_RANKS
-    items[:] = [item for number, cases in functions for item in some(cases, count, number)]
+    functions = enumerate(by_function(items))
+    items[:] = [item for number, cases in functions for item in some(cases, number)]
     slow = Counter(item.path for item in items if "slow" in item.keywords)
     items.sort(key=lambda item: -slow[item.path])
     items.sort(key=lambda item: (item.path.stem not in COMPILING, not of_kernels(item)))
@@ -69,17 +70,29 @@ def by_function(items):
     return cases.values()
 
 
-def some(cases, count, number):
-    """``count`` cases, 0 for all, from the first to the last: in those all that is varied differs.
+def count_of(cases):
+    """How many of the cases of a test function run, 0 for all.
 
-    Where one is to run it is the first or the last of the functions in turn. All cases run of
-    kernels, which take next to nothing, of what looks at each file or demo, and of what only
-    several ranks run: they repeat nothing.
+    All do of kernels, which take next to nothing, of what looks at each file or demo, and of what
+    only several ranks run.
     """
-    first, repeats = cases[0], folder(cases[0]) not in ("kernels", "repository")
-    if not 0 < count < len(cases) or not repeats or "ranks" in first.keywords:
+    first = cases[0]
+    if "ranks" in first.keywords or folder(first) in ("kernels", "repository"):
+        return 0
+    each = "each" in first.keywords
+    if MPI.COMM_WORLD.size == 1:
+        return 0 if each else CASES
+    return 1 if CASES and not each else CASES_ON_RANKS
+
+
+def some(cases, number):
+    """Cases from the first to the last: in those all that is varied differs.
+
+    Where one is to run it is the first or the last of the functions in turn.
+    """
+    last, count = len(cases) - 1, count_of(cases)
+    if not 0 < count <= last:
         return cases
-    last = len(cases) - 1
     if count == 1:
         return [cases[last * (number % 2)]]
     return [cases[round(i * last / (count - 1))] for i in range(count)]

@@ -301,6 +301,7 @@ def test_adequacy_of_small_strains_and_of_a_rigid_sphere():
     assert 0.07 < errors["rigid sphere"] < 0.13
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "options, error",
     [
