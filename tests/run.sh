@@ -8,6 +8,7 @@
 #
 # FENICS_MORTAR_CASES     how many cases of each test function run in serial (2); 0 for all, and
 #                         tests marked long, which see on long paths or fine meshes what others see
+# FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 kernels" if not set
 # FENICS_MORTAR_TIMEOUT   seconds after which one of these runs counts as hanging (1200)
 
 set -euo pipefail
@@ -78,11 +79,22 @@ if [ $# -gt 0 ]; then
     run "tests in serial: $*" "${pytest[@]}" "$@" || true
 else
     export FENICS_MORTAR_CASES="${FENICS_MORTAR_CASES:-2}"
-    run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 || true
-    run_ranks 2 -m "not serial and not demo" --ignore=tests/rigid/test_supported.py "${on_three[@]/#/--ignore=}"
-    run_ranks 3 -m "not serial and not demo" "${on_three[@]}"
-    run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
-        "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true
+    parallel=(-m "not serial and not demo")
+    for name in ${FENICS_MORTAR_RUNS:-serial 2 3 kernels}; do
+        case "$name" in
+            serial) run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 || true ;;
+            2) run_ranks 2 "${parallel[@]}" --ignore=tests/rigid/test_supported.py "${on_three[@]/#/--ignore=}" ;;
+            3) run_ranks 3 "${parallel[@]}" "${on_three[@]}" ;;
+            kernels)
+                run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
+                    "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true
+                ;;
+            *)
+                echo "FENICS_MORTAR_RUNS holds '$name'; the runs are serial, 2, 3, kernels" >&2
+                exit 2
+                ;;
+        esac
+    done
 fi
 
 echo
