@@ -232,8 +232,15 @@ class Contact(Interface):
             master_planes=self.master_planes,
             between=self.pair.law.has_friction,
         )
-        shear = np.where(self.active, self.z_tau, 0.0)
-        self.change(accepted=replace(accepted, start=accepted.start - slip, shear=shear))
+        now = self.now
+        accepted = replace(
+            accepted,
+            start=accepted.start - slip,
+            shear=np.where(self.active, now.z_tau, 0.0),
+            pressure=np.where(self.active, now.z_n, 0.0),
+            gap=np.where(self.covered, now.mean_gap, np.inf),
+        )
+        self.change(accepted=accepted)
 
     def start_step(self) -> None:
         """Count slip and memory from the accepted state."""
