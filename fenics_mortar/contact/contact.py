@@ -224,6 +224,8 @@ class Contact(Interface):
         """
         slip = np.zeros(len(self.z)) if slid is None else np.where(slid, self.slip, 0.0)
         touches = self.active | (self.pair.sliding == "small")
+        if self.pair.law.bridges_gap and self.partners is not None:
+            touches |= self.acts
         accepted = find_partners(
             self.operators,
             self.covered,
