@@ -65,7 +65,8 @@ class ContactProblem:
         pairs: Contact and tied pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
-        petsc_options: Options of the linear solver, in addition to those of ``solver``.
+        petsc_options: Options of the linear solver, in addition to those of ``solver``. With a
+            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults hold, as GMRES.
         algorithm: "condensed" (Foltyn & Vlach 2016, Alg. 2; dual multipliers only) or "saddle"
             (Alg. 1). Default: condensed if D can be inverted node by node.
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".

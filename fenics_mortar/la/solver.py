@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.la.multigrid import TouchingBodies
-from fenics_mortar.la.options import COMPLIANCE, DIRECT, SMALL, options_added
+from fenics_mortar.la.options import COMPLIANCE, DIRECT, SMALL, options_added, with_defaults
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
@@ -40,7 +40,8 @@ class LinearSolver:
     Args:
         comm: Communicator.
         prefix: Prefix of PETSc's options.
-        options: Options by name, without the prefix; those of the database come first.
+        options: Options by name, without the prefix; those of the database come first. Missing
+            ones are those of MUMPS, see ``options.with_defaults``.
         preconditioner: Makes the preconditioner of ``pc_type python``.
 
     Attributes:
@@ -67,7 +68,7 @@ class LinearSolver:
         self.given: set[str] = set()
         self._used: set[str] = set()
         self._first = True
-        self._create({**DIRECT, **options})
+        self._create(with_defaults(prefix, options))
 
     def _create(self, options: dict[str, Any]) -> None:
         self._options = options

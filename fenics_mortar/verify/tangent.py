@@ -56,6 +56,10 @@ class TangentCheck(Markdown):
     steps: Array
     remainders: dict[str, Array]
 
+    def __str__(self) -> str:
+        """The table."""
+        return self.table()
+
     @property
     def slopes(self) -> dict[str, float]:
         """Slope per block, from remainders above roundoff; inf if all are roundoff."""
