@@ -74,16 +74,23 @@ def check_slave_nodes(contacts: Sequence[Interface]) -> None:
     Raises:
         SurfaceError: On all ranks.
     """
+    candidates = [contact.slave.nodes[contact.may_carry] for contact in contacts]
     for i, one in enumerate(contacts):
-        for other in contacts[i + 1 :]:
-            both = np.intersect1d(one.candidate_nodes, other.candidate_nodes)
-            if both.size and one.has_master_of(other):
+        for j, other in enumerate(contacts[i + 1 :], i + 1):
+            both = np.intersect1d(candidates[i], candidates[j])
+            if both.size and _have_common_master(one, other):
                 where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
                 raise SurfaceError(
                     f"{both.size} nodes are slaves of '{one.master.name}' in two pairs, with "
                     f"'{one.slave.name}' and '{other.slave.name}', one at {place(where)}; give "
                     "both sides one name, or make one of the two a master there"
                 )
+
+
+def _have_common_master(one: Interface, other: Interface) -> bool:
+    """Whether two pairs have a common obstacle or a common master node (local)."""
+    same = one.obstacle is not None and one.obstacle is other.obstacle
+    return same or bool(np.intersect1d(one.master.nodes, other.master.nodes).size)
 
 
 def check_residual(name: str, residual: Any, u: Any) -> None:

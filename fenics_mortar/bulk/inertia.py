@@ -22,7 +22,7 @@ from fenics_mortar.bulk.massless import redistributed
 from fenics_mortar.mesh.numbering import by_input_node, set_by_input_node
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices, freeze
+from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.rounding import TINY
 
@@ -31,7 +31,7 @@ SOLVED = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
-class Rates:
+class Rates(Value):
     """Velocity and accelerations of a state, a value; arrays of all local dofs.
 
     Attributes:
@@ -50,10 +50,6 @@ class Rates:
     time: float = 0.0
     begun: bool = False
     owed: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Take copies of arrays that can be written to."""
-        freeze(self)
 
 
 class Inertia:

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_mortar.contact.fields import RULED, SEEN, ContactFields, field
+from fenics_mortar.contact.fields import RULED, SEEN, ContactFields
+from fenics_mortar.contact.interface_fields import field
 from fenics_mortar.contact.nodal import Nodal, Row, through
 from fenics_mortar.utils.arrays import Array, Flags
 
@@ -52,7 +53,7 @@ class LawFields(ContactFields):
 
     @property
     def offset(self) -> Array:
-        """See ``ContactFields``; less the thickness of the law's layer."""
+        """See ``InterfaceFields``; less the thickness of the law's layer."""
         return np.asarray(self.state.offset - (self.nodal.gap - self.of_geometry.gap))
 
     @field(*SEEN)

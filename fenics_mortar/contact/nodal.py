@@ -79,7 +79,7 @@ def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
     for name in ARGUMENTS:
         moved = replace(node, **{name: getattr(node, name) + 1j * TINY_STEP})
         changes.append(np.imag(function(moved)) / TINY_STEP)
-    value = function(node)  # complex where a parameter is, see ``partials_law``
+    value = function(node)  # complex where a parameter is, see ``sensitivity.partials.law``
     return Row(value if np.imag(value).any() else np.real(value), *changes)
 
 

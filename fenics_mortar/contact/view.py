@@ -58,7 +58,7 @@ class PairView:
     @property
     def lengths(self) -> Array:
         """Tributary length of each node, undeformed, shape (slave nodes,) [length]."""
-        return self._interface.nodal_lengths.copy()
+        return self._interface.slave.nodal_lengths.copy()
 
     @property
     def tractions(self) -> Array:

@@ -241,7 +241,7 @@ def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None
     """
     normals, _ = evaluate_normals(contact.slave, x, contact.options.weighting)
     along = (normals * gradient).sum(axis=1) / np.linalg.norm(gradient, axis=1)
-    within = phi - contact.offset <= SAME_PLACE * contact.nodal_lengths
+    within = phi - contact.offset <= SAME_PLACE * contact.slave.nodal_lengths
     if (within & (along >= contact.options.min_cosine)).all():
         raise MortarError(
             f"'{contact.slave.name}' lies inside obstacle '{contact.obstacle}', on the far side of "

@@ -243,7 +243,7 @@ class LinearizedContact:
             V, shape (used, used) [stress], and y, shape (used,) [stress length].
         """
         system, bulk, comm = self._system, self._bulk, self._bulk.comm
-        laws = [contact.rows() for contact in system.contacts]
+        laws = [contact.rows.linearized() for contact in system.contacts]
         size = 2 * system.num_multipliers
         B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
         C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(laws))
@@ -282,7 +282,7 @@ class LinearizedContact:
                 continue
             number, columns = motions.obstacles.index(contact.obstacle), 2 * place[:, None] + [0, 1]
             rows, (_, M_q, _) = (
-                contact.motion_rows(),
+                contact.rows.by_motions(),
                 contact.on_obstacle.motion_force_derivatives(contact.z),
             )
             by_motion[number][:, columns] = np.moveaxis(rows, 2, 0)
@@ -318,7 +318,7 @@ class LinearizedContact:
 def _may_touch(contact: Contact) -> Flags:
     """Active nodes and nodes with a gap below their nodal length, (slave nodes,), bool."""
     gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
-    return contact.active | (gap <= contact.nodal_lengths)
+    return contact.active | (gap <= contact.slave.nodal_lengths)
 
 
 def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
@@ -336,4 +336,4 @@ def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
 def _slip_weight(contact: Contact, j: Indices) -> Array:
     """Weights of rows of slip that make the compliance symmetric, (nodes,) [1]."""
     o = contact.operators
-    return (contact.nodal_areas * o.weight)[j] / o.diagonal[j] ** 2
+    return (contact.slave.nodal_areas * o.weight)[j] / o.diagonal[j] ** 2

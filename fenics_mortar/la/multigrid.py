@@ -255,7 +255,7 @@ class TouchingBodies:
         """Local dofs (a, 2), directions followed (a, 2, 2) and stiffness (a,) of own nodes."""
         on = contact.acts[contact.slave.owned]
         j = contact.slave.owned[on]
-        return contact.slave.local_dofs[on], contact.followed()[j], contact.stiffness[j]
+        return contact.slave.local_dofs[on], contact.rows.followed()[j], contact.stiffness[j]
 
     def _all_tied(self, nodes: list[tuple[Indices, Array, Array]]) -> bool:
         """Whether all active nodes follow in both directions."""
@@ -288,14 +288,14 @@ class TouchingBodies:
         Entries of D between active nodes count as if they were on its diagonal.
         """
         for contact in self._contacts:
-            slave, followed = contact.slave, contact.followed() @ contact.followed()
+            slave, followed = contact.slave, contact.rows.followed() @ contact.rows.followed()
             entries = [_entries(block) for block in contact.force_blocks()]
             dofs, j, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
             own = np.isin(dofs[:, 0], slave.dofs[contact.acts, 0])
             weight = np.zeros(slave.num_nodes)
             np.add.at(weight, j[own], values[own])
             slave.comm.Allreduce(MPI.IN_PLACE, weight)
-            weight[weight < LIGHT * contact.nodal_areas] = np.inf
+            weight[weight < LIGHT * contact.slave.nodal_areas] = np.inf
             dofs, j, part = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, part[:, None, None], followed[j]
 

@@ -147,7 +147,7 @@ def _certify_pair(
     excess, tension = np.abs(contact.z_tau) - limit, contact.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
-    gap = np.nan_to_num(contact.closing_gap) / contact.nodal_lengths
+    gap = np.nan_to_num(contact.closing_gap) / contact.slave.nodal_lengths
     gradient, gradient_at = gradient_error(contact)
     return PairCertificate(
         **action_and_reaction(contact),
@@ -177,6 +177,6 @@ def _certify_tie(tie: Tie) -> PairCertificate:
     """Measure one tied pair, which carries tension and shear as well."""
     return PairCertificate(
         **action_and_reaction(tie),
-        overlap=float(np.nanmax(tie.gap / tie.nodal_lengths)),
-        uncovered=int((~tie.has_partner).sum()),
+        overlap=float(np.nanmax(tie.gap / tie.slave.nodal_lengths)),
+        uncovered=int((~tie.now.has_partner).sum()),
     )

@@ -44,7 +44,7 @@ def gradient_error(contact: Contact) -> tuple[float, str]:
 def _errors(obstacle: Obstacle, contact: Contact) -> Array:
     """Sine of the angle between gradient and difference quotients, (active nodes,) (local)."""
     x = contact.operators.x[contact.active]
-    step = DIFFERENCE * contact.nodal_lengths[contact.active]
+    step = DIFFERENCE * contact.slave.nodal_lengths[contact.active]
     _, gradient, _ = obstacle.evaluate(x)
     moves = step[:, None, None] * np.eye(2)
     ahead, behind = (

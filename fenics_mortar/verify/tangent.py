@@ -153,7 +153,7 @@ class _Probe:
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
         self.dz = [np.abs(z).max() * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
         self._move(0.0)
-        self._frames: list[Any] = [contact.frame() for contact in self.contacts]
+        self._frames: list[Any] = [contact.rows.frame() for contact in self.contacts]
 
     def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
         size = np.abs(contact.z).max() or 0.01 * contact.modulus.max()
@@ -187,7 +187,7 @@ class _Probe:
             on_slave, on_master = o.force(np.where(contact.acts[:, None], contact.z, 0.0))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
-            laws.append(contact.law(frame)[contact.slave.owned].ravel())
+            laws.append(contact.rows.weighted(frame)[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         for contact in self.contacts:  # as in the system
             contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
@@ -217,11 +217,11 @@ class _Probe:
 
     def _by_motions(self, contact: Contact | Tie) -> tuple[Array, Array, Array]:
         """Derivatives of normals, gap and law along the motions of the pair's obstacle (local)."""
-        if contact.obstacle is None:
+        if isinstance(contact, Tie) or contact.obstacle is None:
             return np.zeros(1), np.zeros(1), np.zeros_like(contact.z)
         dq = self.dq[self.motions.obstacles.index(contact.obstacle)]
         o = contact.on_obstacle
-        return o.dn_dq @ dq, o.dgap_dq @ dq, contact.motion_rows() @ dq
+        return o.dn_dq @ dq, o.dgap_dq @ dq, contact.rows.by_motions() @ dq
 
     def _whole(self) -> Array:
         """The four blocks of the saddle-point system times (du, dz), with motions of obstacles."""

@@ -15,7 +15,7 @@ from scenes import linear_elastic, nodal, pair_options, pressed_blocks
 import fenics_mortar as fm
 from demos.laws import Cohesive, NormalCompliance, RateAndState, Stribeck, Worn
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.partials_law import rows_by_parameter
+from fenics_mortar.sensitivity.partials.law import rows_by_parameter
 from fenics_mortar.utils.errors import NotFiniteError
 
 comm = MPI.COMM_WORLD

@@ -87,7 +87,7 @@ def everything(problem):
     status = problem.equations.look(start=False)
     found = dict(numbers(status, "status")) | dict(numbers(problem.state(), "state"))
     for contact in problem.equations.contacts:
-        rows, f = contact.rows(), contact.now
+        rows, f = contact.rows.linearized(), contact.now
         found |= dict(numbers(contact.operators, "operators"))
         found |= dict(numbers(rows, "rows")) | dict(numbers(f.nodal, "nodal"))
         found |= {"gap": f.gap, "pressure": f.pressure, "slip": f.slip}

@@ -12,15 +12,8 @@ from demos.studies.accuracy.exact_flat import FlatInterface
 from demos.studies.accuracy.exact_hertz import HalfPlanes
 from demos.studies.accuracy.exact_rings import PressFit, linear
 from demos.studies.accuracy.norms import errors
-from demos.studies.accuracy.scenes_exact import (
-    ELEMENTS,
-    Choice,
-    curved,
-    flat,
-    hertz,
-    lame,
-    press_fit,
-)
+from demos.studies.accuracy.posed import ELEMENTS, Choice, lame
+from demos.studies.accuracy.scenes_exact import curved, flat, hertz, press_fit
 
 pytestmark = pytest.mark.serial
 slides = partial(flat, friction=0.3)

@@ -83,7 +83,7 @@ def rows_by_parameter(contact: Contact, name: str, direction: Array) -> Array:
     follows_law = contact.follows_law & (law.bridges_gap | ~f.attracted)
     applies = follows_law & ~f.state.redundant, f.attracted, f.covered
     rows = np.zeros_like(f.state.z)
-    for scaled, change, on in zip(contact.frame()[2:], changes, applies, strict=False):
+    for scaled, change, on in zip(contact.rows.frame()[2:], changes, applies, strict=False):
         rows -= scaled * np.where(on, change, 0.0)[:, None]
     return rows
 

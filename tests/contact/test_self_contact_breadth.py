@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: MIT
+"""Contact of a surface with itself where problems have more than plane statics.
+
+The ends of a C-ring are closed by chosen sides, and as two surfaces that may touch: the roles are
+the same ones, so all numbers agree to rounding, and those of chosen sides are proven elsewhere.
+"""
+
+from functools import partial
+
+import numpy as np
+import pytest
+import revolved
+from scenes import internal, linear_elastic
+from self_scenes import NU, E, c_ring, honeycomb, ten_bodies
+
+import fenics_mortar as fm
+from demos import laws
+
+MU = fm.Coulomb(0.3)
+ENDS = ["ring/first", "ring/last"]
+RING = [*ENDS, "ring/top", "ring/bottom"]
+
+
+def torus(u):
+    return revolved.internal(u, revolved.neo_hookean(u, E, NU))
+
+
+def linear(u):
+    return internal(u, linear_elastic(u, E, NU))
+
+
+def ring_of(sides, pair=None, law=None, **options):
+    pair = pair or {}
+    return c_ring(lambda data: [fm.ContactPair(data, *sides, law=law, **pair)], **options)
+
+
+def close(sides, way=(0.01, -0.18), **options):
+    """A ring whose ends are pressed together and along each other, two facets along."""
+    ring = ring_of(sides, **options)
+    ring.move(5, high=np.array(way))
+    return ring
+
+
+def compare(slope=2.0, **options):
+    """Compare chosen and found sides; the whole outline has a certificate without violations."""
+    chosen, found, whole = (close(s, **options) for s in (ENDS, [ENDS], [RING]))
+    assert chosen.contact.active.sum() >= 3
+    assert found.contact.active.sum() == chosen.contact.active.sum()
+    assert np.allclose(chosen.u.x.array, found.u.x.array, atol=1e-11)
+    assert found.forces() == pytest.approx(chosen.forces(), rel=1e-9)
+    assert whole.forces() == pytest.approx(chosen.forces(), rel=0.15)
+    for ring in (found, whole):
+        assert ring.problem.certificate().violations() == []
+        measured = ring.problem.check_tangent().slopes["whole"]
+        assert not measured < slope - 0.05
+    return found
+
+
+AXISYMMETRIC = {"residual": torus, "centre": 3.0, "problem": {"geometry": "axisymmetric"}}
+LINEAR = {"residual": linear, "way": (0.005, -0.14), "problem": {"linear_bulk": True}}
+SMALL = {"pair": {"sliding": "small"}, "way": (0.005, -0.14)}
+CASES = {
+    "axisymmetric": {"law": MU, **AXISYMMETRIC},
+    "linear bulk": {"law": MU, **LINEAR},
+    "small sliding": {"law": MU, **SMALL},
+    "linear bulk and small sliding": {**LINEAR, **SMALL},
+    "compliance": {"law": laws.NormalCompliance(2000.0, 1.0, 0.2)},
+    "Stribeck": {"law": laws.Stribeck(0.4, 0.2, 0.05)},
+    "rate and state": {"law": laws.RateAndState(0.3, 0.01, 0.015, 0.02, 0.01)},
+    "axisymmetric, compliance": {"law": laws.NormalCompliance(2000.0, 1.0, 0.2), **AXISYMMETRIC},
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", CASES)
+def test_found_sides_are_as_chosen_ones(name):
+    compare(**CASES[name])
+
+
+@pytest.mark.serial
+def test_a_surface_in_contact_with_itself_wears():
+    """Sticking nodes are at a kink of |slip|, so that the tangent has the slope of one side."""
+    found = compare(law=laws.Worn(0.3, 1e-2), slope=1.0)
+    assert found.contact.state.committed.memory["depth"].max() > 0.0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("scheme", ["generalized_alpha", "massless", "conserving"])
+def test_found_sides_are_as_chosen_ones_with_mass(scheme):
+    """Without mass at the contact nodes, found sides have none on both sides: nearly equal."""
+    found = []
+    for sides in (ENDS, [ENDS]):
+        ring = ring_of(sides, law=MU)
+        motion = fm.Dynamics(ring.problem, 1e-3, scheme=scheme)
+
+        def load(time, ring=ring):
+            ring.moved["high"].value[:] = time * np.array([0.005, -0.14])
+
+        motion.run(1.0, fm.SteppingOptions(step=0.1, smallest=1e-4), load)
+        assert ring.contact.active.sum() >= 3
+        assert ring.problem.certificate().violations() == []
+        assert ring.problem.check_tangent().slopes["whole"] == pytest.approx(2.0, abs=0.05)
+        found.append(ring.u.x.array.copy())
+    allowed = 1e-11 if scheme == "generalized_alpha" else 1e-3
+    assert np.abs(found[0] - found[1]).max() < allowed
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"solver": "iterative"}, "'ring/first . ring/last' is in contact with itself"),
+        ({"algorithm": "condensed"}, "use algorithm='saddle'"),
+    ],
+)
+def test_solvers_that_need_separate_sides_are_refused(option, words):
+    with pytest.raises(ValueError, match=words):
+        ring_of([ENDS], problem=option)
+
+
+def test_forces_of_one_body_of_a_list_do_not_load_the_others():
+    """Each body has only the multipliers of its own nodes and of nodes that face it."""
+    stack = ten_bodies(lambda data, names: [fm.ContactPair(data, names)], foundation=0.0)
+    stack.problem.solve()
+    floating, contact = stack.problem.equations.floating, stack.contact
+    assert len(floating.bodies) == 10
+    pressures = np.zeros((contact.slave.num_nodes, 2))
+    touched = np.hypot(*(contact.slave.X - [0.5, 0.0]).T).argmin()
+    pressures[touched] = contact.operators.n[touched]
+    contact.change(z=pressures)
+    assert sum(map(floating.is_loaded, floating.bodies)) == 1
+
+
+@pytest.mark.serial
+def test_a_honeycomb_is_compressed_through_its_folding():
+    """Cells fold, then their walls meet: contact within cells, with friction, at six tenths."""
+    comb = honeycomb(partial(walls, law=MU))
+    height = np.ptp(comb.contact.slave.X[:, 1])
+    path = comb.move(14, high=np.array([0.0, -0.6 * height]))
+    contact = comb.contact
+    assert path.num_cuts == 0
+    assert comb.problem.certificate().violations() == []
+    assert contact.active.sum() >= 15 and contact.sticking.any()
+    assert comb.problem.check_tangent().slopes["whole"] == pytest.approx(2.0, abs=0.05)
+
+
+def walls(data, law):
+    return [fm.ContactPair(data, "comb/walls", law=law)]
