@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The contact problem that a user sets up: UFL residual, Dirichlet conditions, contact pairs."""
+"""The contact problem that a user sets up: UFL residual, Dirichlet conditions, contact pairs.
+
+More than 350 lines by its documentation, and a class of more than 20 methods: everything that users
+do with a problem, one method each, and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -41,9 +45,6 @@ from fenics_mortar.verify.tangent import TangentCheck, check_tangent
 
 class ContactProblem:
     """Quasi-static equilibrium of bodies in contact.
-
-    More than 350 lines by its documentation, and more than 20 methods: everything that users do
-    with a problem, one method each.
 
     Args:
         residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``.
@@ -90,6 +91,18 @@ class ContactProblem:
 
     Note:
         All methods are collective.
+
+    Example:
+        Two blocks, pressed together in five steps; the README has the whole script::
+
+            contact = fm.ContactPair(blocks, slave="upper/bottom", master="lower/top")
+            problem = fm.ContactProblem(
+                residual, u, [contact], bcs=bcs, petsc_options_prefix="blocks_"
+            )
+            for step in range(1, 6):
+                push.value[1] = -0.03 * step
+                report = problem.solve()
+            print(report, problem.contacts[0].pressure)
     """
 
     def __init__(

@@ -56,9 +56,9 @@ def follow_path(
     Args:
         problem: The problem, solved or unloaded at ``start``.
         set_loads: Sets loads and prescribed values for a time; called again for an earlier time
-            after a failure.
+            after a failure. It is called on all ranks and has to set equal values.
         options: Options of the steps.
-        start: Time of the present state.
+        start: Time of the present state, in units of the path parameter.
         stop: Final time.
         on_step: Called with time and report after each accepted step, for example to write results.
         progress: Whether rank 0 draws a bar in the terminal, by the package tqdm.
