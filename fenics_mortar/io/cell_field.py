@@ -53,7 +53,7 @@ class CellField:
         try_together(problem.comm, True, compile_it, f"field {name!r} cannot be evaluated")
 
     def evaluate(self) -> Array:
-        """Values, of shape (owned cells,) and the shape of the expression (local)."""
+        """Values [unit of the field], shape (owned cells,) and that of the expression (local)."""
         cells = np.arange(self._mesh.topology.index_map(2).size_local, dtype=np.int32)
         values = compat.evaluate_expression(self._compiled, self._mesh, cells)
         return np.asarray(values).reshape(cells.size, *self._shape)

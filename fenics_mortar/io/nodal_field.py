@@ -39,7 +39,10 @@ class NodalField:
         self._dofs = compat.dofmap(self._at_nodes.function_space)[: len(cells)].ravel()[first]
 
     def evaluate(self) -> Array:
-        """Values at the nodes of the owned cells by ascending dof, (nodes,) or (nodes, 2)."""
+        """Values [unit of the field] at the nodes of owned cells, shape (nodes,) or (nodes, 2).
+
+        Nodes are in the order of the dofs of the displacement (local).
+        """
         self._own.x.array[:] = self._function.x.array[self._places]
         self._at_nodes.interpolate(self._own)
         values = self._at_nodes.x.array

@@ -118,16 +118,17 @@ class LinearSolver:
     def solve(self, matrix: PETSc.Mat, rhs: Array, *, transpose: bool = False) -> Array:
         """Solve and check the solution.
 
-        A direct solution whose residual is above rounding is refined once: pivots of a saddle point
-        are chosen for sparsity, too, and cost digits. Factors are kept while the matrix stays.
+        A direct solution whose residual is above rounding is refined once: MUMPS also chooses the
+        pivots of a saddle point for sparsity, which costs digits. Factors are kept while the matrix
+        stays.
 
         Args:
             matrix: A.
-            rhs: The right-hand side, the part of this rank's rows in either case.
+            rhs: Right-hand side, shape (owned rows,) in either case [unit of the system].
             transpose: Whether to solve with A^T.
 
         Returns:
-            The part of the solution of this rank's rows.
+            The solution, shape (owned rows,) [unit of the system].
 
         Raises:
             MortarError: On all ranks, if no solution was found.

@@ -365,9 +365,9 @@ def _check(
     if velocity is not None:
         check_kind("velocity", velocity, Velocity, "a Velocity(u)")
     if energy is not None:
-        check_kind("energy", energy, ufl.Form, "a UFL form, as psi * dx")
+        check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
         if energy.arguments():
-            raise ValueError("energy has a test function: expected a form without, as psi * dx")
+            raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
     if problem.adequacy is not None:
         raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
     if problem.equations.bulk.inertia is not None:
@@ -380,7 +380,7 @@ def _check_run(
     """Refuse arguments of ``run`` (local)."""
     expected = f"a time from the present one, {time:.6g}, on"
     check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
-    expected = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
     check_kind("options", options, SteppingOptions, expected)
     if tolerance is not None:
         check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)

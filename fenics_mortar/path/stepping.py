@@ -145,7 +145,7 @@ def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: An
     """Refuse arguments of ``follow_path`` (local)."""
     if not callable(set_loads):
         raise ValueError(f"set_loads={set_loads!r}: expected a function of the time")
-    expected = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
     check_kind("options", options, SteppingOptions, expected)
     for name, value in (("start", start), ("stop", stop)):
         check_number(name, value, "a finite number", np.isfinite)
