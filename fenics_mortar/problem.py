@@ -391,9 +391,14 @@ class ContactProblem:
             return linearized.solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
-        """Taylor slopes of all derivatives at the present state (collective).
+        """Taylor slopes of all derivatives at the present state, 2 if exact (collective).
 
-        Options and result: see ``verify.tangent.check_tangent``.
+        Args:
+            options: ``print_table=False`` keeps rank 0 from printing the table, ``steps`` are sizes
+                over the shortest slave facet, shape (s,) [1], ``seed`` is that of the direction.
+
+        Returns:
+            Remainders and slopes of each block: bulk, n, g, D, M and the whole system.
         """
         self._renew_if_interrupted()
         with undone_if_interrupted(self.equations, self._adequacy):

@@ -103,18 +103,18 @@ class ObstacleMotions:
 
     def record(self) -> list[str]:
         """Set the ``reaction`` of each obstacle; return a sentence for each (collective)."""
-        lines = []
+        lines, is_axial = [], self._is_axisymmetric()
         for obstacle, force in zip(self.obstacles, -self.forces() * self.scales, strict=True):
-            obstacle.reaction = force
-            lines.append(f"obstacle '{obstacle.name}'{_moved(obstacle.place)}: {self._load(force)}")
+            obstacle.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
+            load = f"contact force {place(force)}, moment {force[2]:.4g}"
+            load = f"axial contact force {force[1]:.4g}" if is_axial else load
+            lines.append(f"obstacle '{obstacle.name}'{_moved(obstacle.place)}: {load}")
         return lines
 
-    def _load(self, force: Array) -> str:
-        """Words for the contact force on an obstacle, shape (3,); axial only if axisymmetric."""
-        slaves = [contact.slave for _, contact in self.pairs]
-        if any(slave.thickness is not None and slave.thickness.by_x != 0.0 for slave in slaves):
-            return f"axial contact force {force[1]:.4g}"
-        return f"contact force {place(force)}, moment {force[2]:.4g}"
+    def _is_axisymmetric(self) -> bool:
+        """Whether bodies are of revolution: radial forces and moments vanish around the axis."""
+        thicknesses = [contact.slave.thickness for _, contact in self.pairs]
+        return any(t is not None and t.by_x != 0.0 for t in thicknesses)
 
     def contacts_of(self, number: int) -> list[Contact]:
         """The contacts of one obstacle."""

@@ -93,7 +93,7 @@ def check_tangent(
 
     Args:
         problem: A ``ContactProblem``.
-        steps: Step sizes over the shortest slave facet, shape (s,).
+        steps: Step sizes over the shortest slave facet, shape (s,) [1].
         seed: Seed of the random direction, drawn by global dof: it depends on the number of ranks.
         print_table: Whether rank 0 prints the table.
 
