@@ -95,6 +95,8 @@ class Friction(Law):
         ValueError: If a number is not allowed.
     """
 
+    c_t = 0.1  # also of laws that do not call ``__init__`` of this class
+
     def __init__(self, c_t: float = 0.1) -> None:
         self.c_t = c_t
 

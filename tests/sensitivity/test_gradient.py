@@ -259,6 +259,21 @@ def test_gradient_prints_a_line_for_each_control():
     assert float(lines[1].rpartition(": ")[2]) == pytest.approx(float(gradient[mu]), rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    "objective, control, words",
+    [
+        ("force", "E", "objective 'force'"),
+        (sensitivity.TotalForce(2, (1.0, 0.0)), "E", "pair 2: expected a number from 0 to 0"),
+        (FORCE, sensitivity.Offset(1), "pair 1: expected a number from 0 to 0"),
+    ],
+)
+def test_objective_or_pair_that_is_none_is_refused(objective, control, words):
+    scene = blocks()
+    scene.solve()
+    with pytest.raises(ValueError, match=words):
+        fm.gradient(objective, scene.controls.get(control, control), scene.problem)
+
+
 def test_direction_of_a_list_with_one_control_is_a_list():
     scene = blocks(fm.Coulomb(0.3), places=SLIDE)
     path, mu = scene.solve(), sensitivity.LawParameter(0, "mu")
