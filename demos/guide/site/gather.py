@@ -263,10 +263,11 @@ def in_reference() -> dict[str, Any]:
     """All that the reference describes, by full names."""
     package = fenics_mortar
     public = {f"fenics_mortar.{name}": getattr(package, name) for name in package.__all__}
-    for module in (package.laws, package.sensitivity):
-        public |= {f"{module.__name__}.{name}": getattr(module, name)
-                   for name in module.__all__ if name not in package.__all__}  # fmt: skip
-    return public | {f"{cls.__module__}.{cls.__qualname__}": cls for cls in MET}
+    known = set(map(id, public.values()))
+    of_modules = [getattr(module, name) for module in (package.laws, package.sensitivity)
+                  for name in module.__all__]  # fmt: skip
+    met = [*(thing for thing in of_modules if id(thing) not in known), *MET]
+    return public | {f"{cls.__module__}.{cls.__qualname__}": cls for cls in met}
 
 
 def group_of(thing: Any) -> str:
@@ -289,6 +290,7 @@ def automodule(module: str) -> list[str]:
     elsewhere = {full.rpartition(".")[2]: full for full, thing in in_reference().items()
                  if thing.__module__ == module}  # fmt: skip
     lines = ["```{eval-rst}", f".. automodule:: {module}", "   :members:"]
+    lines += ["   :ignore-module-all:"]
     if not elsewhere:
         return [*lines, "```", ""]
     links = ", ".join(f"{{py:obj}}`{name} <{full}>`" for name, full in elsewhere.items())
