@@ -9,10 +9,6 @@ reduces it to the multipliers, see ``rigid.complementarity``. The next Newton st
 set and branches of this solution. If no body floats it is the one that a load path leads to from
 the accepted state, see ``rigid.load_path``: with friction there may be others.
 
-The compliance of a floating body is that of the elastic body on springs; a low-rank correction then
-weakens the springs on its rigid motions. With weak springs from the start the stiffness would not
-be positive definite for a body that is unstable under its loads, such as an inverted pendulum.
-
 The compliance needs one linear solve for each multiplier component of all nodes that may touch.
 Therefore this is done only if the active set does not settle.
 """
@@ -29,71 +25,21 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC
 from fenics_mortar.contact.laws import STICK, Coulomb, Frictionless
-from fenics_mortar.la.factored import factored_bulk, portions
+from fenics_mortar.equations.body_compliance import SPRING, BodyCompliance
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.rigid.load_path import follow_loads
+from fenics_mortar.rigid.load_path import Turn, follow_loads
 from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SOLVED
 
-# Stiffness of the springs on a body over its largest diagonal entry of K [1]: larger than the
-# negative stiffness of its loads, of the order of the strains, but with a negligible effect on the
-# elastic compliance.
-SPRING = 1e-3
 # Largest number of nodes that may touch: with more, Lemke's dense tableau of four rows a node takes
 # longer than the iterations saved (about 2 s for this number).
 MAX_NODES = 250
-PREFIX = "fenics_mortar_settling_"
-
-
-class BodyCompliance:
-    """Compliance of all bodies, floating ones on weak springs (collective).
-
-    Args:
-        bulk: The bodies; springs are added to their tangent, which has to be assembled.
-        floating: The floating bodies.
-    """
-
-    def __init__(self, bulk: Bulk, floating: FloatingBodies) -> None:
-        self._bulk = bulk
-        springs = np.zeros(bulk.num_owned)
-        motions, added = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
-        for body in floating.bodies:
-            mine = floating.labels[: bulk.space.num_nodes] == body.label
-            dofs = bulk.space.owned_dofs[mine]
-            each = SPRING * body.stiffest / body.num_nodes
-            weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
-            springs[dofs] = each
-            rigid = np.zeros((len(body.motions), bulk.num_owned))
-            x = bulk.positions()[: bulk.space.num_nodes][mine]
-            rigid[:, dofs.ravel()] = body.displacement(x).reshape(len(rigid), -1)
-            products = bulk.comm.allreduce(rigid @ rigid.T)
-            motions.append(np.linalg.solve(np.linalg.cholesky(products), rigid))
-            added.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
-        self._motions, self._added = np.concatenate(motions), np.concatenate(added)
-        bulk.add_to_diagonal(springs)
-        self._factors = factored_bulk(bulk, PREFIX)
-
-    def displacements(self, forces: Array) -> Array:
-        """Displacements due to forces, both of shape (owned dofs, k); none at prescribed dofs."""
-        bulk, found = self._bulk, []
-        forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
-        for group in portions(forces.shape[1]):
-            sizes = (bulk.num_owned, None), (None, group.size)
-            load = np.asfortranarray(forces[:, group]).ravel(order="F")
-            loads = PETSc.Mat().createDense(sizes, array=load, comm=bulk.comm)
-            loads.assemble()
-            answers = loads.duplicate()
-            self._factors.getFactorMatrix().matSolve(loads, answers)
-            found.append(answers.getDenseArray().copy())
-            loads.destroy()
-            answers.destroy()
-        along = bulk.comm.allreduce(self._motions @ forces)
-        return np.concatenate(found, axis=1) + self._motions.T @ (self._added[:, None] * along)
 
 
 class LinearizedContact:
@@ -162,7 +108,25 @@ class LinearizedContact:
         """
         if self._floating.bodies:
             return solve_friction(problem)
-        return follow_loads(problem, *self._accepted(problem.slope, nodes))
+        found = follow_loads(problem, *self._accepted(problem.slope, nodes))
+        return found if isinstance(found, Sets) else None
+
+    def describe_turn(self) -> str:
+        """Describe where the path from the accepted state turns; "" if it does not."""
+        problem, nodes = self._problem()
+        problem, comm = self._with_elastic_sticks(problem, nodes), self._bulk.comm
+        start = self._accepted(problem.slope, nodes)
+        found = comm.bcast(follow_loads(problem, *start) if comm.rank == 0 else None)
+        if not isinstance(found, Turn) or found.node < 0:
+            return ""
+        contacts = np.repeat(np.arange(len(nodes)), [j.size for j in nodes])
+        contact = self._contacts[contacts[found.node]]
+        where = errors.place(contact.operators.x[np.concatenate(nodes)[found.node]])
+        return (
+            f"the path of equilibria, linearized at the last one, turns where the node at {where} "
+            f"of '{contact.pair.slave_name}' opens, closes, sticks or slides: it would have to go "
+            "on with smaller loads"
+        )
 
     def _accepted(self, slope: Array, nodes: Sequence[Indices]) -> tuple[Sets, Array]:
         """Sets, scaled multipliers and gaps of ``nodes`` at the accepted state (local)."""
