@@ -136,7 +136,9 @@ class LinearizedContact:
             multipliers = (
                 np.stack([last.pressure, last.shear])[:, j] / self._system.scale(contact)[j]
             )
-            gap = np.clip(last.gap, 0.0, contact.nodal_lengths)[j] * o.weight[j] / o.diagonal[j]
+            gap = (
+                np.clip(last.gap, 0.0, contact.slave.nodal_lengths)[j] * o.weight[j] / o.diagonal[j]
+            )
             parts.append([*multipliers, gap * contact.stiffness[j] / stiffest])
         z_n, z_tau, gap = np.concatenate(parts, axis=1)
         slides = np.abs(z_tau) >= (1.0 - SOLVED) * slope * z_n
@@ -234,7 +236,7 @@ class LinearizedContact:
             V, shape (used, used) [stress], and y, shape (used,) [stress length].
         """
         system, bulk, comm = self._system, self._bulk, self._bulk.comm
-        laws = [contact.rows() for contact in system.contacts]
+        laws = [contact.rows.linearized() for contact in system.contacts]
         size = 2 * system.num_multipliers
         B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
         C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(laws))
@@ -273,7 +275,7 @@ class LinearizedContact:
                 continue
             number, columns = motions.obstacles.index(contact.obstacle), 2 * place[:, None] + [0, 1]
             rows, (_, M_q, _) = (
-                contact.motion_rows(),
+                contact.rows.by_motions(),
                 contact.on_obstacle.motion_force_derivatives(contact.z),
             )
             by_motion[number][:, columns] = np.moveaxis(rows, 2, 0)
@@ -310,7 +312,7 @@ def _may_touch(contact: Contact) -> Flags:
     """Active nodes and nodes with a gap below their nodal length, (slave nodes,), bool."""
     gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
     pressed = contact.covered & (contact.partners.pressure > 0.0)
-    return contact.active | pressed | (gap <= contact.nodal_lengths)
+    return contact.active | pressed | (gap <= contact.slave.nodal_lengths)
 
 
 def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
@@ -328,4 +330,4 @@ def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
 def _slip_weight(contact: Contact, j: Indices) -> Array:
     """Weights of rows of slip that make the compliance symmetric, (nodes,) [1]."""
     o = contact.operators
-    return (contact.nodal_areas * o.weight)[j] / o.diagonal[j] ** 2
+    return (contact.slave.nodal_areas * o.weight)[j] / o.diagonal[j] ** 2

@@ -24,7 +24,6 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.rigid.complementarity import (
-    MAX_PIVOTS,
     Array,
     FrictionProblem,
     Sets,
@@ -33,7 +32,7 @@ from fenics_mortar.rigid.complementarity import (
     lemke,
     sets_of,
 )
-from fenics_mortar.utils.rounding import SOLVED, SUM_ROUNDING
+from fenics_mortar.utils.rounding import MAX_STEPS, SOLVED, SUM_ROUNDING
 
 Flags = npt.NDArray[np.bool_]
 
@@ -128,7 +127,7 @@ def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | Turn:
     except np.linalg.LinAlgError:
         return Turn(0.0, -1)
     at, column = -1, n
-    for _ in range(MAX_PIVOTS * n):
+    for _ in range(MAX_STEPS * n):
         falls = table[:, column]
         now, grows = (table[at, -1], falls[at]) if at >= 0 else (0.0, 1.0)
         if not grows > 0.0:
