@@ -76,7 +76,7 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
             except MeshError as exception:
                 error = exception
         raise_together(comm, error)
-        file = model.given(*names) if isinstance(model, MshFile) else None
+        file = model.given(*names) if names and isinstance(model, MshFile) else None
         (bodies, boundaries), in_arrays = comm.bcast((names, file is not None), root=rank)
         if in_arrays:
             return distributed(comm, rank, file)
