@@ -14,9 +14,6 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.contact.partials_gap import offset_by_rows, rows_by_offset
-from fenics_mortar.contact.partials_law import parameter, parameter_by_rows, rows_by_parameter
-from fenics_mortar.contact.partials_shape import rows_by_shape, shape_by_rows
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.state import State
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -29,6 +26,9 @@ from fenics_mortar.sensitivity.pair_vectors import (
     rows_at,
     zeros,
 )
+from fenics_mortar.sensitivity.partials.gap import offset_by_rows, rows_by_offset
+from fenics_mortar.sensitivity.partials.law import parameter, parameter_by_rows, rows_by_parameter
+from fenics_mortar.sensitivity.partials.shape import rows_by_shape, shape_by_rows
 from fenics_mortar.utils.arguments import check_choice
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError

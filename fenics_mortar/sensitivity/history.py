@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.partials_history import Earlier
-from fenics_mortar.contact.partials_history import History as PairHistory
 from fenics_mortar.contact.slip import find_partners
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
@@ -24,6 +22,8 @@ from fenics_mortar.sensitivity.pair_vectors import (
     rows_at,
     zeros,
 )
+from fenics_mortar.sensitivity.partials.history import Earlier
+from fenics_mortar.sensitivity.partials.history import History as PairHistory
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.utils.rounding import ROUNDING
 

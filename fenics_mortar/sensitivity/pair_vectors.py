@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.partials import PairVector
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
+from fenics_mortar.sensitivity.partials.maps import PairVector
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 

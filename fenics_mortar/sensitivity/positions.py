@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fenics_mortar.contact.partials_positions import Positions
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before, history_of
 from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, check_exact, zeros
+from fenics_mortar.sensitivity.partials.positions import Positions
 from fenics_mortar.utils.arrays import Array
 
 
@@ -18,7 +18,7 @@ class ContactPositions:
     """Derivative of the residuals by the positions of the nodes, contacts only.
 
     Positions are values at the dofs of the displacement. The residuals of the bodies depend on them
-    as well; their derivative is not included. See ``contact.partials_positions``.
+    as well; their derivative is not included. See ``sensitivity.partials.positions``.
 
     Args:
         problem: The problem, at the end of a step, evaluated with ``EXACT``; collective.

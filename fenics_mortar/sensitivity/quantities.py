@@ -22,10 +22,6 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.partials import PairVector
-from fenics_mortar.contact.partials_fields import ByFields, moment, moment_gradient
-from fenics_mortar.contact.partials_gap import gap_back
-from fenics_mortar.contact.partials_shape import change_by_shape
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.combined import Combined, ContactQuantity
@@ -37,6 +33,10 @@ from fenics_mortar.sensitivity.controls import (
     history_of,
 )
 from fenics_mortar.sensitivity.pair_vectors import add_pair, check_exact, contact_of, zeros
+from fenics_mortar.sensitivity.partials.fields import ByFields, moment, moment_gradient
+from fenics_mortar.sensitivity.partials.gap import gap_back
+from fenics_mortar.sensitivity.partials.maps import PairVector
+from fenics_mortar.sensitivity.partials.shape import change_by_shape
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array, Indices
 
@@ -288,7 +288,7 @@ class FrictionWork(PairQuantity):
 
     def _of(self, contact: Contact) -> float:
         """See ``PairQuantity``."""
-        return contact.friction_work
+        return contact.now.friction_work
 
     def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""

@@ -10,14 +10,8 @@ from typing import Any
 import numpy as np
 
 import fenics_mortar as fm
-from demos.studies.stability.limit_analysis import (
-    GROUND,
-    Point,
-    Structure,
-    normal_of,
-    touching_lines,
-    touching_plane,
-)
+from demos.studies.stability.limit_analysis import GROUND, Point, Structure
+from demos.studies.stability.touching import normal_of, touching_lines, touching_plane
 from fenics_mortar.contact.laws import Stick
 from meshes.mapped_grids import Grid
 

@@ -15,7 +15,7 @@ from scenes import linear_elastic, nodal, pair_options, pressed_blocks
 import fenics_mortar as fm
 from demos.laws import Cohesive, NormalCompliance, RateAndState, Stribeck, Worn
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.partials_law import rows_by_parameter
+from fenics_mortar.sensitivity.partials.law import rows_by_parameter
 from fenics_mortar.utils.errors import NotFiniteError
 
 comm = MPI.COMM_WORLD
@@ -179,6 +179,7 @@ WRONG = [
 ]
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("method, spoil, kind, words", WRONG)
 def test_wrong_answers_are_refused(method, spoil, kind, words):
     law = Wrong(method, spoil)
@@ -225,6 +226,7 @@ def test_law_with_a_rate_needs_the_time():
         drive(scene, [1])
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "mu, words",
     [

@@ -11,17 +11,13 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
-from demos.studies.stability.limit_analysis import judge, touching_nodes
+from demos.studies.stability.limit_analysis import judge
 from demos.studies.stability.random_cases import objections, random_case
 from demos.studies.stability.random_shapes import FAMILIES, shape_case
-from demos.studies.stability.random_supported import (
-    earliest_end_of_mesh,
-    end_of_mesh,
-    hanging_case,
-    rigid,
-    supported_case,
-)
+from demos.studies.stability.random_supported import hanging_case, supported_case
 from demos.studies.stability.shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings
+from demos.studies.stability.supported_limits import earliest_end_of_mesh, end_of_mesh, rigid
+from demos.studies.stability.touching import touching_nodes
 from demos.studies.stability.trial import Worker, case_of, summary
 from demos.studies.stability.trial_judge import check_again, confirm, measure, run, wrongs
 from demos.studies.stability.trial_scene import build

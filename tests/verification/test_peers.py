@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from demos.studies.accuracy.peer import given
+from demos.studies.accuracy.posed import ELEMENTS, Choice
 from demos.studies.accuracy.report import cost, rate, rate_beside
-from demos.studies.accuracy.scenes_exact import ELEMENTS, HALF_SIDE, Choice, hertz
+from demos.studies.accuracy.scenes_exact import HALF_SIDE, hertz
 
 pytestmark = pytest.mark.serial
 

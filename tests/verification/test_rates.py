@@ -12,15 +12,8 @@ from demos.studies.accuracy.exact_flat import FlatInterface
 from demos.studies.accuracy.exact_hertz import HalfPlanes
 from demos.studies.accuracy.exact_rings import PressFit, linear
 from demos.studies.accuracy.norms import errors
-from demos.studies.accuracy.scenes_exact import (
-    ELEMENTS,
-    Choice,
-    curved,
-    flat,
-    hertz,
-    lame,
-    press_fit,
-)
+from demos.studies.accuracy.posed import ELEMENTS, Choice, lame
+from demos.studies.accuracy.scenes_exact import curved, flat, hertz, press_fit
 
 pytestmark = pytest.mark.serial
 slides = partial(flat, friction=0.3)
@@ -87,6 +80,7 @@ def test_shear_is_cattaneos_and_mindlins(element, rate, most):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_wheel_rolls_as_carters():
     """Within what is left at four facets to the half-width: 1 / 8 of it from node to node."""
     found = carter.roll(4, size=200.0)

@@ -250,9 +250,10 @@ class Gathered:
             dotted = f"fenics_mortar.{folder.name}"
             about = ["```{eval-rst}", f".. automodule:: {dotted}", "   :no-members:", "```", ""]
             lines = [f"# {folder.name}", "", *about]
-            for module in sorted(folder.glob("*.py")):
+            for module in sorted(folder.rglob("*.py")):
                 if module.stem != "__init__":
-                    lines += [f"## {module.stem}", "", *automodule(f"{dotted}.{module.stem}")]
+                    name = ".".join(module.relative_to(folder).with_suffix("").parts)
+                    lines += [f"## {name}", "", *automodule(f"{dotted}.{name}")]
             (out / f"{folder.name}.md").write_text("\n".join(lines))
         names = "\n".join(f"modules/{folder.name}" for folder in folders)
         path = self._folder / "modules.md"

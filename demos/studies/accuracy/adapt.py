@@ -25,7 +25,8 @@ from matplotlib.figure import Figure
 import fenics_mortar as fm
 from demos.studies.accuracy.exact_hertz import HalfPlanes
 from demos.studies.accuracy.norms import errors
-from demos.studies.accuracy.scenes_exact import HALF_SIDE, Choice, hertz_on
+from demos.studies.accuracy.posed import Choice
+from demos.studies.accuracy.scenes_exact import HALF_SIDE, hertz_on
 from fenics_mortar.utils import compat
 from meshes._shared import add_lines, add_points, add_surface, generate
 

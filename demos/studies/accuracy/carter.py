@@ -47,8 +47,9 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from demos.studies.accuracy.norms import contact_errors
+from demos.studies.accuracy.posed import Posed, read
 from demos.studies.accuracy.report import FOLDER, markdown
-from demos.studies.accuracy.scenes_exact import Grid, Posed, read
+from meshes.mapped_grids import Grid
 
 # Lengths by the half-width of the contact, stresses by E*
 R, FRICTION, PART = 1000.0, 0.3, 0.5  # Q by mu P
@@ -98,7 +99,7 @@ class Rolled:
     def stuck(self) -> float:
         """Half-width that sticks, by that of the theory."""
         (contact,) = self.posed.problem.equations.contacts
-        return contact.nodal_lengths[contact.sticking].sum() / 2 / self.half_widths[1]
+        return contact.slave.nodal_lengths[contact.sticking].sum() / 2 / self.half_widths[1]
 
     @property
     def creepage(self) -> float:

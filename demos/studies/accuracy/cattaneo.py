@@ -42,7 +42,8 @@ import fenics_mortar as fm
 from demos.studies.accuracy import cylinders
 from demos.studies.accuracy.cylinders import MODULUS, NU, RADIUS, E
 from demos.studies.accuracy.norms import errors
-from demos.studies.accuracy.scenes_exact import Choice, cattaneo
+from demos.studies.accuracy.posed import Choice
+from demos.studies.accuracy.scenes_exact import cattaneo
 from demos.studies.common import linear_elastic
 from fenics_mortar.contact.slip import Measure
 
@@ -121,7 +122,7 @@ def two_cylinders(
     pair.law = fm.Coulomb(FRICTION)
     shear = PART * FRICTION * force
     move_until(problem, push, 0, shear / stiffness, shear, lambda: abs(contact.shear_force.sum()))
-    length, peak = contact.nodal_lengths, FRICTION * 2 * force / (np.pi * a)
+    length, peak = contact.slave.nodal_lengths, FRICTION * 2 * force / (np.pi * a)
     by_length = np.abs(contact.shear_force) / length
     stuck = length[contact.sticking].sum() / 2
     return Sheared(contact.slave.X[:, 0] / a, length / a, by_length / peak, stuck / a)

@@ -27,8 +27,9 @@ import numpy as np
 
 import fenics_mortar as fm
 from demos.studies.accuracy.norms import errors
+from demos.studies.accuracy.posed import ELEMENTS, Choice
 from demos.studies.accuracy.report import DEFAULT, OURS, PHASES, SIZES, Row, read, report, write
-from demos.studies.accuracy.scenes_exact import ELEMENTS, Choice, hertz
+from demos.studies.accuracy.scenes_exact import hertz
 
 # What the clocks of the report of Newton's method count to each phase but the set-up
 CLOCKS = (("residual", "tangent"), ("search", "integrals", "assembly"), ("solve",), ("other",))

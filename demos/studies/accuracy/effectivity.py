@@ -23,17 +23,9 @@ from typing import NamedTuple
 import numpy as np
 
 from demos.studies.accuracy.norms import errors
+from demos.studies.accuracy.posed import ELEMENTS, Choice, Posed
 from demos.studies.accuracy.report import FOLDER, PREDICTED, markdown
-from demos.studies.accuracy.scenes_exact import (
-    ELEMENTS,
-    Choice,
-    Posed,
-    cattaneo,
-    curved,
-    flat,
-    hertz,
-    press_fit,
-)
+from demos.studies.accuracy.scenes_exact import cattaneo, curved, flat, hertz, press_fit
 
 # Errors, and what the estimate is called beside them
 NAMES = ("energy", "displacement", "pressure", "shear")

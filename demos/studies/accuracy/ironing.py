@@ -34,8 +34,8 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies.accuracy.posed import ELEMENTS
 from demos.studies.accuracy.report import FOLDER, markdown
-from demos.studies.accuracy.scenes_exact import ELEMENTS
 from demos.studies.common import lame, neo_hookean
 from meshes import indenter_on_block
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import ufl
 
-from demos.studies.accuracy.scenes_exact import Posed
+from demos.studies.accuracy.posed import Posed
 from fenics_mortar.utils import compat
 
 # Values (n,) at reference places (2, n)

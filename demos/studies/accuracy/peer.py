@@ -17,8 +17,9 @@ from itertools import product
 import numpy as np
 
 from demos.studies.accuracy.norms import bulk_errors, contact_errors
+from demos.studies.accuracy.posed import Choice, Posed
 from demos.studies.accuracy.report import SIZES, Row, peer_table, write
-from demos.studies.accuracy.scenes_exact import Choice, Posed, hertz
+from demos.studies.accuracy.scenes_exact import hertz
 from fenics_mortar.utils import compat
 
 # Nodes of a cell as most codes count them: corners counterclockwise, then the middles of the sides

@@ -41,7 +41,8 @@ from mpi4py import MPI
 import numpy as np
 
 import fenics_mortar as fm
-from demos.studies.stability.random_cases import Case, random_case
+from demos.studies.stability.case import Case
+from demos.studies.stability.random_cases import random_case
 from demos.studies.stability.random_shapes import shape_case
 from demos.studies.stability.random_supported import hanging_case, supported_case
 from demos.studies.stability.trial_judge import Record, check_again, measure, run, wrongs

@@ -15,9 +15,9 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.partials import Dofs, PairVector
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.sensitivity.partials.maps import Dofs, PairVector
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
@@ -42,7 +42,7 @@ class Positions:
             Block(dofs.places(block.rows), block.columns, block.values)
             for block in o.force_derivative(contact.z)
         ]
-        self._rows = contact.rows().blocks
+        self._rows = contact.rows.linearized().blocks
         self._of_obstacle = np.zeros((3, contact.slave.num_nodes, 2))
         if isinstance(o, ObstacleOperators):
             self._of_obstacle = o.motion_force_derivatives(contact.z)[0]

@@ -16,11 +16,11 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.partials_gap import weights_of_gaps
-from fenics_mortar.contact.partials_history import Earlier
 from fenics_mortar.interface.integrals import hand_over
 from fenics_mortar.interface.on_obstacle import ObstacleOperators, integrate_facets, thickness_of
 from fenics_mortar.obstacles.obstacle import Obstacle
+from fenics_mortar.sensitivity.partials.gap import weights_of_gaps
+from fenics_mortar.sensitivity.partials.history import Earlier
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, call_together
 
@@ -100,7 +100,7 @@ def rows_by_shape(
     """
     change = change_by_shape(contact, name, direction, earlier)
     rows = weights_of_gaps(contact) * change.gap[:, None]
-    _, _, *laws = contact.frame()
+    _, _, *laws = contact.rows.frame()
     for scaled, row in zip(laws, contact.now.law_rows, strict=True):
         of_row = row.by_z_n * change.z_n + row.by_z_tau * change.z_tau + row.by_slip * change.slip
         rows = rows - scaled * of_row[:, None]

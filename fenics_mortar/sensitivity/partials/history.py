@@ -27,14 +27,14 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC, ContactFields
-from fenics_mortar.contact.partials import Dofs, NodalDerivative, PairVector, rows_at_nodes
-from fenics_mortar.contact.partials_fields import off_planes
 from fenics_mortar.contact.slip import Partners
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.facing import nearest_facets
 from fenics_mortar.interface.integrals import evaluate_normals, share_of
 from fenics_mortar.interface.mortar import EXACT, Block, MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
+from fenics_mortar.sensitivity.partials.fields import off_planes
+from fenics_mortar.sensitivity.partials.maps import Dofs, NodalDerivative, PairVector, rows_at_nodes
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
@@ -126,7 +126,7 @@ class History:
         dofs = Dofs((contact.slave, contact.master))
         self.slip = off_planes(slip_derivative(contact, earlier, dofs), contact)
         self.shear = shear_derivative(earlier, dofs)
-        laws = contact.frame()[2:]
+        laws = contact.rows.frame()[2:]
         terms = [s * row.by_slip[:, None] for s, row in zip(laws, f.law_rows, strict=True)]
         self._by_slip = -np.sum(terms, axis=0)
         self._by_shear = laws[0] * (f.state.redundant / ELASTIC)[:, None]

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: MIT
+"""All differences between dolfinx 0.5.2, 0.9 and 0.11, and nothing else.
+
+Functions check the interface (``hasattr``, ``callable``) and never a version number, so that other
+releases work as far as their interface agrees. The docstrings name the release of a change. Callers
+import this package and none of its modules.
+"""
+
+from fenics_mortar.utils.compat.assembly import (
+    assemble_matrix,
+    assemble_vector,
+    create_matrix,
+    create_vector,
+    form,
+    petsc_vec,
+    prescribed_value,
+    set_prescribed,
+)
+from fenics_mortar.utils.compat.compiler import quiet_compiler
+from fenics_mortar.utils.compat.expressions import (
+    create_expression,
+    evaluate_expression,
+    interpolate_expression,
+)
+from fenics_mortar.utils.compat.libraries import (
+    gmsh_is_initialized,
+    option_is_used,
+    scalar_is_complex,
+)
+from fenics_mortar.utils.compat.meshes import cell_name, create_mesh, geometry_dofmap, model_to_mesh
+from fenics_mortar.utils.compat.spaces import (
+    dofmap,
+    is_part_of,
+    is_sub_space,
+    mixed_space,
+    scalar_space,
+    vector_space,
+)
+
+__all__ = [
+    "assemble_matrix",
+    "assemble_vector",
+    "cell_name",
+    "create_expression",
+    "create_matrix",
+    "create_mesh",
+    "create_vector",
+    "dofmap",
+    "evaluate_expression",
+    "form",
+    "geometry_dofmap",
+    "gmsh_is_initialized",
+    "interpolate_expression",
+    "is_part_of",
+    "is_sub_space",
+    "mixed_space",
+    "model_to_mesh",
+    "option_is_used",
+    "petsc_vec",
+    "prescribed_value",
+    "quiet_compiler",
+    "scalar_is_complex",
+    "scalar_space",
+    "set_prescribed",
+    "vector_space",
+]

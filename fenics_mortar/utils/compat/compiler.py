@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: MIT
+"""The form compiler: silence, and the options of functions that compile (local)."""
+
+from __future__ import annotations
+
+import inspect
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+
+def _is_told(record: logging.LogRecord) -> bool:
+    """Tell whether a record is of another origin than setuptools, or a warning."""
+    return record.levelno >= logging.WARNING or "distutils" not in record.pathname
+
+
+@contextmanager
+def quiet_compiler() -> Iterator[None]:
+    """Context without the lines "INFO:root:building ..." of the form compiler (local).
+
+    To compile, cffi calls setuptools, which sets the level of the root logger, and logs to it each
+    command of the C compiler. FFCx hides these since 0.9. Level and handlers are put back; warnings
+    and records of other origin pass.
+    """
+    root = logging.getLogger()
+    level, handlers = root.level, root.handlers[:]
+    root.addFilter(_is_told)
+    try:
+        yield
+    finally:
+        root.removeFilter(_is_told)
+        root.setLevel(level)
+        root.handlers[:] = handlers
+
+
+def own_options(function: Callable) -> dict[str, dict]:
+    """Give ``function`` fresh dictionaries; ``..._params`` became ``..._options`` in 0.6."""
+    names = ("form_compiler_params", "form_compiler_options", "jit_params", "jit_options")
+    return {name: {} for name in names if name in inspect.signature(function).parameters}

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""PETSc and gmsh, whose releases differ as those of dolfinx do."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+
+
+def scalar_is_complex() -> bool:
+    """Tell whether PETSc was built with complex scalars."""
+    return np.issubdtype(PETSc.ScalarType, np.complexfloating)
+
+
+def option_is_used(name: str) -> bool:
+    """Tell whether PETSc has used an option of its database, given with prefix (local).
+
+    ``PETSc.Options.used`` is missing in 3.18; there the C function is called.
+    """
+    database = PETSc.Options()
+    if hasattr(database, "used"):
+        return bool(database.used(name))
+    used = ctypes.c_int(0)
+    ask = ctypes.CDLL(PETSc.__file__).PetscOptionsUsed
+    ask.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_int)]
+    ask(None, name.encode(), ctypes.byref(used))
+    return bool(used.value)
+
+
+def gmsh_is_initialized(gmsh: Any) -> bool:
+    """Tell whether the module ``gmsh`` has been initialized.
+
+    4.8 has no ``isInitialized``: there any call fails before, and prints an error; it is hidden.
+    """
+    if hasattr(gmsh, "isInitialized"):
+        return bool(gmsh.isInitialized())
+    with _no_error_output():
+        try:
+            return gmsh.logger.getWallTime() >= 0.0
+        except Exception:  # gmsh raises Exception itself
+            return False
+
+
+@contextmanager
+def _no_error_output() -> Iterator[None]:
+    """Context without standard error of this process, also of compiled libraries (local)."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)

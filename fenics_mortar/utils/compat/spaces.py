@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: MIT
+"""Function spaces and their dofs."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.compat.compiler import quiet_compiler
+from fenics_mortar.utils.compat.meshes import as_table, cell_name
+
+
+@quiet_compiler()
+def scalar_space(mesh: dmesh.Mesh, degree: int, family: str = "Lagrange") -> fem.FunctionSpace:
+    """Create a scalar space, e.g. ``family="DG"`` of degree 0 (collective).
+
+    ``fem.FunctionSpace(mesh, element)`` became ``fem.functionspace`` in 0.7.
+    """
+    create = fem.functionspace if hasattr(fem, "functionspace") else fem.FunctionSpace
+    return create(mesh, (family, degree))
+
+
+@quiet_compiler()
+def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
+    """Create the Lagrange space of plane vectors (collective).
+
+    ``VectorFunctionSpace`` was removed in 0.8; the shape went into the element.
+
+    Raises:
+        ValueError: If ``mesh`` or ``degree`` is not valid.
+    """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
+    expected = "a whole number, at least 1"
+    check_number("degree", degree, expected, lambda number: number >= 1, whole=True)
+    if hasattr(fem, "functionspace"):
+        return fem.functionspace(mesh, ("Lagrange", degree, (2,)))
+    return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
+
+
+@quiet_compiler()
+def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
+    """Create a space of several unknowns.
+
+    Collective. ``ufl.MixedElement`` was replaced by ``basix.ufl.mixed_element`` in 0.7.
+
+    Args:
+        mesh: The mesh.
+        parts: Family, degree and, for vectors, the shape of each unknown.
+
+    Raises:
+        ValueError: If ``mesh`` is not a mesh or no part is given.
+
+    Example:
+        Taylor-Hood displacement and pressure for incompressible bodies, with the shear modulus 1:
+
+        >>> from mpi4py import MPI
+        >>> mesh = dmesh.create_unit_square(MPI.COMM_WORLD, 2, 2)
+        >>> W = mixed_space(mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
+        >>> w = fem.Function(W)
+        >>> (u, p), (v, q) = ufl.split(w), ufl.TestFunctions(W)
+        >>> F = ufl.Identity(2) + ufl.grad(u)
+        >>> J, inverse = ufl.det(F), ufl.inv(F).T
+        >>> stress = F - inverse + p * J * inverse
+        >>> residual = (ufl.inner(stress, ufl.grad(v)) + q * (J - 1)) * ufl.dx
+
+        Supports belong to the sub-space of the displacement, ``fm.dirichlet(W.sub(0), ...)``, and
+        the problem gets the whole function: ``fm.ContactProblem(residual, w, ...)``.
+    """
+    check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
+    if not parts:
+        raise ValueError("expected parts: each a family, a degree and, for vectors, the shape")
+    if hasattr(ufl, "MixedElement"):
+        cell = mesh.ufl_cell()
+        elements = [
+            (ufl.VectorElement if len(part) == 3 else ufl.FiniteElement)(part[0], cell, part[1])
+            for part in parts
+        ]
+        return fem.FunctionSpace(mesh, ufl.MixedElement(*elements))
+    basix_ufl = importlib.import_module("basix.ufl")
+    elements = [
+        basix_ufl.element(family, cell_name(mesh), degree, shape=shape[0] if shape else None)
+        for family, degree, *shape in parts
+    ]
+    return fem.functionspace(mesh, basix_ufl.mixed_element(elements))
+
+
+def is_part_of(V: fem.FunctionSpace, part: Any) -> bool:
+    """Tell whether the space ``part`` is ``V`` or a component of it.
+
+    Python's space is the C++ space until 0.6; conditions give the one or the other.
+    """
+    outer, inner = (getattr(space, "_cpp_object", space) for space in (V, part))
+    return outer.contains(inner)
+
+
+def is_sub_space(V: fem.FunctionSpace) -> bool:
+    """Tell whether ``V`` is a view of a part of another space, as ``W.sub(0)`` is."""
+    return len(getattr(V, "_cpp_object", V).component()) > 0
+
+
+def dofmap(V: fem.FunctionSpace) -> npt.NDArray[np.int32]:
+    """Return the blocked local dofs of all local cells, ghosts too, shape (num_cells, num_dofs).
+
+    The list became a two-dimensional array in 0.7.
+    """
+    return as_table(V.dofmap.list, V.dofmap.dof_layout)
