@@ -24,6 +24,7 @@ from fenics_mortar.sensitivity.history import History
 from fenics_mortar.sensitivity.kinks import Kink, find_kinks
 from fenics_mortar.sensitivity.linear_vectors import Term, combine
 from fenics_mortar.sensitivity.linearization import linearize
+from fenics_mortar.sensitivity.memory import Memories, StepMemory
 from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import (
@@ -93,7 +94,8 @@ def tangent_linear(
     problem = path.problem
     with together(problem.comm, "tangent_linear"):
         quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
-        given = as_list(directions) if len(made) > 1 or _is_list(directions) else [directions]
+        many = len(made) > 1 or _is_list(directions, controls)
+        given = as_list(directions) if many else [directions]
         if len(given) != len(made):
             raise ValueError(f"{len(given)} directions: expected {len(made)}, one per control")
         along = [
@@ -108,9 +110,13 @@ def tangent_linear(
     return TangentLinear(value, derivative, values, derivatives, tuple(states), tuple(kinks))
 
 
-def _is_list(directions: Any) -> bool:
+def _is_list(directions: Any, controls: Any) -> bool:
     """Whether an argument is a list of directions and not one of them (local)."""
-    return isinstance(directions, Sequence) and any(
+    if not isinstance(directions, Sequence):
+        return False
+    if isinstance(controls, Sequence) and len(directions) == len(controls):
+        return True
+    return any(
         isinstance(direction, (Callable, fem.Function)) or np.ndim(direction)  # type: ignore[arg-type]
         for direction in directions
     )
@@ -146,6 +152,7 @@ def _forwards(
     derivatives = np.zeros((len(path.steps), len(quantities)))
     states: list[LinearVector] = []
     kinks: list[Kink] = []
+    dh: Memories = {}
     for number, directions in enumerate(along):
         path.go_to(number)
         before = state_before(path, number)
@@ -155,7 +162,10 @@ def _forwards(
         terms: list[Term] = [(-1.0, c.jvp(problem, dm, before)) for c, dm in pairs]
         if states and isinstance(before, History):
             terms.append((-1.0, before.jvp(earlier)))
+        memory = StepMemory(problem, before)
+        terms.append((-1.0, memory.rows_along(dh)))
         states.append(linearize(problem).solve(combine(terms)))
+        dh = memory.along(dh, states[-1], earlier, [memory.along_control(c, dm) for c, dm in pairs])
         for i, quantity in enumerate(quantities):
             change = quantity.gradient(problem, before).dot(states[-1], problem.comm)
             by_before = quantity.by_before(problem, before) if states[:-1] else None
