@@ -18,8 +18,7 @@ from fenics_mortar.utils.errors import MortarError
 FACTORS = (("cholesky", 50), ("cholesky", 300), ("lu", 300))
 # Elimination order of MUMPS (ICNTL 7): approximate minimum fill. Its own choice takes longer than
 # the factorization, which is done once.
-ORDERING = 0
-
+ORDERING = {"mat_mumps_icntl_7": 0}
 # Right-hand sides per solve: more need more memory and gain little.
 COLUMNS = 32
 
@@ -30,7 +29,7 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
     Args:
         K: The matrix.
         prefix: Prefix of PETSc's options.
-        rest: Rows and columns of the Schur complement, equal on all ranks; see
+        rest: Rows and columns of the Schur complement, shape (n,), equal on all ranks; see
             ``sparse.schur_complement``.
 
     Raises:
@@ -45,7 +44,7 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
         )  # whatever the options of the whole system: many right-hand sides need factors
         pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
         pc.setOperators(K)
-        with options_added(prefix, {"mat_mumps_icntl_7": ORDERING, "mat_mumps_icntl_14": room}):
+        with options_added(prefix, {**ORDERING, "mat_mumps_icntl_14": room}):
             if rest is not None:
                 pc.setFactorSetUpSolverType()
                 leave(pc.getFactorMatrix(), rest)
@@ -98,5 +97,5 @@ def factored_bulk(
 
 
 def portions(count: int) -> list[Indices]:
-    """The numbers below ``count`` in groups of at most ``COLUMNS``."""
+    """The numbers below ``count`` in groups of shape (n,), n up to ``COLUMNS`` (local)."""
     return [np.arange(i, min(i + COLUMNS, count)) for i in range(0, count, COLUMNS)]

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,12 +26,11 @@ from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import Before
 from fenics_mortar.newton.report import NewtonReport
-from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
+from fenics_mortar.path.dynamics_report import DynamicsReport, Energies
 from fenics_mortar.path.energy_return import return_energy
+from fenics_mortar.path.motion import Motion, check_run
 from fenics_mortar.path.options import SteppingOptions
-from fenics_mortar.path.progress import Progress
 from fenics_mortar.path.time_scheme import GeneralizedAlpha
 from fenics_mortar.path.work import Forces, Work, forces_of, work_of
 from fenics_mortar.problem import ContactProblem
@@ -41,12 +39,10 @@ from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MortarError,
-    NotConvergedError,
-    call_together,
     check_same_words,
     together,
 )
-from fenics_mortar.utils.rounding import ROUNDING, TINY
+from fenics_mortar.utils.rounding import TINY
 
 # Default spectral radius at infinite frequency by scheme: none of the energy is dissipated, or what
 # an impact excites and the step does not resolve.
@@ -57,27 +53,39 @@ class Dynamics:
     """Motion of the bodies of a contact problem; all methods are collective.
 
     The problem becomes that of the end of a time step: its residual, multipliers, results and
-    checkpoints (``save_state``, ``state``) include inertia. Contact holds no body any more, inertia
-    does. A static solution before is a start at rest.
+    checkpoints (``save_state``, ``state``) include inertia. Bodies need no supports, since inertia
+    balances their loads. If the problem was solved before, the motion starts at rest from there.
 
     Args:
         problem: The problem, with the residual f_int - f_ext of statics.
-        density: Mass per area of the mesh, a number or a UFL expression; times a thickness or
-            2 pi R where the residual has them.
-        scheme: "conserving", "massless" or "generalized_alpha"; see the module.
+        density: Mass per area of the mesh [stress time^2 / length^2], a number or a UFL
+            expression; times a thickness or 2 pi R where the residual has them.
+        scheme: "conserving" (slave nodes without mass, no gain of energy in impacts), "massless"
+            (the same without the correction of the energy, exact angular momentum) or
+            "generalized_alpha" (all nodes have mass).
         rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none).
             Default: 0.8 for "generalized_alpha", else 1.
         velocity: The ``Velocity`` that the residual contains, for damping.
-        energy: UFL form of the strain energy, for the report.
+        energy: UFL form of the strain energy, such as ``psi * dx``, for the report.
 
     Attributes:
         problem: The problem.
-        velocity: Velocity, a function of the space of ``u``; set it before the first step.
+        velocity: Velocity, a function of the space of ``u`` [length / time]; set it before the
+            first step.
 
     Raises:
         ValueError: If an argument is not allowed.
-        MortarError: On all ranks, if masses are not positive, or slave nodes shall have no mass and
-            a body has fewer than two layers of nodes behind them.
+        MortarError: On all ranks, if masses are not positive, or slave nodes are massless and a
+            body has fewer than two layers of nodes behind them.
+
+    Example:
+        The block "upper" falls on another one with the velocity 1::
+
+            motion = fm.Dynamics(problem, density=1.0, energy=psi * dx)
+            cells = blocks.cell_tags.find(blocks.bodies["upper"])
+            motion.velocity.interpolate(lambda x: np.stack([0 * x[0], 0 * x[1] - 1.0]), cells)
+            record = motion.run(0.5, fm.SteppingOptions(step=0.01))
+            print(record)
     """
 
     def __init__(
@@ -229,62 +237,11 @@ class Dynamics:
             Rank 0 logs each step and each cut, see ``progress``.
         """
         with together(self.problem.comm, "run"):
-            _check_run(stop, options, set_loads, tolerance, on_step, self.time)
+            check_run(stop, options, set_loads, tolerance, on_step, self.time)
         given = {"stop": stop, "options": options, "tolerance": tolerance}
         check_same_words(self.problem.comm, "run", given)
         self._begin()
-        report = DynamicsReport(self.energies())
-        size, forces = options.step, forces_of(self.problem)
-        largest = options.step if tolerance is None else (options.largest or options.step)
-        shown = Progress(self.problem.comm, self.time, stop)
-        while stop - self.time > ROUNDING * options.smallest:
-            start = self.time
-            dt = min(size, stop - start)
-            dt = stop - start if stop - start - dt < ROUNDING * dt else dt
-            before = Before(self.problem.equations, None)
-            accepted = self.problem.state()
-            try:
-                if set_loads is not None:
-                    call_together(self.problem.comm, "set_loads", partial(set_loads, start + dt))
-                newton, after, work = self._advance(dt, forces)
-                error = self.error(accepted, dt)
-                if tolerance is not None and error > tolerance and dt > options.smallest:
-                    raise NotConvergedError(f"error of the step {error:.1e}", newton)
-            except NotConvergedError as failure:
-                self.problem.restore(accepted)
-                report.failures.append(failure.report)
-                shown.cut(start + dt, str(failure), failure.report)
-                if dt <= options.smallest:
-                    words = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
-                    raise NotConvergedError(f"{words}; {failure}", report) from failure
-                size = max(options.cut * dt, options.smallest)
-                continue
-            except BaseException:
-                before.take_back(renew=True)
-                raise
-            forces = after
-            done = TimeStep(self.time, newton, report.failures, error, work, self.energies())
-            report.steps.append(done)
-            shown.accept(self.time, newton)
-            report.failures = []
-            size = self._next_size(options, size, largest, error, tolerance)
-            if on_step is not None:
-                call_together(self.problem.comm, "on_step", partial(on_step, self.time, newton))
-        return report
-
-    @staticmethod
-    def _next_size(
-        options: SteppingOptions,
-        size: float,
-        largest: float,
-        error: float,
-        tolerance: float | None,
-    ) -> float:
-        """Size of the next step; the error grows with its square."""
-        wanted = options.growth
-        if tolerance is not None:
-            wanted = min(wanted, 0.9 * float(np.sqrt(tolerance / max(error, TINY))))
-        return min(max(wanted * size, options.smallest), largest)
+        return Motion(self, self._advance, options, tolerance).run(stop, set_loads, on_step)
 
     # Measures
 
@@ -353,25 +310,10 @@ def _check(
     if velocity is not None:
         check_kind("velocity", velocity, Velocity, "a Velocity(u)")
     if energy is not None:
-        check_kind("energy", energy, ufl.Form, "a UFL form, as psi * dx")
+        check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
         if energy.arguments():
-            raise ValueError("energy has a test function: expected a form without, as psi * dx")
+            raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
     if problem.adequacy is not None:
         raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
     if problem.equations.bulk.inertia is not None:
         raise ValueError("problem has inertia already, of another Dynamics: set up a new problem")
-
-
-def _check_run(
-    stop: Any, options: Any, set_loads: Any, tolerance: Any, on_step: Any, time: float
-) -> None:
-    """Refuse arguments of ``run`` (local)."""
-    expected = f"a time from the present one, {time:.6g}, on"
-    check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
-    expected = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
-    check_kind("options", options, SteppingOptions, expected)
-    if tolerance is not None:
-        check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)
-    for name, function in (("set_loads", set_loads), ("on_step", on_step)):
-        if function is not None and not callable(function):
-            raise ValueError(f"{name}={function!r}: expected a function, or None")

@@ -26,7 +26,9 @@ def closest_move(
     Returns:
         Coefficients of the move, shape (n,) [length].
     """
-    room = [np.nan_to_num(c.closing_gap) + RIGID.overlap * c.nodal_lengths for c in contacts]
+    room = [
+        np.nan_to_num(c.now.closing_gap) + RIGID.overlap * c.slave.nodal_lengths for c in contacts
+    ]
     rows = [np.empty((0, wanted.size)), *closing]
     if back is not None:
         room, rows = [*room, np.zeros(1)], [*rows, back[None]]
@@ -40,9 +42,12 @@ def closest_below(wanted: Array, rows: Array, room: Array) -> Array:
     A least-distance problem, solved by nonnegative least squares (Lawson & Hanson 1974, ch. 23).
 
     Args:
-        wanted: Shape (n,).
-        rows: Shape (m, n).
-        room: Shape (m,).
+        wanted: Shape (n,) [length].
+        rows: Shape (m, n) [1].
+        room: Shape (m,) [length].
+
+    Returns:
+        The vector, shape (n,) [length].
     """
     excess = rows @ wanted - room
     if not (excess > 0.0).any():

@@ -19,11 +19,11 @@ import numpy as np
 from fenics_mortar.bulk.bodies import resistance
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array, Flags, freeze
+from fenics_mortar.utils.arrays import Array, Flags, Value
 
 
 @dataclass(frozen=True)
-class Springs:
+class Springs(Value):
     """Anchored springs on dofs or motions, as arrays of equal shape.
 
     Attributes:
@@ -34,16 +34,12 @@ class Springs:
     stiffness: Array
     anchor: Array
 
-    def __post_init__(self) -> None:
-        """Take copies of arrays that can be written to."""
-        freeze(self)
-
     def forces(self, at: Array) -> Array:
-        """Forces of the springs at the positions ``at`` [stress length] (local)."""
+        """Forces of the springs at ``at``, of the shape of ``anchor`` [stress length] (local)."""
         return self.stiffness * (at - self.anchor)
 
     def energy(self, at: Array) -> float:
-        """Energy of the springs at the positions ``at`` [stress length^2] (local)."""
+        """Energy of the springs at ``at``, of the shape of ``anchor`` [stress length^2] (local)."""
         return 0.5 * float((self.forces(at) * (at - self.anchor)).sum())
 
 
@@ -79,7 +75,7 @@ def tangent_stiffness(drive: Array, force: float) -> float:
 
 
 def unresisted(responses: Array) -> Array:
-    """Orthonormal combinations of motions that contact does not resist, (k, motions) (local).
+    """Orthonormal combinations of motions that contact does not resist, (k, motions) [1] (local).
 
     Args:
         responses: Changes of gaps and slips due to each motion, shape (motions, n), replicated.

@@ -76,9 +76,9 @@ def tangent_linear(
     Args:
         objective: See ``gradient``.
         controls: See ``gradient``.
-        directions: Direction of the control, or a list with that of each control: numbers in the
-            shape of its derivative, a function of the space of a function; or a function of the
-            number of the step that returns one of these.
+        directions: Direction of the control, or for a list of controls a list with that of each:
+            numbers in the shape of its derivative, a function of the space of a function; or a
+            function of the number of the step that returns one of these.
         path: See ``gradient``.
         over_steps: See ``gradient``.
 
@@ -89,13 +89,20 @@ def tangent_linear(
     Raises:
         ValueError: If an argument is of another type or shape, or nothing depends on a control.
         MortarError: See ``gradient``.
+
+    Example:
+        Change of the shear force if mu grows by 0.01, on a path as in ``RecordedPath``::
+
+            mu = fm.sensitivity.LawParameter(0, "mu")
+            shear = fm.sensitivity.TotalForce(0, (1.0, 0.0))
+            change = fm.tangent_linear(shear, mu, 0.01, path).derivative
     """
     path = recorded(path)
     problem = path.problem
     with together(problem.comm, "tangent_linear"):
         quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
-        many = len(made) > 1 or _is_list(directions, controls)
-        given = as_list(directions) if many else [directions]
+        as_they_are = not (isinstance(controls, Sequence) or _is_list(directions))
+        given = [directions] if as_they_are else as_list(directions)
         if len(given) != len(made):
             raise ValueError(f"{len(given)} directions: expected {len(made)}, one per control")
         along = [
@@ -110,13 +117,9 @@ def tangent_linear(
     return TangentLinear(value, derivative, values, derivatives, tuple(states), tuple(kinks))
 
 
-def _is_list(directions: Any, controls: Any) -> bool:
+def _is_list(directions: Any) -> bool:
     """Whether an argument is a list of directions and not one of them (local)."""
-    if not isinstance(directions, Sequence):
-        return False
-    if isinstance(controls, Sequence) and len(directions) == len(controls):
-        return True
-    return any(
+    return isinstance(directions, Sequence) and any(
         isinstance(direction, (Callable, fem.Function)) or np.ndim(direction)  # type: ignore[arg-type]
         for direction in directions
     )

@@ -168,21 +168,26 @@ class PairCertificate:
 
     def _sticking_corner(self) -> str:
         """Describe a corner of the slave that sticks beyond the friction limit."""
-        slave, _, master = self.pair.partition(" - ")
+        master = self.pair.partition(" - ")[2]
         return (
             f"{self.pair}: a corner of the slave sticks at {self.excess_shear_at}, but the "
             f"shear along '{master}' is {self.excess_shear:.1%} above the friction limit: the "
             "direction of the force on a corner, that of its averaged normal, is not resolved; "
-            f"take '{master}' as slave and '{slave}' as master, or round the corner"
+            f"{self._other_roles()}round the corner"
         )
+
+    def _other_roles(self) -> str:
+        """Advice to exchange slave and master; "" for a surface in contact with itself."""
+        slave, _, master = self.pair.partition(" - ")
+        return f"take '{master}' as slave and '{slave}' as master, or " * (slave != master)
 
     def _wrong_gradient(self) -> str:
         """Describe the gradient of a distance that is not its derivative."""
         return (
             f"{self.pair}: the gradient of the obstacle's distance is turned by "
             f"{np.degrees(np.arcsin(min(self.gradient, 1.0))):.1f} degrees from difference "
-            f"quotients, most at {self.gradient_at}: contact forces act along it; check the "
-            "function of the obstacle"
+            f"quotients at {self.gradient_at}, the direction of the contact forces with it; "
+            "correct the function of the obstacle"
         )
 
     def _resultant_outside(self) -> str:
@@ -190,19 +195,18 @@ class PairCertificate:
         return (
             f"{self.pair}: the resultant of the pressures acts at {self.outside_at}, "
             f"{self.outside:.2f} facets outside of the part of the slave that the master covers: "
-            "more load may be borne here than by finer facets"
+            "this mesh may bear more load than a finer one"
         )
 
     def _remarks_on_corners(self) -> Iterator[str]:
         """Describe the error of the contact direction at corners."""
         limit = min(LIMITS.at_corners, max(LIMITS.of_friction * self.friction, LIMITS.negligible))
         if self.friction > 0.0 and self.misdirected > limit:
-            slave, _, master = self.pair.partition(" - ")
             yield (
                 f"{self.pair}: {self.misdirected:.1%} of the normal forces act along the surface, "
                 f"compared with a friction of {self.friction:.2g}: a corner of the slave presses "
-                f"at {self.oblique_at}, along its averaged normal; take '{master}' as slave and "
-                f"'{slave}' as master, or round the corner"
+                f"at {self.oblique_at}, along its averaged normal; {self._other_roles()}"
+                "round the corner"
             )
         if self.friction > 0.0 or not self.oblique > LIMITS.at_corners:
             return

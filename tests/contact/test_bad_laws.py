@@ -27,6 +27,7 @@ WRONG_ANSWERS = [
         NotFiniteError,
         "limit returned .* not finite at 5",
     ),
+    ("limit", lambda b: b[0], ValueError, "limit returned array.*; expected a Row, or three"),
     ("tangential", spoil_row("residual"), NotFiniteError, r"not finite at 5 nodes .* one at \("),
     ("tangential", spoil_row("by_slip"), NotFiniteError, "tangential returned numbers"),
     ("tangential", lambda row: None, ValueError, "tangential returned None; expected a Row"),
@@ -56,6 +57,7 @@ WRONG_ANSWERS = [
 ]
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("method, spoil, kind, words", WRONG_ANSWERS)
 def test_answer_of_a_law_that_is_none_is_refused(method, spoil, kind, words):
     law = Spoilt(method, spoil)
