@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
@@ -69,14 +70,26 @@ def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
     return np.zeros_like(contact.z) if z is None else z[i]
 
 
+def interface_of(equations: ContactEquations, i: int) -> Interface:
+    """Contact or tie of the pair with number ``i`` (local).
+
+    Raises:
+        ValueError: If there is no such pair.
+    """
+    count = len(equations.contacts)
+    if not isinstance(i, (int, np.integer)) or not 0 <= i < count:
+        raise ValueError(f"pair {i!r}: expected a number from 0 to {count - 1}, in order of pairs")
+    return equations.contacts[i]
+
+
 def contact_of(equations: ContactEquations, i: int) -> Contact:
     """Contact of the pair with number ``i`` (local).
 
     Raises:
-        ValueError: If it is a tie.
+        ValueError: If there is no such pair, or it is a tie.
         MortarError: If derivatives by the state of its law are not implemented.
     """
-    contact = equations.contacts[i]
+    contact = interface_of(equations, i)
     if not isinstance(contact, Contact):
         raise ValueError(f"pair {i} is tied: expected a contact")
     check_law(contact)
