@@ -24,10 +24,7 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.rounding import TINY
-
-# Relative residual of the initial acceleration [1]: rounding, for well conditioned mass matrices.
-SOLVED = 1e-13
+from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, TINY
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,5 +240,5 @@ class Inertia:
         solver.setType(PETSc.KSP.Type.CG)
         solver.getPC().setType(PETSc.PC.Type.JACOBI)
         solver.setOperators(M)
-        solver.setTolerances(rtol=SOLVED, atol=TINY, max_it=10 * M.getSize()[0])
+        solver.setTolerances(rtol=ASSEMBLY_ROUNDING, atol=TINY, max_it=10 * M.getSize()[0])
         return solver

@@ -82,10 +82,8 @@ class Contact(Interface):
         "offset", lambda self, value: check_lengths("offset", value, self.slave.num_nodes)
     )
 
-    attracted, tension = read_only("now.attracted"), read_only("now.tension")
     nodal, sliding = read_only("now.nodal"), read_only("now.sliding")
-    closing_gap = read_only("now.closing_gap")
-    friction_work, on_obstacle = read_only("now.friction_work"), read_only("now.on_obstacle")
+    attracted, on_obstacle = read_only("now.attracted"), read_only("now.on_obstacle")
 
     def __init__(
         self,
@@ -135,9 +133,9 @@ class Contact(Interface):
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         raise_noted(self.slave.comm, [self])
 
-    def see(self, outline: Outline) -> Outline:
+    def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
-        self.integration.see(outline)
+        self.integration.limit_sight(outline)
         return outline
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -39,13 +38,11 @@ class ContactFields(InterfaceFields):
     """Fields of a contact; see ``contact`` for the complementarity function and the rows.
 
     Attributes:
-        closing_gap: Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length].
         closing: That gap with its derivatives; ``None`` if it is the mean gap.
     """
 
     sides: ContactSides
     closing: Row | None = None
-    closing_gap: Any = property(attrgetter("gap"))
 
     @field("multiplier_nodes")
     def covered(self) -> Flags:

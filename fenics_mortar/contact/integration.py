@@ -73,7 +73,7 @@ class Integration:
             maxlen=RECENT
         )
 
-    def see(self, outline: Outline) -> None:
+    def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
 
         Without effect on obstacles.

@@ -73,28 +73,16 @@ class Interface(ABC):
     _kind: type[InterfaceFields]
 
     state, c_n = read_only("_state"), settable("c_n", lambda _, weight: weight)
-    z, active, branch = (
-        read_only("_state.z"),
-        read_only("_state.active"),
-        read_only("_state.branch"),
-    )
-    multiplier_nodes, redundant = (
-        read_only("_state.multiplier_nodes"),
-        read_only("_state.redundant"),
-    )
-    partners, accepted = read_only("_state.partners"), read_only("_state.accepted")
-    past, committed = read_only("_state.past"), read_only("_state.committed")
-    load_time = read_only("_state.load_time")
-    operators, covered, acts = (
-        read_only("now.operators"),
-        read_only("now.covered"),
-        read_only("now.acts"),
-    )
+    z, active = read_only("_state.z"), read_only("_state.active")
+    branch, multiplier_nodes = read_only("_state.branch"), read_only("_state.multiplier_nodes")
+    redundant, partners = read_only("_state.redundant"), read_only("_state.partners")
+    accepted, committed = read_only("_state.accepted"), read_only("_state.committed")
+    operators, gap = read_only("now.operators"), read_only("now.gap")
+    covered, acts = read_only("now.covered"), read_only("now.acts")
     sticking, active_nodes = read_only("now.sticking"), read_only("now.active_nodes")
     pressure, slip, z_tau = read_only("now.pressure"), read_only("now.slip"), read_only("now.z_tau")
     shear, shear_force = read_only("now.shear"), read_only("now.shear_force")
-    total_force, steepness = read_only("now.total_force"), read_only("now.steepness")
-    gap, closing_gap = read_only("now.gap"), read_only("now.gap")
+    total_force = read_only("now.total_force")
 
     def __init__(
         self,
@@ -151,7 +139,7 @@ class Interface(ABC):
         if hasattr(self, "now"):
             self.show(self.operators)
 
-    def see(self, outline: Outline) -> Outline:
+    def limit_sight(self, outline: Outline) -> Outline:
         """Receive the outlines of the bodies; return those for the next interface (local)."""
         return outline
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -56,7 +57,12 @@ class InterfaceFields:
         sides: The interface.
         state: Its state.
         operators: D, M, gap and normals at the last evaluated displacement.
+
+    Attributes:
+        closing_gap: Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length].
     """
+
+    closing_gap: Any = property(attrgetter("gap"))
 
     def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
         self.sides, self.state, self.operators = sides, state, operators
@@ -133,6 +139,11 @@ class InterfaceFields:
     @property
     def steepness(self) -> float:
         """Largest derivative of a nodal force by slip, if it may exceed the bulk's [stress]."""
+        return 0.0
+
+    @property
+    def friction_work(self) -> float:
+        """Work of friction in the step [stress length^2]."""
         return 0.0
 
     @property

@@ -36,7 +36,7 @@ class LawFields(ContactFields):
         return Row(*(np.where(on, a, b) for a, b in zip(row, plain, strict=True)))
 
     def _without_slip_on_planes(self, row: Row) -> Row:
-        """The row where the slip is held at zero on symmetry planes."""
+        """The row with zero slip on symmetry planes."""
         on_plane = np.isfinite(self.sides.plane_normals[:, 0])
         return row._replace(by_slip=np.where(on_plane, 0.0, row.by_slip))
 

@@ -32,7 +32,6 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
 from fenics_mortar.contact.interface import Interface, read_only, settable
-from fenics_mortar.contact.multiplier_nodes import HAND_OVER
 from fenics_mortar.contact.sides import points_of
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.tied_rows import TiedFields, TiedOperators, TiedRows
@@ -41,7 +40,7 @@ from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
@@ -91,7 +90,7 @@ class Tie(Interface):
                 f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
                 "increase search_radius"
             )
-        self.drop(self.operators.cover < HAND_OVER * self.slave.full_cover)
+        self.drop(self.operators.cover < MIN_SHARE * self.slave.full_cover)
 
     def drop(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
@@ -215,7 +214,7 @@ class Tie(Interface):
         """B^T, see ``Interface``; constant."""
         return self._force_blocks
 
-    def see(self, outline: Outline) -> Outline:
+    def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; tied facets are no boundary."""
         for side in self._sides:
             outline = outline.without(side, self.nodes)

@@ -143,7 +143,7 @@ class PairView:
     @property
     def friction_work(self) -> float:
         """Work of friction in the last step, by the shear at its end [stress length^2]."""
-        return float(getattr(self._interface, "friction_work", 0.0))
+        return self._interface.now.friction_work
 
     @property
     def offset(self) -> Array:

@@ -48,7 +48,7 @@ def describe_overlap(contact: Interface) -> str:
     if not isinstance(contact, Contact):
         return ""
     overlap = np.where(
-        contact.active, -np.nan_to_num(contact.closing_gap) / contact.slave.nodal_lengths, 0.0
+        contact.active, -np.nan_to_num(contact.now.closing_gap) / contact.slave.nodal_lengths, 0.0
     )
     j = int(np.argmax(overlap))
     if overlap[j] <= BEHIND:

@@ -116,7 +116,7 @@ class ContactEquations:
         self._loose: list[FloatingBody] = []
 
     def add_inertia(self, inertia: Inertia) -> None:
-        """Add mass: inertia holds all bodies, and none floats."""
+        """Add mass; no body with mass floats."""
         self.bulk.inertia = inertia
         self.floating.find()
         self.last_converged, self.interrupted = False, True  # matrices have another pattern
@@ -153,7 +153,7 @@ class ContactEquations:
         gap, num_active, sets = 0.0, 0, b""
         for c in self.contacts:
             active = c.active
-            gaps = np.abs(c.closing_gap[active] / c.now.nodal_lengths[active])
+            gaps = np.abs(c.now.closing_gap[active] / c.now.nodal_lengths[active])
             gap = max(gap, float(gaps.max(initial=0.0)))
             num_active += int(np.count_nonzero(active))
             sets += np.packbits([active, c.multiplier_nodes]).tobytes()
@@ -187,10 +187,7 @@ class ContactEquations:
 
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase, see ``clock``; maximum over ranks."""
-        mine = clock.read()
-        slowest = np.array(list(mine.values()))
-        self.comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
-        return dict(zip(mine, slowest.tolist(), strict=True))
+        return clock.slowest(self.comm)
 
     def diagnose(self) -> str:
         """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none."""

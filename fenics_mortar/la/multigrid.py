@@ -35,8 +35,8 @@ A saddle point A has its multipliers in the strip, all of them. Nothing is gathe
 that L = T^T, and step 2 changes displacements only. A standard basis has no diagonal D: D_jj is the
 sum of row j then, and T y meets the constraints where y is smooth, as the cycle's changes are.
 
-A tied node follows its partners in both directions. If all are tied, T y holds every solution of
-the condensed system, and with a symmetric K so is B: conjugate gradients with the cycle then solve
+A tied node follows its partners in both directions. If all are tied, every solution of the
+condensed system is T y, and B is symmetric if K is: conjugate gradients with the cycle then solve
 B y = L (b - A x_0) altogether.
 """
 
@@ -59,6 +59,7 @@ from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
 from fenics_mortar.la.strip import STRIP, Strip, near
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import TINY
 
 # Measured: sweeps at half the cost of the default ones, for a few iterations more; coarse grids and
 # interpolation for which iterations grow less where contact is curved (by 6 to 8 % in the mean as
@@ -148,7 +149,7 @@ class TouchingBodies:
 
     def postSolve(self, pc: PETSc.PC, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Take notice of the iterations that a solve has taken, as PETSc calls it."""
-        left = ksp.getResidualNorm() / max(b.norm(), np.finfo(float).tiny)
+        left = ksp.getResidualNorm() / max(b.norm(), TINY)
         digits, iterations = -np.log10(max(left, 1e-16)), ksp.getIterationNumber()
         if digits > 0.0 and np.isfinite(digits):
             self._best = self._best or iterations / digits

@@ -24,12 +24,10 @@ import numpy.typing as npt
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 
-from fenics_mortar.utils.rounding import SUM_ROUNDING
+from fenics_mortar.utils.rounding import MAX_STEPS, SUM_ROUNDING
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-# Maximum number of pivots per variable; five problems that were examined took less than one.
-MAX_PIVOTS = 50
 
 
 class FrictionProblem(NamedTuple):
@@ -104,7 +102,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
         q: Shape (n,).
 
     Returns:
-        Shape (n,), bool; ``None`` if the path ends in a ray or after ``MAX_PIVOTS`` pivots per
+        Shape (n,), bool; ``None`` if the path ends in a ray or after ``MAX_STEPS`` pivots per
         variable.
     """
     n = q.size
@@ -116,7 +114,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
     # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, z_0 is 2 n.
     rows, columns, z_0 = np.arange(n), np.arange(n, 2 * n + 1), 2 * n
     row, column = int(np.argmin(q / relaxed)), n
-    for _ in range(MAX_PIVOTS * n):
+    for _ in range(MAX_STEPS * n):
         table = _exchange(table, row, column)
         left, rows[row], columns[column] = rows[row], columns[column], rows[row]
         if left == z_0:

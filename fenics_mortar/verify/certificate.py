@@ -144,10 +144,10 @@ def _certify_pair(
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
     limit = contact.now.friction_limit(pressure)
     limit = np.where(contact.active, limit, 0.0)
-    excess, tension = np.abs(contact.z_tau) - limit, contact.tension
+    excess, tension = np.abs(contact.z_tau) - limit, contact.now.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
-    gap = np.nan_to_num(contact.closing_gap) / contact.slave.nodal_lengths
+    gap = np.nan_to_num(contact.now.closing_gap) / contact.slave.nodal_lengths
     gradient, gradient_at = gradient_error(contact)
     return PairCertificate(
         **action_and_reaction(contact),

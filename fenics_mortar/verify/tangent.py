@@ -26,11 +26,8 @@ from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.markdown import Markdown
-from fenics_mortar.utils.rounding import EPSILON
+from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING
 from fenics_mortar.verify.matrices import OperatorMatrices
-
-# Relative remainders below this are rounding and define no slope: sums of some hundred terms.
-SMALLEST_REMAINDER = 500.0 * EPSILON
 
 
 class Checkable(Protocol):
@@ -66,7 +63,7 @@ class TangentCheck(Markdown):
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
-        seen = values > SMALLEST_REMAINDER
+        seen = values > ASSEMBLY_ROUNDING  # smaller ones define no slope
         if seen.sum() < 2:
             return np.inf
         return float(np.polyfit(np.log(self.steps[seen]), np.log(values[seen]), 1)[0])

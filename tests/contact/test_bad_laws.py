@@ -57,6 +57,7 @@ WRONG_ANSWERS = [
 ]
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("method, spoil, kind, words", WRONG_ANSWERS)
 def test_answer_of_a_law_that_is_none_is_refused(method, spoil, kind, words):
     law = Spoilt(method, spoil)

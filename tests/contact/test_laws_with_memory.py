@@ -119,6 +119,7 @@ def test_stribeck_falls_with_the_rate():
         assert coefficient == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("kind", ["array", "position", "function", "quadratic"])
 def test_coefficient_of_friction_is_a_field(kind):
     law = fm.Coulomb(0.0)

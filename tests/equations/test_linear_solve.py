@@ -278,6 +278,7 @@ def test_sensitivities_are_those_of_the_solution():
         assert gradient == pytest.approx(by_places @ [0.0, 1.0, 0.7], abs=1e-5 * scale)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "rhs, words",
     [
