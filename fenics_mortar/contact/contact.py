@@ -224,6 +224,8 @@ class Contact(Interface):
         """
         slip = np.zeros(len(self.z)) if slid is None else np.where(slid, self.slip, 0.0)
         touches = self.active | (self.pair.sliding == "small")
+        if self.pair.law.bridges_gap and self.partners is not None:
+            touches |= self.acts
         accepted = find_partners(
             self.operators,
             self.covered,
@@ -232,8 +234,15 @@ class Contact(Interface):
             master_planes=self.master_planes,
             between=self.pair.law.has_friction,
         )
-        shear = np.where(self.active, self.z_tau, 0.0)
-        self.change(accepted=replace(accepted, start=accepted.start - slip, shear=shear))
+        now = self.now
+        accepted = replace(
+            accepted,
+            start=accepted.start - slip,
+            shear=np.where(self.active, now.z_tau, 0.0),
+            pressure=np.where(self.active, now.z_n, 0.0),
+            gap=np.where(self.covered, now.mean_gap, np.inf),
+        )
+        self.change(accepted=accepted)
 
     def start_step(self) -> None:
         """Count slip and memory from the accepted state."""

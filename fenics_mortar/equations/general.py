@@ -292,16 +292,12 @@ class ContactEquations:
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of sets by merging them; see ``SetHistory.merge``.
 
-        Where nodes open and close without a period, or again in a cycle, the sets of the linearized
-        problem are taken. Thin plates, for example, bend by more than their gap if a node opens.
-        Nodes between sticking and sliding are left: with large friction there may be no equilibrium
-        next to the last one, and that of the linearized problem is far. If bodies float,
-        ``advance`` has taken these sets before.
+        Where sets change without a period, or again in a cycle, those of the linearized problem are
+        taken. Thin plates, for example, bend by more than their gap if a node opens. If bodies
+        float, ``advance`` has taken these sets before.
         """
-        history = self._history
-        again, words = history.has_merged, history.merge(period)
-        unsettled = history.opens_and_closes and (again or period == UNSETTLED)
-        if unsettled and not self.floating.bodies:
+        again, words = self._history.has_merged, self._history.merge(period)
+        if (again or period == UNSETTLED) and not self.floating.bodies:
             words += "; that of the linearized problem is taken" * self._take_linearized_sets()
         return words
 

@@ -6,14 +6,15 @@ is correct. With another set some bodies are loose, and a Newton step moves them
 iteration updates all nodes at once; it may cycle for a wall, or turn an arch into a mechanism. Here
 the linearized problem is solved together with its inequalities. The compliance of all bodies
 reduces it to the multipliers, see ``rigid.complementarity``. The next Newton step uses the active
-set and branches of this solution.
+set and branches of this solution. If no body floats it is the one that a load path leads to from
+the accepted state, see ``rigid.load_path``: with friction there may be others.
 
 The compliance of a floating body is that of the elastic body on springs; a low-rank correction then
 weakens the springs on its rigid motions. With weak springs from the start the stiffness would not
 be positive definite for a body that is unstable under its loads, such as an inverted pendulum.
 
 The compliance needs one linear solve for each multiplier component of all nodes that may touch.
-Therefore this is done only if bodies float and the active set does not settle.
+Therefore this is done only if the active set does not settle.
 """
 
 from __future__ import annotations
@@ -34,8 +35,10 @@ from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.rigid.load_path import follow_loads
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import SOLVED
 
 # Largest number of nodes that may touch: with more, Lemke's dense tableau of four rows a node takes
 # longer than the iterations saved (about 2 s for this number).
@@ -94,12 +97,38 @@ class LinearizedContact:
         while marked < (marked := sum(int(c.redundant.sum()) for c in self._contacts)):
             elastic = self._with_elastic_sticks(problem, nodes)
             comm = self._bulk.comm
-            found = comm.bcast(solve_friction(elastic) if comm.rank == 0 else None)
+            found = comm.bcast(self._solve(elastic, nodes) if comm.rank == 0 else None)
             if found is None:
                 return False
             self._take(nodes, found)
             mark()
         return True
+
+    def _solve(self, problem: FrictionProblem, nodes: Sequence[Indices]) -> Sets | None:
+        """The solution at the end of the path from the accepted state; any if bodies float (local).
+
+        These are moved rigidly before a solve, and have no path from the accepted state.
+        """
+        if self._floating.bodies:
+            return solve_friction(problem)
+        return follow_loads(problem, *self._accepted(problem.slope, nodes))
+
+    def _accepted(self, slope: Array, nodes: Sequence[Indices]) -> tuple[Sets, Array]:
+        """Sets, scaled multipliers and gaps of ``nodes`` at the accepted state (local)."""
+        parts, stiffest = [], max(float(contact.stiffness.max()) for contact in self._contacts)
+        for contact, j in zip(self._contacts, nodes, strict=True):
+            last, o = contact.partners, contact.operators
+            multipliers = (
+                np.stack([last.pressure, last.shear])[:, j] / self._system.scale(contact)[j]
+            )
+            gap = (
+                np.clip(last.gap, 0.0, contact.slave.nodal_lengths)[j] * o.weight[j] / o.diagonal[j]
+            )
+            parts.append([*multipliers, gap * contact.stiffness[j] / stiffest])
+        z_n, z_tau, gap = np.concatenate(parts, axis=1)
+        slides = np.abs(z_tau) >= (1.0 - SOLVED) * slope * z_n
+        branch = np.where(slides, np.sign(z_tau), 0.0).astype(np.int64)
+        return Sets(z_n > 0.0, branch, z_n, z_tau), gap
 
     def _take(self, nodes: Sequence[Indices], found: Sets) -> None:
         """Take over sets and multipliers of ``nodes``; all other nodes are open."""
@@ -267,7 +296,8 @@ class LinearizedContact:
 def _may_touch(contact: Contact) -> Flags:
     """Active nodes and nodes with a gap below their nodal length, (slave nodes,), bool."""
     gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
-    return contact.active | (gap <= contact.slave.nodal_lengths)
+    pressed = contact.covered & (contact.partners.pressure > 0.0)
+    return contact.active | pressed | (gap <= contact.slave.nodal_lengths)
 
 
 def _columns(matrix: PETSc.Mat, used: Indices) -> Array:

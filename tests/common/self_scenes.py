@@ -180,8 +180,14 @@ def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any)
     )
 
 
-def ten_bodies(pairs: Any, *, seed: int = 1, foundation: float = 0.5, **options: Any) -> Driven:
-    """Ten blocks of random sizes between a ground and a tool, on weak springs."""
+def ten_bodies(
+    pairs: Any, *, seed: int = 1, foundation: float = 0.5, joined: bool = True, **options: Any
+) -> Driven:
+    """Ten blocks of random sizes between a ground and a tool, on weak springs.
+
+    ``joined``: whether ``pairs`` gets the names of whole outlines, or else two lists, of lower and
+    upper sides and of left and right ones.
+    """
     rng = np.random.default_rng(seed)
     grids, y = [], 0.0
     for layer, count in enumerate((3, 4, 3)):
@@ -196,17 +202,24 @@ def ten_bodies(pairs: Any, *, seed: int = 1, foundation: float = 0.5, **options:
 
             shape = mapped(int(rng.integers(5, 9)), int(rng.integers(3, 5)), position)
             name = f"b{layer}{i}"
-            names = dict.fromkeys(mapped_grids.SIDES, f"{name}/outline")
+            names = dict.fromkeys(mapped_grids.SIDES, f"{name}/outline") if joined else {}
             grids.append(Grid(name, shape, joined=names))
         y += height + 0.03
     tool = block(13, 2, width=3.2, height=0.3, corner=(-0.1, y))
     ground = block(11, 2, width=3.4, height=0.3, corner=(-0.2, -0.33))
+    plates = ["tool/bottom", "ground/top"]
+    given: Any = [f"{grid.name}/outline" for grid in grids] + plates
+    if not joined:
+        level, upright = (
+            [f"{grid.name}/{side}" for grid in grids for side in sides]
+            for sides in (("bottom", "top"), ("left", "right"))
+        )
+        given = level + plates, upright
     grids += [Grid("tool", tool), Grid("ground", ground)]
-    names = [f"{grid.name}/outline" for grid in grids[:-2]] + ["tool/bottom", "ground/top"]
     return Driven(
         grids,
         {"low": lambda x: x[1] < -0.329, "high": lambda x: x[1] > y + 0.299},
-        lambda data: pairs(data, names),
+        lambda data: pairs(data, given),
         foundation=foundation,
         **options,
     )

@@ -13,8 +13,12 @@ import revolved
 from scenes import internal, linear_elastic
 from self_scenes import NU, E, c_ring, honeycomb, ten_bodies
 
+from dolfinx import fem
+
 import fenics_mortar as fm
 from demos import laws
+from meshes import mapped_grids
+from meshes.mapped_grids import Grid, block
 
 MU = fm.Coulomb(0.3)
 ENDS = ["ring/first", "ring/last"]
@@ -145,3 +149,46 @@ def test_a_honeycomb_is_compressed_through_its_folding():
 
 def walls(data, law):
     return [fm.ContactPair(data, "comb/walls", law=law)]
+
+
+@pytest.mark.serial
+def test_ten_free_bodies_are_compressed_far():
+    """A corner that touches two bodies has a multiplier for each of two lists of sides."""
+
+    def pairs(data, sides):
+        return [fm.ContactPair(data, names, law=MU) for names in sides]
+
+    stack = ten_bodies(pairs, seed=2, foundation=0.0, joined=False)
+    motion = fm.Dynamics(stack.problem, 1.0, scheme="generalized_alpha", rho_inf=0.0)
+
+    def load(time):
+        stack.moved["high"].value[:] = 0.0, -0.1 * time
+
+    report = motion.run(4.0, fm.SteppingOptions(step=0.1, smallest=0.02), load)
+    level, upright = stack.problem.equations.contacts
+    assert report.num_iterations < 6 * len(report.steps)
+    assert stack.problem.certificate().violations() == []
+    assert level.active.sum() > 80 and upright.active.sum() > 10
+    twice = (c.slave.nodes[c.may_carry] for c in (level, upright))
+    assert np.intersect1d(*twice).size == 40
+
+
+def problem_with_masters(*parts):
+    """A block on a block whose upper side and right one are divided into named parts."""
+    lower = block(4, 2, width=1.0, height=0.5)
+    upper = block(3, 2, width=1.0, height=0.5, corner=(0.0, 0.5))
+    arrays = mapped_grids.arrays([Grid("lower", lower), Grid("upper", upper)])
+    top = arrays["boundaries"].pop("lower/top")
+    arrays["boundaries"] |= {"lower/first": top[:2], "lower/last": top[2:]}
+    data = fm.mesh_from_arrays(**arrays)
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    residual = internal(u, linear_elastic(u, E, NU))
+    pairs = [fm.ContactPair(data, "upper/bottom", f"lower/{part}") for part in parts]
+    bcs = [fm.dirichlet(u.function_space, data, "lower/bottom", (0.0, 0.0))]
+    return fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="test_parts_")
+
+
+def test_two_pairs_may_share_slave_nodes_where_masters_meet_at_a_corner():
+    assert len(problem_with_masters("last", "right").contacts) == 2
+    with pytest.raises(fm.SurfaceError, match="4 nodes are slaves of 'lower/first' in two pairs"):
+        problem_with_masters("first", "last")
