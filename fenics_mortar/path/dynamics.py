@@ -316,4 +316,4 @@ def _check(
     if problem.adequacy is not None:
         raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
     if problem.equations.bulk.inertia is not None:
-        raise ValueError("problem has inertia already, of another Dynamics: set up a new problem")
+        raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
