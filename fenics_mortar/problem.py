@@ -15,8 +15,13 @@ import numpy as np
 
 from dolfinx import fem
 
-from fenics_mortar.bulk.axis import check_axis
-from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space
+from fenics_mortar.bulk.axis import check_axis, check_revolved
+from fenics_mortar.bulk.checks import (
+    check_cells,
+    check_slave_nodes,
+    check_space,
+    refuse_inertia,
+)
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
 from fenics_mortar.contact.binding import bind
@@ -44,7 +49,7 @@ from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils import garbage
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError, check_same_words, together
+from fenics_mortar.utils.errors import check_same_words, together
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
@@ -154,6 +159,7 @@ class ContactProblem:
         }  # fmt: skip
         prescribed = mark_prescribed(space, u, bcs)
         check_axis(space, prescribed)
+        check_revolved(residual, u, space)
         contacts = bind(pairs, space, prescribed)  # may move nodes
         bulk = Bulk(residual, u, list(bcs), jacobian, space)
         garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
@@ -252,7 +258,8 @@ class ContactProblem:
                 keep the values of the last iterate; slip still counts from the last accepted
                 state. Before the next solve reset ``u``, or ``restore`` a value of ``state``.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
-                if input differs between ranks, or if the mesh was moved after set-up.
+                if input differs between ranks, if the mesh was moved after set-up, or if bodies
+                have inertia: ``Dynamics`` solves for their time steps.
             BaseException: Any other exception, such as KeyboardInterrupt or an error of a user's
                 law; displacement and multipliers are then restored to their values before the call.
         """
@@ -317,7 +324,9 @@ class ContactProblem:
 
         Raises:
             ValueError: If a contact pair has no such attribute.
+            MortarError: If bodies have inertia.
         """
+        refuse_inertia(self.equations.bulk, "variant()")
         pairs = [
             p.with_options(**pair_options) if isinstance(p, ContactPair) else copy(p)
             for p in (contact.pair for contact in self.equations.contacts)
@@ -362,8 +371,7 @@ class ContactProblem:
             MortarError: On all ranks, if the residual has integrals that are not supported, or
                 bodies have inertia.
         """
-        if self.equations.bulk.inertia is not None:
-            raise MortarError("estimate() does not support inertia: expected a static problem")
+        refuse_inertia(self.equations.bulk, "estimate()")
         self._renew_if_interrupted()
         if self._estimator is None:
             self._estimator = Estimator(self.equations.bulk)
