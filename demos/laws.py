@@ -104,6 +104,72 @@ class Cohesive(fm.Frictionless):
         return {"opening": np.maximum(node.memory["opening"], gap)}
 
 
+class MixedCohesive(fm.Law):
+    """Cohesive zone whose opening and slip damage one and the same bond; friction is left out.
+
+    The traction is k(m) (gap, slip), with the secant stiffness of a bilinear law at the largest
+    jump m = max |(gap, slip)| so far: k up to strength / k, then softening to zero at ``reach``.
+    The energy of a bond broken in any mode is strength * reach / 2.
+
+    Args:
+        stiffness: Stiffness k of the undamaged bond [stress / length].
+        strength: Largest traction [stress].
+        reach: Jump at which nothing is left, more than strength / stiffness [length].
+    """
+
+    memory = ("jump", "slid")  # largest jump, slip so far
+    bridges_gap = True
+
+    def __init__(self, stiffness: float, strength: float, reach: float) -> None:
+        self.stiffness, self.strength, self.reach = stiffness, strength, reach
+
+    def jump(self, node: Nodal) -> tuple[Any, Any, Any]:
+        """Opening, slip and the largest jump [length]."""
+        gap = np.where(np.real(node.gap) > 0.0, node.gap, 0.0)
+        slid, before = node.memory["slid"] + node.slip, node.memory["jump"]
+        square = gap**2 + slid**2
+        grows = np.real(square) > before**2
+        return gap, slid, np.where(grows, np.sqrt(np.where(grows, square, 1.0)), before)
+
+    def secant(self, largest: Any) -> Any:
+        """Stiffness at the largest jump [stress / length]."""
+        start = self.strength / self.stiffness
+        m = np.where(np.real(largest) > start, largest, start)
+        left = np.where(np.real(m) < self.reach, self.reach - m, 0.0)
+        return self.strength * left / ((self.reach - start) * m)
+
+    def adhesion_at(self, node: Nodal) -> Row:
+        """The normal traction."""
+
+        def pull(at: Nodal) -> Any:
+            gap, _, largest = self.jump(at)
+            return self.secant(largest) * gap
+
+        return row_of(pull, node)
+
+    def shear(self, node: Nodal) -> Any:
+        """The tangential traction [stress]."""
+        _, slid, largest = self.jump(node)
+        return self.secant(largest) * slid
+
+    def branch(self, node: Nodal, before: Branches) -> Branches:
+        """There is one branch."""
+        return np.ones_like(before)
+
+    def tangential(self, node: Nodal, branch: Branches) -> Row:
+        """The shear, of open nodes too, less that of the bond."""
+        return row_of(lambda at: at.z_tau - self.shear(at), node)
+
+    def friction_limit_at(self, node: Nodal) -> Array:
+        """The shear of the bond."""
+        return np.abs(self.shear(node))
+
+    def remember(self, node: Nodal, branch: Branches) -> Mapping[str, Array]:
+        """The largest jump, and the slip so far."""
+        _, slid, largest = self.jump(node)
+        return {"jump": largest, "slid": slid}
+
+
 class Stribeck(Friction):
     """Stick, and slip with a coefficient that falls with the rate v = |u| / step.
 

@@ -13,43 +13,26 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from dolfinx import fem
-
-from fenics_mortar.bulk.axis import check_axis, check_revolved
-from fenics_mortar.bulk.checks import (
-    check_cells,
-    check_slave_nodes,
-    check_space,
-    refuse_inertia,
-)
-from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
-from fenics_mortar.bulk.residual import Bulk, mark_prescribed
-from fenics_mortar.contact.binding import bind
+from fenics_mortar.bulk.checks import refuse_inertia
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
-from fenics_mortar.equations.arguments import check_arguments, check_options
 from fenics_mortar.equations.continuation import Continuation
-from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.inputs import Inputs, check_roles
-from fenics_mortar.equations.line_of_sight import show_outlines
+from fenics_mortar.equations.inputs import Inputs
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
+from fenics_mortar.equations.setup import check_given, equations_of
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.state import State
 from fenics_mortar.equations.undo import undone_if_interrupted
-from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm, system_of
-from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.mesh.thickness import Geometry, thickness_of
+from fenics_mortar.mesh.thickness import Geometry
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
-from fenics_mortar.utils import garbage
-from fenics_mortar.utils.arguments import check_kind, check_number
+from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import check_same_words, together
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
@@ -60,7 +43,7 @@ class ContactProblem:
     """Quasi-static equilibrium of bodies in contact.
 
     More than 350 lines by its documentation, and more than 20 methods: everything that users do
-    with a problem, one method each, and nothing else.
+    with a problem, one method each.
 
     Args:
         residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``.
@@ -76,9 +59,7 @@ class ContactProblem:
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
             "auto" selects the iterative solver from 100,000 unknowns (``la.options.MANY``) for
             nonlinear bulk without PETSc options, else the direct one. If an iterative solve fails,
-            the direct solver is used and the report has a note. CPU time of a Newton iteration,
-            direct over iterative (``bench_newton.py``, two blocks): 1.0 with 10,000 unknowns, 1.5
-            with 41,000, 1.9 with 161,000.
+            the direct solver is used and the report has a note.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: Tolerances and limits of Newton's method.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
@@ -130,58 +111,28 @@ class ContactProblem:
         thickness: float | Callable[[Array], Any] | None = None,
         adequacy: Any | None = None,
     ) -> None:
-        check_kind("u", u, fem.Function, "a function of dolfinx")
-        comm = u.function_space.mesh.comm
-        options = {
+        given = {
+            "residual": residual, "u": u, "bcs": bcs, "jacobian": jacobian,
             "petsc_options_prefix": petsc_options_prefix, "petsc_options": petsc_options,
             "algorithm": algorithm, "solver": solver, "linearization": linearization,
             "newton": newton, "displacement": displacement, "linear_bulk": linear_bulk,
             "geometry": geometry, "thickness": thickness,
         }  # fmt: skip
-        with together(comm, "ContactProblem"):
-            check_arguments(residual, u, pairs, bcs, jacobian)
-            check_options(**options, adequacy=adequacy)
-            options["residual"] = f"a form with the signature {residual.signature()[:8]}"
-        options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
-        check_same_words(comm, "ContactProblem", {"pairs": len(pairs), "bcs": len(bcs), **options})
-        garbage.free_garbage_of_earlier(comm)
-        weight = thickness_of(geometry, thickness)
-        space = DisplacementSpace(u.function_space, displacement, weight)
-        check_space(space.V, pairs)
-        if solver == "iterative" and space.is_mixed:
-            raise ValueError("solver='iterative': mixed functions need solver='direct'")
-        self._given = {
-            "residual": residual, "u": u, "bcs": bcs, "petsc_options_prefix": petsc_options_prefix,
-            "petsc_options": petsc_options, "algorithm": algorithm, "solver": solver,
-            "linearization": linearization, "newton": newton, "jacobian": jacobian,
-            "displacement": displacement, "linear_bulk": linear_bulk, "geometry": geometry,
-            "thickness": thickness,
-        }  # fmt: skip
-        prescribed = mark_prescribed(space, u, bcs)
-        check_axis(space, prescribed)
-        check_revolved(residual, u, space)
-        contacts = bind(pairs, space, prescribed)  # may move nodes
-        bulk = Bulk(residual, u, list(bcs), jacobian, space)
-        garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
-        check_slave_nodes(contacts)
-        check_roles(contacts)
-        check_cells(bulk)
-        check_mesh_overlap(space.V, contacts)
-        bulk.input_data.check()
-        self.equations = ContactEquations(
-            bulk, contacts, LINEARIZATIONS[linearization], newton or NewtonOptions()
-        )
-        outline, labels = self.equations.crossings.outline, self.equations.floating.labels
-        show_outlines(self.equations.contacts, outline, outline.gather(bulk.space.spread(labels)))
+        check_given(given, pairs, adequacy)
+        self._given = given
+        self.equations = equations_of(
+            residual, u, pairs, bcs, jacobian, solver=solver, linearization=linearization,
+            newton=newton or NewtonOptions(), displacement=displacement, geometry=geometry,
+            thickness=thickness,
+        )  # fmt: skip
+        bulk, contacts = self.equations.bulk, self.equations.contacts
         if solver == "iterative" and linear_bulk is None:
             linear_bulk = False  # the factors may exceed the memory
+        system = system_of(
+            bulk, contacts, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
+        )
         self._solver = Solver(
-            self.equations,
-            system_of(
-                bulk, contacts, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
-            ),
-            linear_bulk=linear_bulk,
-            prefix=petsc_options_prefix,
+            self.equations, system, linear_bulk=linear_bulk, prefix=petsc_options_prefix
         )
         self._continuation = Continuation(self.equations)
         self._estimator: Estimator | None = None

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Set-up of all tests: paths, a fresh numba cache, and a barrier after each test."""
+"""Set-up of all tests: paths, a numba cache of these kernels, and a barrier after each test."""
 
 import gc
 import os
 import sys
-import tempfile
 from collections import Counter
 from pathlib import Path
 
@@ -14,9 +13,9 @@ for module in sorted((ROOT / "tests").rglob("*.py")):
     if str(module.parent) not in sys.path:
         sys.path.insert(0, str(module.parent))
 sys.path.insert(0, str(ROOT))
-# numba does not see that a helper in another file has changed: never trust an old cache. The test
-# command gives all ranks one fresh folder; a plain pytest gets its own.
-os.environ.setdefault("NUMBA_CACHE_DIR", tempfile.mkdtemp(prefix="fenics_mortar-numba-"))
+from kernel_cache import folder_of_kernels  # noqa: E402
+
+os.environ.setdefault("NUMBA_CACHE_DIR", folder_of_kernels())
 
 from mpi4py import MPI  # noqa: E402
 
@@ -24,6 +23,8 @@ import pytest  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: of tests with many cases one of so many runs.
 ONE_OF = 12
+# Cases of a test function in the short run; 0, as in a plain pytest: all, and long tests, too.
+CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
 # Tests run on several ranks because bodies are cut there: of many cases the first and the last do.
 CASES_ON_RANKS = 2
 # One half of all kernels each: two processes compile them, others load them from the cache.
@@ -31,29 +32,34 @@ COMPILING = ("test_crossing_kernels", "test_mortar_kernels")
 
 
 def pytest_collection_modifyitems(items):
-    """Leave out what needs exactly one rank, or several; kernels and files with slow tests first.
+    """Leave out what needs exactly one rank, or several, and what the short run leaves out.
+
+    Kernels and files with slow tests come first.
 
     Each kernel is compiled once, before many processes need it. Where a core works on one file at a
-    time, the longest must not be the last. Kernels know no ranks. What only several ranks run is no
-    repetition: there all cases do.
+    time, the longest must not be the last. Kernels know no ranks.
     """
     for item in items:
         if of_kernels(item):
             item.add_marker("serial")
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         items[:] = [item for cases in by_function(items) for item in cases[::ONE_OF]]
-    if MPI.COMM_WORLD.size == 1:
-        items[:] = [item for item in items if "ranks" not in item.keywords]
-    else:
-        items[:] = [item for item in items if "serial" not in item.keywords]
-        items[:] = [item for cases in by_function(items) for item in on_ranks(cases)]
+    alone = MPI.COMM_WORLD.size == 1
+    without = {"ranks" if alone else "serial", *(["long"] if CASES else [])}
+    items[:] = [item for item in items if without.isdisjoint(item.keywords)]
+    functions = enumerate(by_function(items))
+    items[:] = [item for number, cases in functions for item in some(cases, number)]
     slow = Counter(item.path for item in items if "slow" in item.keywords)
     items.sort(key=lambda item: -slow[item.path])
     items.sort(key=lambda item: (item.path.stem not in COMPILING, not of_kernels(item)))
 
 
+def folder(item):
+    return item.path.relative_to(ROOT / "tests").parts[0]
+
+
 def of_kernels(item):
-    return "kernels" in item.path.parts
+    return folder(item) == "kernels"
 
 
 def by_function(items):
@@ -64,12 +70,32 @@ def by_function(items):
     return cases.values()
 
 
-def on_ranks(cases):
-    """Of many cases some from the first to the last: all that is varied differs between those."""
-    if "ranks" in cases[0].keywords or len(cases) <= CASES_ON_RANKS:
+def count_of(cases):
+    """How many of the cases of a test function run, 0 for all.
+
+    All do of kernels, which take next to nothing, of what looks at each file or demo, and of what
+    only several ranks run.
+    """
+    first = cases[0]
+    if "ranks" in first.keywords or folder(first) in ("kernels", "repository"):
+        return 0
+    each = "each" in first.keywords
+    if MPI.COMM_WORLD.size == 1:
+        return 0 if each else CASES
+    return 1 if CASES and not each else CASES_ON_RANKS
+
+
+def some(cases, number):
+    """Cases from the first to the last: in those all that is varied differs.
+
+    Where one is to run it is the first or the last of the functions in turn.
+    """
+    last, count = len(cases) - 1, count_of(cases)
+    if not 0 < count <= last:
         return cases
-    last = len(cases) - 1
-    return [cases[round(i * last / (CASES_ON_RANKS - 1))] for i in range(CASES_ON_RANKS)]
+    if count == 1:
+        return [cases[last * (number % 2)]]
+    return [cases[round(i * last / (count - 1))] for i in range(count)]
 
 
 @pytest.fixture(autouse=True)

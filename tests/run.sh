@@ -3,10 +3,13 @@
 #
 # Set up this machine, then run the tests:
 #
-#     bash tests/run.sh                all: in serial, on 2 or 3 ranks, kernels without JIT
+#     bash tests/run.sh                in serial, on 2 or 3 ranks, kernels without JIT
 #     bash tests/run.sh -k patch       in serial only, with arguments for pytest
 #
-# FENICS_MORTAR_TIMEOUT: seconds after which one of these runs counts as hanging (1200).
+# FENICS_MORTAR_CASES     how many cases of each test function run in serial (2); 0 for all, and
+#                         tests marked long, which see on long paths or fine meshes what others see
+# FENICS_MORTAR_RUNS      which of these runs, "serial 2 3 kernels" if not set
+# FENICS_MORTAR_TIMEOUT   seconds after which one of these runs counts as hanging (1200)
 
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -18,8 +21,6 @@ cd "$root"
 limit=${FENICS_MORTAR_TIMEOUT:-1200}
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/fenics_mortar-tests.XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
-# numba does not see that a helper in another file has changed: start from an empty cache.
-export NUMBA_CACHE_DIR="$scratch/numba"
 color=no # decided here: mpirun gives each rank a terminal of its own
 if [ -t 1 ]; then color=yes; fi
 pytest=(/usr/bin/python3 -m pytest "--color=$color")
@@ -77,11 +78,23 @@ run_ranks() { # N ARGUMENTS...: pytest on N ranks; rank 0 prints, the others onl
 if [ $# -gt 0 ]; then
     run "tests in serial: $*" "${pytest[@]}" "$@" || true
 else
-    run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 || true
-    run_ranks 2 -m "not serial and not demo" --ignore=tests/rigid/test_supported.py "${on_three[@]/#/--ignore=}"
-    run_ranks 3 -m "not serial and not demo" "${on_three[@]}"
-    run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
-        "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true
+    export FENICS_MORTAR_CASES="${FENICS_MORTAR_CASES:-2}"
+    parallel=(-m "not serial and not demo")
+    for name in ${FENICS_MORTAR_RUNS:-serial 2 3 kernels}; do
+        case "$name" in
+            serial) run "tests in serial" "${pytest[@]}" "${spread[@]}" --durations=15 --durations-min=4 || true ;;
+            2) run_ranks 2 "${parallel[@]}" --ignore=tests/rigid/test_supported.py "${on_three[@]/#/--ignore=}" ;;
+            3) run_ranks 3 "${parallel[@]}" "${on_three[@]}" ;;
+            kernels)
+                run "kernel tests without numba's JIT" env NUMBA_DISABLE_JIT=1 \
+                    "${pytest[@]}" "${spread[@]}" -p no:cacheprovider tests/kernels || true
+                ;;
+            *)
+                echo "FENICS_MORTAR_RUNS holds '$name'; the runs are serial, 2, 3, kernels" >&2
+                exit 2
+                ;;
+        esac
+    done
 fi
 
 echo

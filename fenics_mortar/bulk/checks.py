@@ -14,9 +14,12 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.interface.corners import TURN
+from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import check_plane
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MeshError, MortarError, SurfaceError, place
 
 
@@ -74,16 +77,54 @@ def check_slave_nodes(contacts: Sequence[Interface]) -> None:
     Raises:
         SurfaceError: On all ranks.
     """
+    candidates = [contact.slave.nodes[contact.may_carry] for contact in contacts]
     for i, one in enumerate(contacts):
-        for other in contacts[i + 1 :]:
-            both = np.intersect1d(one.candidate_nodes, other.candidate_nodes)
-            if both.size and one.has_master_of(other):
+        for j, other in enumerate(contacts[i + 1 :], i + 1):
+            both = np.intersect1d(candidates[i], candidates[j])
+            if both.size and _have_common_master(one, other):
                 where = one.slave.X[np.flatnonzero(one.slave.nodes == both[0])[0]]
                 raise SurfaceError(
                     f"{both.size} nodes are slaves of '{one.master.name}' in two pairs, with "
                     f"'{one.slave.name}' and '{other.slave.name}', one at {place(where)}; give "
                     "both sides one name, or make one of the two a master there"
                 )
+
+
+def _have_common_master(one: Interface, other: Interface) -> bool:
+    """Whether two pairs have a common obstacle or a common part of the master (local).
+
+    Masters that meet at a corner, as two sides of a block, have none: a slave node in the corner
+    has one multiplier for each.
+    """
+    if one.obstacle is not None and one.obstacle is other.obstacle:
+        return True
+    first, second = one.master, other.master
+    return have_common_facet(first, second) or _continue(first, second)
+
+
+def have_common_facet(one: Surface, other: Surface) -> bool:
+    """Whether two surfaces have a facet in common (local)."""
+    first, second = (set(map(tuple, s.nodes[s.facets[:, [0, -1]]].tolist())) for s in (one, other))
+    return bool(first & second)
+
+
+def _continue(one: Surface, other: Surface) -> bool:
+    """Whether one of two surfaces continues the other, without a corner where they meet (local)."""
+    for first, second in ((one, other), (other, one)):
+        ends, starts = first.nodes[first.facets[:, -1]], second.nodes[second.facets[:, 0]]
+        _, i, j = np.intersect1d(ends, starts, return_indices=True)
+        before, after = _edges(first)[i], _edges(second)[j]
+        cosine = np.einsum("ia,ia->i", before, after)
+        if (cosine > np.cos(TURN)).any():
+            return True
+    return False
+
+
+def _edges(surface: Surface) -> Array:
+    """Unit vectors from start to end of the undeformed facets, shape (facets, 2) (local)."""
+    ends = surface.X[surface.facets[:, [0, -1]]]
+    edges = ends[:, 1] - ends[:, 0]
+    return edges / np.linalg.norm(edges, axis=1)[:, None]
 
 
 def check_residual(name: str, residual: Any, u: Any) -> None:

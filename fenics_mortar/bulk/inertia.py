@@ -22,16 +22,13 @@ from fenics_mortar.bulk.massless import redistributed
 from fenics_mortar.mesh.numbering import by_input_node, set_by_input_node
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arrays import Array, Flags, Indices, freeze
+from fenics_mortar.utils.arrays import Array, Flags, Indices, Value
 from fenics_mortar.utils.errors import MortarError
-from fenics_mortar.utils.rounding import TINY
-
-# Relative residual of the initial acceleration [1]: rounding, for well conditioned mass matrices.
-SOLVED = 1e-13
+from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING, TINY
 
 
 @dataclass(frozen=True, eq=False)
-class Rates:
+class Rates(Value):
     """Velocity and accelerations of a state, a value; arrays of all local dofs.
 
     Attributes:
@@ -50,10 +47,6 @@ class Rates:
     time: float = 0.0
     begun: bool = False
     owed: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Take copies of arrays that can be written to."""
-        freeze(self)
 
 
 class Inertia:
@@ -248,5 +241,5 @@ class Inertia:
         solver.setType(PETSc.KSP.Type.CG)
         solver.getPC().setType(PETSc.PC.Type.JACOBI)
         solver.setOperators(M)
-        solver.setTolerances(rtol=SOLVED, atol=TINY, max_it=10 * M.getSize()[0])
+        solver.setTolerances(rtol=ASSEMBLY_ROUNDING, atol=TINY, max_it=10 * M.getSize()[0])
         return solver

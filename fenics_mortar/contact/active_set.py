@@ -36,6 +36,8 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
         f = f.after(replace(state, z=z, borne=None))
     active = _active(f, start=start)
     open_z = -f.adhesion[0][:, None] * o.n
+    if f.sides.pair.law.bridges_gap:
+        open_z += np.where(f.attracted, np.einsum("ja,ja->j", o.tau, z), 0.0)[:, None] * o.tau
     z = np.where(active[:, None], z, open_z)
     changed = active != before.active
     state = replace(f.state, active=active if changed.any() else before.active, z=z, borne=None)

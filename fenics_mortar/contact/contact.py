@@ -30,35 +30,27 @@ import numpy as np
 from fenics_mortar.contact.active_set import next_sets
 from fenics_mortar.contact.directions import change_along
 from fenics_mortar.contact.fields import ContactFields
-from fenics_mortar.contact.instant import Instant, first_instant
-from fenics_mortar.contact.integration import NO_PLACE, Integration
-from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only
+from fenics_mortar.contact.instant import first_instant
+from fenics_mortar.contact.integration import Integration
+from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only, settable
 from fenics_mortar.contact.law_calls import LawCalls, raise_noted
 from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
-from fenics_mortar.contact.multiplier_nodes import MultiplierNodes, normals_on_planes
+from fenics_mortar.contact.multiplier_nodes import (
+    MultiplierNodes,
+    normals_on_planes,
+)
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.parameters import Parameters
-from fenics_mortar.contact.rows import (
-    Frame,
-    Rows,
-    frame_of,
-    gap_by_motions,
-    law_of,
-    motion_rows_of,
-    residual_of,
-    rows_of,
-)
+from fenics_mortar.contact.rows import ContactRows
+from fenics_mortar.contact.sides import points_of
 from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
-from fenics_mortar.interface.on_obstacle import surface_without_nodes
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
-from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
-from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_lengths
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError
@@ -68,13 +60,10 @@ from fenics_mortar.utils.rounding import HALF_FACET
 class Contact(Interface):
     """One pair bound to a displacement space: surfaces, multipliers, active set, operators.
 
-    Replicated: all attributes except the blocks in ``operators`` are equal on all ranks. The class
-    has more than 20 methods and 350 lines since it implements ``Interface``; computations are in
-    other modules.
+    Replicated: all attributes except the blocks in ``operators`` are equal on all ranks.
 
     Attributes:
         integration: Evaluates the operators.
-        obstacle: The rigid master, or ``None``.
         arm: Length by which angles of the obstacle are multiplied [length].
         master_free: 1 where a component of a master node is not prescribed, else 0, (nodes, 2).
         law_calls: Calls the law of the pair.
@@ -83,15 +72,18 @@ class Contact(Interface):
             shape (slave nodes,), bool.
         plane_normals: Normals of slave nodes on symmetry planes, nan elsewhere, (slave nodes, 2).
         master_planes: Normals of master nodes on symmetry planes, nan elsewhere, (nodes, 2).
-        offset, c_n: See ``InterfaceState`` and ``PairView``. May be set.
+        offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length]. May be set.
     """
 
     now: ContactFields
+    rows: ContactRows
 
-    attracted, tension = read_only("now.attracted"), read_only("now.tension")
+    offset = settable(
+        "offset", lambda self, value: check_lengths("offset", value, self.slave.num_nodes)
+    )
+
     nodal, sliding = read_only("now.nodal"), read_only("now.sliding")
-    closing_gap = read_only("now.closing_gap")
-    friction_work, on_obstacle = read_only("now.friction_work"), read_only("now.on_obstacle")
+    attracted, on_obstacle = read_only("now.attracted"), read_only("now.on_obstacle")
 
     def __init__(
         self,
@@ -101,8 +93,8 @@ class Contact(Interface):
         welds: Indices = NO_WELDS,
     ) -> None:
         """Extract the surfaces (collective); see ``Interface``."""
-        self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         super().__init__(pair, space, prescribed, welds)
+        self.rows = ContactRows(self)
         choice = pair.discretization
         normals, _ = evaluate_normals(self.slave, self.slave.X, choice.normals)
         self._multiplier_nodes = MultiplierNodes(
@@ -112,19 +104,20 @@ class Contact(Interface):
         on_master, _ = evaluate_normals(self.master, self.master.X, "opposite")
         self.master_planes: Array = normals_on_planes(on_master, self.master_free)
         self._multiplier_nodes.possible &= ~self.slave.weightless
-        self._may_carry = self._multiplier_nodes.possible
+        self.may_carry = self._multiplier_nodes.possible
         self.plane_normals = self._multiplier_nodes.plane_normals
         self.follows_law: Flags = self.free.all(axis=1)
         self.oblique = self._multiplier_nodes.oblique
         if self.master is self.slave:
-            self._may_carry[starts_of_holes(self.slave)] = False
-            self.slave = self.master = in_contact_with_itself(self.slave, self._may_carry)
-        if not self._may_carry.any():
+            self.may_carry[starts_of_holes(self.slave)] = False
+            self.slave = self.master = in_contact_with_itself(self.slave, self.may_carry)
+        if not self.may_carry.any():
             raise SurfaceError(f"all nodes of slave surface '{pair.slave_name}' are prescribed")
         self.arm = self.slave.extent
         on_surface = self.obstacle is None
         reach = min(self.slave.extent, self.master.extent) if on_surface else np.inf
-        self.options = choice.options(self._points(), pair.search_radius or reach)
+        points = points_of(pair, self.slave, self.master)
+        self.options = choice.options(points, pair.search_radius or reach)
         sides, small = (self.slave, self.master), pair.sliding == "small"
         self.integration = Integration(
             sides, self.obstacle, self.arm, self.plane_normals, self.options, small=small
@@ -137,41 +130,13 @@ class Contact(Interface):
         start = replace(start, fields=self.parameters)
         at_rest = np.zeros(none.size, np.int64)
         branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
-        self.change(multiplier_nodes=self._may_carry, branch=branch, c_n=choice.c_n)
+        self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
         raise_noted(self.slave.comm, [self])
 
-    def _master_surface(self, space: DisplacementSpace) -> Surface:
-        """Surface of the pair's other side; that of an obstacle has no nodes (collective)."""
-        if self.obstacle is not None:
-            return surface_without_nodes(self.slave, self.pair.master_name)
-        return super()._master_surface(space)
-
-    def see(self, outline: Outline) -> Outline:
+    def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
-        self.integration.see(outline)
+        self.integration.limit_sight(outline)
         return outline
-
-    def has_master_of(self, other: Interface) -> bool:
-        """Whether the pairs have a common obstacle or a common master node."""
-        same = self.obstacle is not None and self.obstacle is other.pair.master
-        return same or super().has_master_of(other)
-
-    @property
-    def offset(self) -> Array:
-        """Length subtracted from the pointwise gap, shape (slave nodes,) [length]."""
-        return self._state.offset
-
-    @offset.setter
-    def offset(self, lengths: Array) -> None:
-        self.change(offset=check_lengths("offset", lengths, self.slave.num_nodes))
-
-    @property
-    def full_offset(self) -> Array:
-        """See ``Interface``."""
-        return self.now.offset if hasattr(self, "now") else self.offset
-
-    def _fields(self, operators: MortarOperators) -> ContactFields:
-        return self._kind(self, self._state, operators)
 
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate the operators at the displacement ``u``, shape (local dofs,) (collective)."""
@@ -191,16 +156,11 @@ class Contact(Interface):
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.discretization.slip
 
-    @property
-    def reference_place(self) -> Array:
-        """Position of the obstacle in the frozen operators, shape (3,); nan if there are none."""
-        return NO_PLACE if self._state.reference is None else self._state.reference.place
-
     def refer_to(self, place: Array, multiplier_nodes: Flags) -> None:
         """Evaluate the operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: ``reference_place`` of that state, shape (3,); nan if it had none.
+            place: ``integration.place_of`` its reference, shape (3,); nan if it had none.
             multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
         reference = self.integration.refer_as_at(place, multiplier_nodes)
@@ -264,6 +224,8 @@ class Contact(Interface):
         """
         slip = np.zeros(len(self.z)) if slid is None else np.where(slid, self.slip, 0.0)
         touches = self.active | (self.pair.sliding == "small")
+        if self.pair.law.bridges_gap and self.partners is not None:
+            touches |= self.acts
         accepted = find_partners(
             self.operators,
             self.covered,
@@ -272,8 +234,15 @@ class Contact(Interface):
             master_planes=self.master_planes,
             between=self.pair.law.has_friction,
         )
-        shear = np.where(self.active, self.z_tau, 0.0)
-        self.change(accepted=replace(accepted, start=accepted.start - slip, shear=shear))
+        now = self.now
+        accepted = replace(
+            accepted,
+            start=accepted.start - slip,
+            shear=np.where(self.active, now.z_tau, 0.0),
+            pressure=np.where(self.active, now.z_n, 0.0),
+            gap=np.where(self.covered, now.mean_gap, np.inf),
+        )
+        self.change(accepted=accepted)
 
     def start_step(self) -> None:
         """Count slip and memory from the accepted state."""
@@ -292,29 +261,12 @@ class Contact(Interface):
             instant = first_instant(law, self.slave, 0.0 if instant is None else instant.time)
             self.change(committed=instant, past=instant)
 
-    def remembered(self) -> Instant:
-        """Time and memory at the end of the present step (local)."""
-        law, node = self.pair.law, self.nodal
-        memory = node.memory
-        if law.memory:
-            memory = self.law_calls.remember(law, node, self.branch)
-        return Instant.of(self._state.load_time, node.step, memory)
-
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
         law = self.pair.law
         if type(law) is Frictionless or not (law.has_friction or law.sees_nodes):
             return NO_PAIRS
         return self.partners.pairs()
-
-    @property
-    def covered_fraction(self) -> Array:
-        """Cover of each slave node over that of a whole cover, shape (slave nodes,) [1]."""
-        if self.slave.thickness is None:
-            return self.operators.cover / self.slave.full_cover
-        alone = self.slave.weightless
-        whole = np.where(alone, 1.0, self.slave.full_cover)
-        return np.where(alone, 0.0, self.operators.cover / whole)
 
     def update_multiplier_nodes(self) -> int:
         """Update the multiplier nodes, see ``multiplier_nodes``; return the number of changes.
@@ -324,7 +276,8 @@ class Contact(Interface):
         """
         if self.options.integration == "nodes":
             return 0
-        new = self._multiplier_nodes.update(self.multiplier_nodes, self.covered_fraction)
+        cover = _covered_fraction(self.operators)
+        new = self._multiplier_nodes.update(self.multiplier_nodes, cover)
         changed = int((self.multiplier_nodes != new).sum())
         if changed:
             self.change(multiplier_nodes=new)
@@ -335,12 +288,14 @@ class Contact(Interface):
         """Nodes whose cover is at the limit; see ``MultiplierNodes.undecided``."""
         if self.options.integration == "nodes":
             return np.empty(0, np.int64)
-        return self._multiplier_nodes.undecided(self.covered_fraction, self.active)
+        cover = _covered_fraction(self.operators)
+        return self._multiplier_nodes.undecided(cover, self.active)
 
     def set_initial_gap(self) -> None:
         """Set the offset that gives nodes near the other surface the pair's ``initial_gap``."""
         if self.pair.initial_gap is not None:
-            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= HALF_FACET * self.nodal_lengths
+            reach = HALF_FACET * self.slave.nodal_lengths
+            near = np.abs(np.nan_to_num(self.gap, nan=np.inf)) <= reach
             self.offset = np.where(near, np.nan_to_num(self.gap) - self.pair.initial_gap, 0.0)
 
     def update_active(self, *, start: bool = False) -> int:
@@ -353,31 +308,11 @@ class Contact(Interface):
         self._state = self.now.state
         return int(np.count_nonzero(changed))
 
-    def rows(self) -> Rows:
-        """Rows of the multipliers; see ``rows``."""
-        return rows_of(self.now)
 
-    def residual(self) -> Array:
-        """Left side of the nonlinear rows, as forces, (slave nodes, 2) [stress length]."""
-        return residual_of(self.now)
-
-    def followed(self) -> Array:
-        """See ``Interface``: the normal row of an active node holds -k n_j . dd_j."""
-        n = self.operators.n * self.active[:, None]
-        return -np.einsum("ja,jb->jab", n, n)
-
-    def frame(self) -> Frame:
-        """Weights of the rows; see ``rows.Frame``."""
-        return frame_of(self.now)
-
-    def law(self, frame: Frame) -> Array:
-        """Nonlinear rows weighted by ``frame``, zero at a solution, shape (slave nodes, 2)."""
-        return law_of(self.now, frame)
-
-    def motion_rows(self) -> Array:
-        """Derivative of the rows by the motions of the obstacle, (slave nodes, 2, 3)."""
-        return motion_rows_of(self.now, self.frame())
-
-    def gap_by_motions(self) -> Array:
-        """Derivative of mean gaps by obstacle motions, (slave nodes, 3); zero where uncovered."""
-        return gap_by_motions(self.now)
+def _covered_fraction(o: MortarOperators) -> Array:
+    """Cover of slave nodes over that of a whole cover, shape (slave nodes,) [1] (local)."""
+    slave = o.slave
+    if slave.thickness is None:
+        return o.cover / slave.full_cover
+    alone = slave.weightless
+    return np.where(alone, 0.0, o.cover / np.where(alone, 1.0, slave.full_cover))

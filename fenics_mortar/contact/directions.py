@@ -9,7 +9,8 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.contact.fields import ContactFields, InterfaceFields
+from fenics_mortar.contact.fields import ContactFields
+from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.utils.arrays import Array
 

@@ -1,27 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Nodal fields of an interface, computed once from its state and its operators.
-
-A field is computed when first read, and cached. New operators invalidate all fields, a new state
-those that depend on a changed attribute; each field names the attributes of the state that it
-depends on. More than 350 lines: one short function for each field.
-"""
+"""Nodal fields of a contact: gap, slip, arguments and rows of its law."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property
-from operator import attrgetter
-from typing import Any, Protocol, Self
+from typing import Protocol
 
 import numpy as np
 
+from fenics_mortar.contact.interface_fields import InterfaceFields, Sides, field
 from fenics_mortar.contact.law_calls import LawCalls
 from fenics_mortar.contact.laws import BUILT_IN, KINK, STICK, Frictionless, Nodal, Row
-from fenics_mortar.contact.state import InterfaceState
-from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
-from fenics_mortar.interface.surfaces import Surface
-from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Parts of the state that the arguments of a law depend on, and its tangential row.
@@ -33,144 +23,6 @@ ELASTIC = 1e3
 # Softening of adhesion over the diagonal stiffness of a node [1] above which its slope is left out:
 # a node of a surface gives way by about twice what this stiffness says.
 FADES_FAST = 0.5
-
-
-class _Field(cached_property[Any]):
-    """A field that is cached until one of the named attributes of the state changes."""
-
-    names: frozenset[str]
-
-
-def field(*names: str) -> Callable[[Callable[[Any], Any]], Any]:
-    """A field that depends on the operators and on the named attributes of the state."""
-
-    def wrap(function: Callable[[Any], Any]) -> _Field:
-        made = _Field(function)
-        made.names = frozenset(names)
-        return made
-
-    return wrap
-
-
-class Sides(Protocol):
-    """Constants of an interface that its fields depend on."""
-
-    pair: Any
-    slave: Surface
-    master: Surface
-    stiffness: Array
-    modulus: Array
-    stand_ins: tuple[Indices, Indices]
-    at_vertices: bool
-
-
-class InterfaceFields:
-    """Fields of all interfaces.
-
-    Args:
-        sides: The interface.
-        state: Its state.
-        operators: D, M, gap and normals at the last evaluated displacement.
-    """
-
-    def __init__(self, sides: Any, state: InterfaceState, operators: MortarOperators) -> None:
-        self.sides, self.state, self.operators = sides, state, operators
-        self.nodal_lengths: Array = sides.slave.nodal_lengths
-        self.nodal_areas: Array = sides.slave.nodal_areas
-
-    def after(self, state: InterfaceState) -> Self:
-        """The fields at another state and the same operators."""
-        before, changed = vars(self.state), set()
-        for name, value in vars(state).items():
-            if value is not before[name]:
-                changed.add(name)
-        kind = type(self)
-        new = object.__new__(kind)
-        for name, value in vars(self).items():
-            of_class = getattr(kind, name, None)
-            if not isinstance(of_class, _Field) or changed.isdisjoint(of_class.names):
-                vars(new)[name] = value
-        new.state = state
-        return new
-
-    @property
-    def covered(self) -> Flags:
-        """Whether a slave node has a multiplier and a partner, shape (slave nodes,), bool."""
-        return self.state.active
-
-    @property
-    def acts(self) -> Flags:
-        """Whether the multiplier of a node may be nonzero, shape (slave nodes,), bool."""
-        return self.state.active
-
-    @property
-    def sticking(self) -> Flags:
-        """Whether an active node sticks, shape (slave nodes,), bool."""
-        return self.state.active
-
-    @property
-    def active_nodes(self) -> Indices:
-        """Numbers of the active slave nodes along the surface, shape (active nodes,)."""
-        return np.flatnonzero(self.state.active)
-
-    @field("z")
-    def z_n(self) -> Array:
-        """Normal part of the multipliers, shape (slave nodes,) [stress]."""
-        return np.asarray(np.einsum("ja,ja->j", self.operators.n, self.state.z))
-
-    @field("z")
-    def z_tau(self) -> Array:
-        """Tangential part of the multipliers, shape (slave nodes,) [stress]."""
-        return np.asarray(np.einsum("ja,ja->j", self.operators.tau, self.state.z))
-
-    @field("z")
-    def forces(self) -> tuple[Array, Array]:
-        """D^T z and -M^T z, see ``MortarOperators.force``; at first collective."""
-        return self.operators.force(self.state.z)
-
-    @property
-    def slip(self) -> Array:
-        """Slip along tau since the last accepted step, shape (slave nodes,) [length]."""
-        return np.zeros(len(self.state.z))
-
-    @property
-    def steepness(self) -> float:
-        """Largest derivative of a nodal force by slip, if it may exceed the bulk's [stress]."""
-        return 0.0
-
-    @property
-    def pressure(self) -> Array:
-        """Normal part z_n of the multiplier of every slave node, shape (slave nodes,) [stress]."""
-        return self.fill_inside(self.z_n.copy())
-
-    @property
-    def shear_force(self) -> Array:
-        """Tangential force w_j z_tau of every slave node, (slave nodes,) [stress length]."""
-        return self.operators.weight * self.z_tau
-
-    @property
-    def shear(self) -> Array:
-        """The multipliers without the pressure, shape (slave nodes, 2) [stress]."""
-        return self.operators.tau * self.z_tau[:, None]
-
-    @property
-    def total_force(self) -> Array:
-        """Total force that acts on the slave body, shape (2,) [stress length]."""
-        return -self.operators.weight @ self.state.z
-
-    def fill_inside(self, values: Array) -> Array:
-        """Set values at inner nodes of facets to the mean of the end nodes.
-
-        Only if multipliers are at vertices only. Nodes without weight get the values of their
-        stand-ins. ``values`` (slave nodes,) are changed in place and returned.
-        """
-        alone, others = self.sides.stand_ins
-        if alone.size:
-            values[alone] = values[others]
-        if self.sides.at_vertices:
-            facets = self.sides.slave.facets
-            values[facets[:, 1:-1]] = values[facets[:, [0, -1]]].mean(axis=1, keepdims=True)
-        return values
 
 
 class ContactSides(Sides, Protocol):
@@ -186,13 +38,11 @@ class ContactFields(InterfaceFields):
     """Fields of a contact; see ``contact`` for the complementarity function and the rows.
 
     Attributes:
-        closing_gap: Gap that contact closes, nan at uncovered nodes, (slave nodes,) [length].
         closing: That gap with its derivatives; ``None`` if it is the mean gap.
     """
 
     sides: ContactSides
     closing: Row | None = None
-    closing_gap: Any = property(attrgetter("gap"))
 
     @field("multiplier_nodes")
     def covered(self) -> Flags:
@@ -233,11 +83,6 @@ class ContactFields(InterfaceFields):
     def acts(self) -> Flags:
         """See ``InterfaceFields``."""
         return self.state.active | self.attracted
-
-    @property
-    def offset(self) -> Array:
-        """Length subtracted from the pointwise gap, that of the law included, (slave nodes,)."""
-        return np.asarray(self.state.offset)
 
     def friction_limit(self, pressure: Array) -> Array:
         """Friction limits at pressures (slave nodes,) [stress]."""

@@ -37,6 +37,11 @@ class Reference(NamedTuple):
     place: Array
 
 
+def place_of(reference: Reference | None) -> Array:
+    """Position of the obstacle in frozen operators, shape (3,); nan if there are none."""
+    return NO_PLACE if reference is None else reference.place
+
+
 class Integration:
     """Evaluates the operators of one contact; changes no state.
 
@@ -68,7 +73,7 @@ class Integration:
             maxlen=RECENT
         )
 
-    def see(self, outline: Outline) -> None:
+    def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).
 
         Without effect on obstacles.

@@ -1,26 +1,28 @@
 # SPDX-License-Identifier: MIT
-"""Base of contacts and ties: two surfaces, multipliers and their forces."""
+"""Base of contacts and ties: two surfaces, their state, multipliers and forces."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import replace
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from fenics_mortar.contact.fields import InterfaceFields
-from fenics_mortar.contact.rows import Rows
+from fenics_mortar.contact.interface_fields import InterfaceFields
+from fenics_mortar.contact.rows import InterfaceRows
+from fenics_mortar.contact.sides import stand_ins_of, surfaces_of
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.options import AT_VERTICES
 from fenics_mortar.interface.outline import Outline
-from fenics_mortar.interface.segments import POINTS, Segments
-from fenics_mortar.interface.surfaces import Surface, extract_surface
+from fenics_mortar.interface.segments import Segments
+from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags, Indices
-from fenics_mortar.utils.errors import SurfaceError, place
 
 NO_WELDS: Indices = np.empty((0, 2), np.int64)
 NO_PAIRS: tuple[Indices, Indices] = (np.empty(0, np.int64), np.empty(0, np.int64))
@@ -31,52 +33,56 @@ def read_only(name: str) -> Any:
     return property(attrgetter(name))
 
 
+def settable(name: str, check: Callable[[Any, Any], Any]) -> Any:
+    """An attribute of the state that may be set, to the result of ``check(interface, value)``."""
+
+    def change(interface: Any, value: Any) -> None:
+        interface.change(**{name: check(interface, value)})
+
+    return property(attrgetter(f"_state.{name}"), change)
+
+
 class Interface(ABC):
     """Two surfaces with multipliers z on the slave; nodal forces D^T z and -M^T z.
 
     The state is a value and is replaced by ``put`` only. ``now`` has the fields computed from state
     and operators; frequently used ones are read-only attributes.
 
-    The class has more than 20 methods, most of one or two lines: they are the interface of a pair
-    with any law for equations, linear algebra and certificate.
-
     Attributes:
+        pair: The pair.
         slave, master: The surfaces; one object if a surface may touch itself.
+        obstacle: The rigid master, or ``None``.
         free: 1 where a component of a slave node is not prescribed, else 0, (slave nodes, 2).
         stiffness: Mean diagonal of the bulk tangent at each slave node, (slave nodes,) [stress],
             times the thickness.
         modulus: ``stiffness`` over the mean thickness at each slave node, (slave nodes,) [stress].
+        may_carry: Whether a slave node ever carries a multiplier, shape (slave nodes,), bool.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it still carries a multiplier, shape (slave nodes,), bool.
         stand_ins: Nodes without weight, and the nodes whose fields they show, each (k,).
+        rows: Rows of the multipliers, the law of the interface.
+        state: The present state.
         now: Fields at the last evaluated displacement and the present state.
+        c_n: Present weight of the gap in the complementarity function [1]. May be set.
+        offset: Length subtracted from the pointwise gap, shape (slave nodes,) [length].
     """
 
     now: InterfaceFields
+    rows: InterfaceRows
     offset: Any
+    _kind: type[InterfaceFields]
 
-    z, active, branch = (
-        read_only("_state.z"),
-        read_only("_state.active"),
-        read_only("_state.branch"),
-    )
-    multiplier_nodes, redundant = (
-        read_only("_state.multiplier_nodes"),
-        read_only("_state.redundant"),
-    )
-    partners, accepted = read_only("_state.partners"), read_only("_state.accepted")
-    past, committed = read_only("_state.past"), read_only("_state.committed")
-    load_time = read_only("_state.load_time")
-    operators, covered, acts = (
-        read_only("now.operators"),
-        read_only("now.covered"),
-        read_only("now.acts"),
-    )
+    state, c_n = read_only("_state"), settable("c_n", lambda _, weight: weight)
+    z, active = read_only("_state.z"), read_only("_state.active")
+    branch, multiplier_nodes = read_only("_state.branch"), read_only("_state.multiplier_nodes")
+    redundant, partners = read_only("_state.redundant"), read_only("_state.partners")
+    accepted, committed = read_only("_state.accepted"), read_only("_state.committed")
+    operators, gap = read_only("now.operators"), read_only("now.gap")
+    covered, acts = read_only("now.covered"), read_only("now.acts")
     sticking, active_nodes = read_only("now.sticking"), read_only("now.active_nodes")
     pressure, slip, z_tau = read_only("now.pressure"), read_only("now.slip"), read_only("now.z_tau")
     shear, shear_force = read_only("now.shear"), read_only("now.shear_force")
-    total_force, steepness = read_only("now.total_force"), read_only("now.steepness")
-    gap, closing_gap = read_only("now.gap"), read_only("now.gap")
+    total_force = read_only("now.total_force")
 
     def __init__(
         self,
@@ -94,32 +100,23 @@ class Interface(ABC):
             welds: Pairs of nodes to be merged, shape (k, 2); see ``Surface.welded``.
         """
         self.pair = pair
-        tags = pair.data.facet_tags
-        slave = extract_surface(space, tags, pair.slave_tags, pair.slave_name)
-        self.slave: Surface = slave.welded(welds)
-        if pair.master is None:
-            self.master: Surface = self.slave
-        else:
-            self.master = self._master_surface(space).welded(welds)
-            self._check_sides()
+        self.slave: Surface
+        self.master: Surface
+        self.slave, self.master = surfaces_of(pair, space, welds)
+        self.obstacle = pair.master if isinstance(pair.master, Obstacle) else None
         count = self.slave.num_nodes
         self.free: Array = 1.0 - self.slave.gather(prescribed.astype(float))
         self.stiffness: Array = np.ones(count)
         self.modulus: Array = self.stiffness / self.slave.mean_thickness
-        self._may_carry = np.ones(count, bool)
+        self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
-        self.stand_ins = self._find_stand_ins()
+        self.stand_ins = stand_ins_of(self.slave, at_vertices=self.at_vertices)
         none = np.zeros(count, bool)
         self._state = InterfaceState(
             z=np.zeros((count, 2)), active=none, branch=np.zeros(count, np.int64),
-            multiplier_nodes=self._may_carry, redundant=none, offset=np.zeros(count),
+            multiplier_nodes=self.may_carry, redundant=none, offset=np.zeros(count),
         )  # fmt: skip
-
-    @property
-    def state(self) -> InterfaceState:
-        """The present state."""
-        return self._state
 
     def put(self, state: InterfaceState) -> None:
         """Go to a state; operators stay those of the last evaluated displacement (local)."""
@@ -133,31 +130,7 @@ class Interface(ABC):
 
     def show(self, operators: MortarOperators) -> None:
         """Set the operators of the present displacement (local)."""
-        self.now = self._fields(operators)
-
-    @property
-    def full_offset(self) -> Array:
-        """The offset, with that of a contact law, shape (slave nodes,) [length]."""
-        return np.asarray(self.offset)
-
-    @abstractmethod
-    def _fields(self, operators: MortarOperators) -> InterfaceFields:
-        """The fields of the present state with these operators."""
-
-    def _find_stand_ins(self) -> tuple[Indices, Indices]:
-        """Nodes without weight, and the next nodes that may have a multiplier, each (k,)."""
-        alone, step = np.flatnonzero(self.slave.weightless), 1
-        if self.at_vertices:
-            step = self.slave.degree
-        before, after = self.slave.along(alone, range(-step, step + 1, 2 * step)).T
-        return alone, np.where(after >= 0, after, before)
-
-    @property
-    def has_partner(self) -> Flags:
-        """Whether a part of the facets at a slave node is covered, shape (slave nodes,), bool."""
-        covered, (alone, others) = self.operators.cover > 0.0, self.stand_ins
-        covered[alone] = covered[others]
-        return covered
+        self.now = self._kind(self, self._state, operators)
 
     def set_stiffness(self, stiffness: Array) -> None:
         """Set ``stiffness``, shape (slave nodes,) [stress] (local)."""
@@ -166,31 +139,7 @@ class Interface(ABC):
         if hasattr(self, "now"):
             self.show(self.operators)
 
-    @property
-    def c_n(self) -> float:
-        """Present weight of the gap in the complementarity function [1]. May be set."""
-        return self._state.c_n
-
-    @c_n.setter
-    def c_n(self, weight: float) -> None:
-        self.change(c_n=weight)
-
-    def _master_surface(self, space: DisplacementSpace) -> Surface:
-        """Surface of the pair's other side (collective)."""
-        name, data = self.pair.master_name, self.pair.data
-        return extract_surface(space, data.facet_tags, data.boundary_tags(self.pair.master), name)
-
-    def _check_sides(self) -> None:
-        both = np.intersect1d(self.slave.nodes, self.master.nodes)
-        if both.size:
-            where = self.slave.X[np.flatnonzero(self.slave.nodes == both[0])[0]]
-            raise SurfaceError(
-                f"slave '{self.pair.slave_name}' and master '{self.pair.master_name}' share "
-                f"{both.size} nodes, one at {place(where)}; expected different surfaces that are "
-                "not joined in the mesh"
-            )
-
-    def see(self, outline: Outline) -> Outline:
+    def limit_sight(self, outline: Outline) -> Outline:
         """Receive the outlines of the bodies; return those for the next interface (local)."""
         return outline
 
@@ -198,23 +147,27 @@ class Interface(ABC):
     def evaluate(self, u: Array, linearization: Linearization) -> None:
         """Evaluate operators and fields at the displacement ``u``, (local dofs,) (collective)."""
 
-    def _points(self) -> int:
-        """Gauss points per segment, with "elements" per facet.
+    @property
+    @abstractmethod
+    def as_faced(self) -> MortarOperators:
+        """Operators at the positions that define the partners."""
 
-        Error of a uniform pressure with "elements", independent of the mesh: 0.1 % with 5 points on
-        facets with two nodes; 5 % with 5 and 0.4 % with 10 points on facets with three. With fewer
-        points than nodes the dual functions of a facet may not exist.
-        """
-        choice, degree = self.pair.discretization, self.slave.degree
-        points = choice.points
-        if points is None:
-            on_facets = choice.integration == "elements" and self.master.num_nodes > 0
-            return POINTS * (degree if on_facets else 1)
-        if points <= degree:
-            raise ValueError(
-                f"points={points}: expected at least one per node of a facet, {degree + 1}"
-            )
-        return int(points)
+    @abstractmethod
+    def intersections(self) -> Segments:
+        """Intersections of this rank's slave facets with the master, for any integration."""
+
+    # Solution and steps
+
+    def begin(self) -> None:
+        """Begin a solve (local); without effect on a tie."""
+
+    @abstractmethod
+    def update_active(self, *, start: bool = False) -> int:
+        """Update the active set; return the number of changes (local)."""
+
+    def update_multiplier_nodes(self) -> int:
+        """Update the multiplier nodes; return the number of changes (local)."""
+        return 0
 
     def move(self, z: Array, fraction: float, step: Array) -> None:
         """Apply a fraction of the increment of the multipliers (collective).
@@ -226,70 +179,29 @@ class Interface(ABC):
         """
         self.change(z=self.z + fraction * (z - self.z) if fraction < 1.0 else z)
 
-    @property
-    @abstractmethod
-    def as_faced(self) -> MortarOperators:
-        """Operators at the positions that define the partners."""
+    def accept(self, slid: Flags | None = None) -> None:
+        """Take the last evaluated state as the accepted one (collective); no effect on a tie.
 
-    @abstractmethod
-    def intersections(self) -> Segments:
-        """Intersections of this rank's slave facets with the master, for any integration."""
-
-    @abstractmethod
-    def rows(self) -> Rows:
-        """Rows of the multipliers, the law of the interface."""
-
-    @abstractmethod
-    def residual(self) -> Array:
-        """Residual of the rows as forces, shape (slave nodes, 2) [stress length]."""
-
-    @abstractmethod
-    def followed(self) -> Array:
-        """Diagonal blocks of the rows of active nodes over their stiffness.
-
-        Plus or minus the dyads of the constrained directions, shape (slave nodes, 2, 2) [1].
+        Args:
+            slid: Nodes that keep their present slip, shape (slave nodes,), bool.
         """
 
-    @abstractmethod
-    def accept(self) -> None:
-        """Take the last evaluated state as the accepted one (collective)."""
-
-    @abstractmethod
     def start_step(self) -> None:
-        """Start a step at the accepted state (local)."""
+        """Start a step at the accepted state (local); without effect on a tie."""
+
+    def set_initial_gap(self) -> None:
+        """Set the offset that gives the pair its ``initial_gap``; without effect on a tie."""
+
+    # Nodes and forces
 
     def faced(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them in addition to M, each (k,)."""
         return NO_PAIRS
 
     @property
-    def nodal_lengths(self) -> Array:
-        """Tributary length of each slave node, undeformed, shape (slave nodes,) [length]."""
-        return self.slave.nodal_lengths
-
-    @property
-    def nodal_areas(self) -> Array:
-        """Nodal lengths times the mean thickness, shape (slave nodes,): size of weights."""
-        return self.slave.nodal_areas
-
-    @property
     def nodes(self) -> Indices:
         """Global numbers of the nodes of both sides, shape (slave and master nodes,)."""
         return np.concatenate([self.slave.nodes, self.master.nodes])
-
-    @property
-    def candidate_nodes(self) -> Indices:
-        """Global numbers of the slave nodes that may carry a multiplier, shape (k,)."""
-        return self.slave.nodes[self._may_carry]
-
-    def has_master_of(self, other: Interface) -> bool:
-        """Whether the two masters have a common node."""
-        return bool(np.intersect1d(self.master.nodes, other.master.nodes).size)
-
-    @property
-    def idle_nodes(self) -> Indices:
-        """Global numbers of the slave nodes that never carry a multiplier, shape (k,)."""
-        return self.slave.nodes[~self._may_carry]
 
     def force_blocks(self) -> list[Block]:
         """Blocks of B^T, the force by acting multipliers; columns 2 j + component.
@@ -298,15 +210,16 @@ class Interface(ABC):
         """
         o, s = self.operators, self.operators.segments
         return [
-            self._force_entries(self.slave, o.facet_nodes, o.facet_nodes, o.D),
-            self._force_entries(self.master, s.slave, s.master, -o.M),
+            _force_entries(self.slave, o.facet_nodes, o.facet_nodes, o.D, self.acts),
+            _force_entries(self.master, s.slave, s.master, -o.M, self.acts),
         ]
 
-    def _force_entries(self, surface: Surface, j: Indices, k: Indices, values: Array) -> Block:
-        """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and multiplier j."""
-        used = (values != 0.0) & self.acts[j][:, :, None]
-        j = np.broadcast_to(j[:, :, None], values.shape)[used]
-        k = np.broadcast_to(k[:, None, :], values.shape)[used]
-        columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
-        rows = surface.dofs[k].reshape(-1, 1)
-        return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))
+
+def _force_entries(surface: Surface, j: Indices, k: Indices, values: Array, acts: Flags) -> Block:
+    """Entries values[b, j, k] (b, 2, 2) of node k of ``surface`` and multiplier j that acts."""
+    used = (values != 0.0) & acts[j][:, :, None]
+    j = np.broadcast_to(j[:, :, None], values.shape)[used]
+    k = np.broadcast_to(k[:, None, :], values.shape)[used]
+    columns = (2 * j[:, None] + np.arange(2)).reshape(-1, 1)
+    rows = surface.dofs[k].reshape(-1, 1)
+    return Block(rows, columns, np.repeat(values[used], 2).reshape(-1, 1, 1))

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fenics_mortar.contact.fields import RULED, SEEN, ContactFields, field
+from fenics_mortar.contact.fields import RULED, SEEN, ContactFields
+from fenics_mortar.contact.interface_fields import field
 from fenics_mortar.contact.nodal import Nodal, Row, through
 from fenics_mortar.utils.arrays import Array, Flags
 
@@ -35,7 +36,7 @@ class LawFields(ContactFields):
         return Row(*(np.where(on, a, b) for a, b in zip(row, plain, strict=True)))
 
     def _without_slip_on_planes(self, row: Row) -> Row:
-        """The row where the slip is held at zero on symmetry planes."""
+        """The row with zero slip on symmetry planes."""
         on_plane = np.isfinite(self.sides.plane_normals[:, 0])
         return row._replace(by_slip=np.where(on_plane, 0.0, row.by_slip))
 
@@ -52,7 +53,7 @@ class LawFields(ContactFields):
 
     @property
     def offset(self) -> Array:
-        """See ``ContactFields``; less the thickness of the law's layer."""
+        """See ``InterfaceFields``; less the thickness of the law's layer."""
         return np.asarray(self.state.offset - (self.nodal.gap - self.of_geometry.gap))
 
     @field(*SEEN)

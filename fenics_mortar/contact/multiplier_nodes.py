@@ -30,20 +30,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
 from fenics_mortar.utils.arrays import Array, Indices
 
 # Cosine between the normal of a slave node with one prescribed component and the free component:
 # on a symmetry plane above the first (20 degrees), prescribed along its normal below the second.
 PLANE_COSINE, OBLIQUE_COSINE = 0.94, 0.1
-# Covered fraction of a node below which a neighbour takes over its multiplier function, if it is
-# covered by twice as much: of two nodes that are hardly covered alike, either would be as good, and
-# rounding would decide which one carries the force.
-HAND_OVER = 0.05
 # Largest number of changes of a node in one solve: the cover may depend on whether the node carries
 # a multiplier, and the iteration would not end.
 MAX_CHANGES = 4
-# Relative change of the cover with the multiplier, over HAND_OVER [1].
+# Relative change of the cover with the multiplier, over MIN_SHARE [1].
 VERGE = 0.1
 
 
@@ -100,13 +96,13 @@ class MultiplierNodes:
             multiplier_nodes: Present ones, shape (slave nodes,), bool.
             cover: Covered fraction of each node, shape (slave nodes,) [1].
         """
-        wanted = self.possible & ~((cover < HAND_OVER) & self._helped(cover))
+        wanted = self.possible & ~((cover < MIN_SHARE) & self._helped(cover))
         changed = (wanted != multiplier_nodes) & (self._changes < MAX_CHANGES)
         self._changes += changed
         return np.where(changed, wanted, multiplier_nodes)
 
     def undecided(self, cover: Array, active: npt.NDArray[np.bool_]) -> Indices:
-        """Nodes next to active ones whose cover is close to ``HAND_OVER`` (local).
+        """Nodes next to active ones whose cover is close to ``MIN_SHARE`` (local).
 
         Their cover depends on whether they carry a multiplier; there may be two solutions.
 
@@ -117,13 +113,13 @@ class MultiplierNodes:
         Returns:
             Numbers of the nodes, shape (k,).
         """
-        near = self._helped(cover) & (np.abs(cover - HAND_OVER) < VERGE * HAND_OVER)
+        near = self._helped(cover) & (np.abs(cover - MIN_SHARE) < VERGE * MIN_SHARE)
         beside = ((self._sides >= 0) & active[self._sides]).any(axis=0)
         return np.flatnonzero(near & beside)
 
     def _helped(self, cover: Array) -> npt.NDArray[np.bool_]:
         """Whether a neighbour can take over the multiplier function, (slave nodes,), bool."""
-        strong = self.possible & (cover > 2.0 * HAND_OVER)
+        strong = self.possible & (cover > 2.0 * MIN_SHARE)
         safe, helped = np.ones(cover.size, bool), np.zeros(cover.size, bool)
         for neighbour in self._sides:
             there = neighbour >= 0

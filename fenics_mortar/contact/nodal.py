@@ -62,7 +62,7 @@ class Row(NamedTuple):
 # Arguments by which a row has derivatives, in the order of ``Row``.
 ARGUMENTS = ("gap", "slip", "z_n", "z_tau")
 # Imaginary increment: its square underflows, so that derivatives are exact to rounding [1].
-TINY_STEP = 1e-200
+COMPLEX_STEP = 1e-200
 
 
 def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
@@ -77,8 +77,8 @@ def row_of(function: Callable[[Nodal], Any], node: Nodal) -> Row:
     """
     changes = []
     for name in ARGUMENTS:
-        moved = replace(node, **{name: getattr(node, name) + 1j * TINY_STEP})
-        changes.append(np.imag(function(moved)) / TINY_STEP)
+        moved = replace(node, **{name: getattr(node, name) + 1j * COMPLEX_STEP})
+        changes.append(np.imag(function(moved)) / COMPLEX_STEP)
     value = function(node)  # complex where a parameter is, see ``sensitivity.partials.law``
     return Row(value if np.imag(value).any() else np.real(value), *changes)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Linearized rows of the multipliers of a contact: gap and contact law.
+"""Rows of the multipliers of a contact: gap and contact law.
 
 The row of the gap is weighted by k_j / D_jj, those of the law by D_jj, and a closing gap of the law
 by k_j, so that all have the units of the bulk rows. They are combined to Cartesian components:
@@ -9,7 +9,9 @@ row).
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +22,8 @@ from fenics_mortar.utils.arrays import Array
 
 # Weights of the rows: n k / D of gaps, nodal areas of multipliers that do not act, tau D and n D
 # of the law; with a closing gap of the law, those of gaps are zero, and -n k of the law follows.
-# Zero at nodes without such a row. Shapes (slave nodes, 2), the second (slave nodes,).
+# Zero at nodes without such a row. Shapes (slave nodes, 2), the second (slave nodes,). Ties have
+# other weights, see ``tied_rows``.
 Frame = tuple[Array, ...]
 
 
@@ -39,77 +42,118 @@ class Rows:
     rhs: Array
 
 
-def rows_of(f: ContactFields) -> Rows:
-    """Linearized rows of the multipliers (local); shapes and units are those of ``Rows``."""
-    o = f.operators
-    normal, idle, *laws = frame_of(f)
-    blocks: list[Block] = []
-    rhs, by_gap = -normal * o.gap[:, None], np.zeros_like(normal)
-    A_z = -idle[:, None, None] * np.eye(2)
-    for scaled, row in zip(laws, f.law_rows, strict=True):
-        if not scaled.any():
-            continue
-        by_z = row.by_z_tau[:, None] * o.tau + row.by_z_n[:, None] * o.n
-        A_z = A_z - scaled[:, :, None] * by_z[:, None, :]
-        rhs = rhs + scaled * (row.residual - np.einsum("ja,ja->j", by_z, f.state.z))[:, None]
-        blocks += _nodal_rows(f, scaled, row)
-        by_gap = by_gap + scaled * row.by_gap[:, None]
-    return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
+class InterfaceRows(ABC):
+    """Rows of the multipliers of an interface, in force units (local).
 
-
-def residual_of(f: ContactFields) -> Array:
-    """Left side of the nonlinear rows, gap and contact law (local).
-
-    Returns forces, shape (slave nodes, 2) [stress length].
+    Args:
+        interface: The interface; its present fields ``now`` are used.
     """
-    tangential, opening, *closing = f.law_rows
-    D = f.operators.diagonal
-    closing_gap = closing[0].residual if closing else f.mean_gap
-    gap = np.where(f.state.active, f.sides.stiffness * closing_gap, 0.0)
-    normal = np.where(f.attracted, D * opening.residual, gap)
-    return np.stack([normal, np.where(f.acts, D * tangential.residual, 0.0)], 1)
+
+    def __init__(self, interface: Any) -> None:
+        self._interface = interface
+
+    @abstractmethod
+    def linearized(self) -> Rows:
+        """The linearized rows; shapes and units are those of ``Rows``."""
+
+    @abstractmethod
+    def residual(self) -> Array:
+        """Left side of the nonlinear rows as forces, shape (slave nodes, 2) [stress length]."""
+
+    @abstractmethod
+    def followed(self) -> Array:
+        """Diagonal blocks of the rows of active nodes over their stiffness.
+
+        Plus or minus the dyads of the constrained directions, shape (slave nodes, 2, 2) [1].
+        """
+
+    @abstractmethod
+    def frame(self) -> Frame:
+        """Weights of the rows at the present state."""
+
+    @abstractmethod
+    def weighted(self, frame: Frame) -> Array:
+        """Nonlinear rows weighted by ``frame``, zero at a solution, shape (slave nodes, 2)."""
 
 
-def frame_of(f: ContactFields) -> Frame:
-    """See ``Frame``."""
-    o = f.operators
-    diagonal = np.where(f.acts, o.diagonal, f.nodal_areas)
-    closing = np.where(f.state.active, f.sides.stiffness / diagonal, 0.0)
-    idle = np.where(f.acts, 0.0, diagonal)
-    along, opening = diagonal * f.acts, diagonal * f.attracted
-    of_law = o.tau * along[:, None], o.n * opening[:, None]
-    if f.closing is None:
-        return o.n * closing[:, None], idle, *of_law
-    by_law = np.where(f.state.active, f.sides.stiffness, 0.0)
-    return np.zeros_like(o.n), idle, *of_law, -o.n * by_law[:, None]
+class ContactRows(InterfaceRows):
+    """Rows of a contact: gap and contact law; the frame is that of ``Frame``."""
 
+    def linearized(self) -> Rows:
+        """See ``InterfaceRows``."""
+        f: ContactFields = self._interface.now
+        o = f.operators
+        normal, idle, *laws = self.frame()
+        blocks: list[Block] = []
+        rhs, by_gap = -normal * o.gap[:, None], np.zeros_like(normal)
+        A_z = -idle[:, None, None] * np.eye(2)
+        for scaled, row in zip(laws, f.law_rows, strict=True):
+            if not scaled.any():
+                continue
+            by_z = row.by_z_tau[:, None] * o.tau + row.by_z_n[:, None] * o.n
+            A_z = A_z - scaled[:, :, None] * by_z[:, None, :]
+            rhs = rhs + scaled * (row.residual - np.einsum("ja,ja->j", by_z, f.state.z))[:, None]
+            blocks += _nodal_rows(f, scaled, row)
+            by_gap = by_gap + scaled * row.by_gap[:, None]
+        return Rows([*_gap_rows(f, normal, by_gap), *blocks], A_z, rhs)
 
-def law_of(f: ContactFields, frame: Frame) -> Array:
-    """Nonlinear rows weighted by ``frame``, zero at a solution, shape (slave nodes, 2)."""
-    normal, idle, *laws = frame
-    rows = normal * f.operators.gap[:, None] - idle[:, None] * f.state.z
-    for scaled, row in zip(laws, f.law_rows, strict=True):
-        rows = rows - scaled * row.residual[:, None]
-    return rows
+    def residual(self) -> Array:
+        """See ``InterfaceRows``."""
+        f: ContactFields = self._interface.now
+        tangential, opening, *closing = f.law_rows
+        D = f.operators.diagonal
+        closing_gap = closing[0].residual if closing else f.mean_gap
+        gap = np.where(f.state.active, f.sides.stiffness * closing_gap, 0.0)
+        normal = np.where(f.attracted, D * opening.residual, gap)
+        return np.stack([normal, np.where(f.acts, D * tangential.residual, 0.0)], 1)
 
+    def followed(self) -> Array:
+        """See ``InterfaceRows``: the normal row of an active node has -k n_j . dd_j."""
+        f: ContactFields = self._interface.now
+        n = f.operators.n * f.state.active[:, None]
+        return -np.einsum("ja,jb->jab", n, n)
 
-def motion_rows_of(f: ContactFields, frame: Frame) -> Array:
-    """Derivative of the rows by the motions of the obstacle, (slave nodes, 2, 3)."""
-    o, z = f.on_obstacle, f.state.z
-    normal, _, *laws = frame
-    shear = z[:, 1:] * o.dn_dq[:, 0] - z[:, :1] * o.dn_dq[:, 1]
-    pressure = np.einsum("ja,jam->jm", z, o.dn_dq)
-    slip = f.state.partners.derivative_by_motions(o)
-    rows = np.einsum("ja,jm->jam", normal, o.dgap_dq)
-    for scaled, row in zip(laws, f.law_rows, strict=True):
-        change = (
-            row.by_z_tau[:, None] * shear
-            + row.by_z_n[:, None] * pressure
-            + row.by_slip[:, None] * slip
-            + row.by_gap[:, None] * gap_by_motions(f)
-        )
-        rows = rows - np.einsum("ja,jm->jam", scaled, change)
-    return rows
+    def frame(self) -> Frame:
+        """See ``Frame``."""
+        f: ContactFields = self._interface.now
+        o = f.operators
+        diagonal = np.where(f.acts, o.diagonal, f.nodal_areas)
+        closing = np.where(f.state.active, f.sides.stiffness / diagonal, 0.0)
+        idle = np.where(f.acts, 0.0, diagonal)
+        along, opening = diagonal * f.acts, diagonal * f.attracted
+        of_law = o.tau * along[:, None], o.n * opening[:, None]
+        if f.closing is None:
+            return o.n * closing[:, None], idle, *of_law
+        by_law = np.where(f.state.active, f.sides.stiffness, 0.0)
+        return np.zeros_like(o.n), idle, *of_law, -o.n * by_law[:, None]
+
+    def weighted(self, frame: Frame) -> Array:
+        """See ``InterfaceRows``."""
+        f: ContactFields = self._interface.now
+        normal, idle, *laws = frame
+        rows = normal * f.operators.gap[:, None] - idle[:, None] * f.state.z
+        for scaled, row in zip(laws, f.law_rows, strict=True):
+            rows = rows - scaled * row.residual[:, None]
+        return rows
+
+    def by_motions(self) -> Array:
+        """Derivative of the rows by the motions of the obstacle, (slave nodes, 2, 3)."""
+        f: ContactFields = self._interface.now
+        o, z = f.on_obstacle, f.state.z
+        normal, _, *laws = self.frame()
+        shear = z[:, 1:] * o.dn_dq[:, 0] - z[:, :1] * o.dn_dq[:, 1]
+        pressure = np.einsum("ja,jam->jm", z, o.dn_dq)
+        slip = f.state.partners.derivative_by_motions(o)
+        rows = np.einsum("ja,jm->jam", normal, o.dgap_dq)
+        for scaled, row in zip(laws, f.law_rows, strict=True):
+            change = (
+                row.by_z_tau[:, None] * shear
+                + row.by_z_n[:, None] * pressure
+                + row.by_slip[:, None] * slip
+                + row.by_gap[:, None] * gap_by_motions(f)
+            )
+            rows = rows - np.einsum("ja,jm->jam", scaled, change)
+        return rows
 
 
 def gap_by_motions(f: ContactFields) -> Array:

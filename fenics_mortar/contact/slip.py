@@ -76,6 +76,8 @@ class Partners:
         present: s_j, weight of the present D and M, shape (slave nodes,) [1 / length].
         start: tau_j . b_j at that state, shape (slave nodes,) [length].
         shear: z_tau at that state, zero where open, shape (slave nodes,) [stress].
+        pressure: z_n at that state, zero where open, shape (slave nodes,) [stress].
+        gap: Mean gap at that state, inf at uncovered nodes, shape (slave nodes,) [length].
         facing: Gauss points of both sides that faced each other, for pairs of two bodies with
             friction; else ``None``.
     """
@@ -86,6 +88,8 @@ class Partners:
     present: Array
     start: Array
     shear: Array
+    pressure: Array
+    gap: Array
     facing: Facing | None = None
 
     def apart(self, o: MortarOperators) -> Array:
@@ -159,7 +163,7 @@ def find_partners(
         facing = face(o, s) if between else None
         D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
         present = per_weight if measure == "operators" else none
-    partners = Partners(D, M, feet, present, none, none, facing)
+    partners = Partners(D, M, feet, present, none, none, none, none, facing)
     tangent = np.where(touches[:, None], o.tau, _midway(o, M, master_planes))
     return replace(partners, start=np.einsum("ja,ja->j", tangent, partners.apart(o)))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from fenics_mortar.contact.laws import Branches
-from fenics_mortar.utils.arrays import Array, Flags, freeze
+from fenics_mortar.utils.arrays import Array, Flags, Value
 
 # Parts of a state that follow from the others at the end of a solve: files have none of them.
 # Instants are written by ``instant``.
@@ -15,7 +15,7 @@ DERIVED = {"derived": True}
 
 
 @dataclass(frozen=True, eq=False)
-class InterfaceState:
+class InterfaceState(Value):
     """State of one interface, a value: ``dataclasses.replace`` makes another one.
 
     Arrays are read-only and equal on all ranks.
@@ -56,10 +56,6 @@ class InterfaceState:
     past: Any = field(default=None, metadata=DERIVED)
     committed: Any = field(default=None, metadata=DERIVED)
     borne: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
-
-    def __post_init__(self) -> None:
-        """Take copies of arrays that can be written to."""
-        freeze(self)
 
 
 # Names of the parts that determine all others.

@@ -47,9 +47,18 @@ def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant |
     Raises:
         Exception: Any error of a law, on all ranks.
     """
-    found = [c.remembered() if isinstance(c, Contact) else None for c in contacts]
+    found = [_instant_of(c) if isinstance(c, Contact) else None for c in contacts]
     raise_noted(comm, contacts)
     return found
+
+
+def _instant_of(contact: Contact) -> Instant:
+    """Time and memory at the end of the present step (local)."""
+    law, node = contact.pair.law, contact.nodal
+    memory = node.memory
+    if law.memory:
+        memory = contact.law_calls.remember(law, node, contact.branch)
+    return Instant.of(contact.state.load_time, node.step, memory)
 
 
 def commit(contacts: Sequence[Interface], instants: Sequence[Instant | None]) -> None:

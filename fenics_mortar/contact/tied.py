@@ -24,71 +24,35 @@ master's, and the contact surface is continuous across the joint.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import spsolve
 
-from fenics_mortar.contact.fields import InterfaceFields
-from fenics_mortar.contact.interface import Interface, read_only
-from fenics_mortar.contact.multiplier_nodes import HAND_OVER
-from fenics_mortar.contact.rows import Rows
+from fenics_mortar.contact.interface import Interface, read_only, settable
+from fenics_mortar.contact.sides import points_of
 from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.contact.tied_rows import TiedFields, TiedOperators, TiedRows
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
-from fenics_mortar.interface.surfaces import Surface
+from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import SurfaceError, place
 from fenics_mortar.utils.rounding import HALF_FACET, LAST_DIGITS, SAME_PLACE
 
 
-@dataclass(frozen=True)
-class TiedOperators(MortarOperators):
-    """D and M of the reference configuration; positions and normals are the current ones.
-
-    Attributes:
-        apart: D u_s - M u_m, shape (slave nodes, 2) [length^2].
-    """
-
-    apart: Array
-
-    def gap_derivative(self) -> list[Block]:
-        """Empty: there is no weighted gap."""
-        return []
-
-
-class TiedFields(InterfaceFields):
-    """Fields of a tie.
-
-    Attributes:
-        jump: D u_s - M u_m at the evaluated displacement, shape (slave nodes, 2) [length^2].
-    """
-
-    operators: TiedOperators
-
-    @property
-    def jump(self) -> Array:
-        """D u_s - M u_m, shape (slave nodes, 2) [length^2]."""
-        return self.operators.apart
-
-    @property
-    def gap(self) -> Array:
-        """Mean relative displacement of the sides, nan without multiplier, (slave nodes,)."""
-        on = self.state.active
-        weight = np.where(on, self.operators.weight, 1.0)
-        return np.where(on, np.linalg.norm(self.jump, axis=1) / weight, np.nan)
+def _refuse_offset(_: Any, lengths: Any) -> None:
+    raise ValueError("a tied pair has no offset: its gap is that of TiedPair(gap=...)")
 
 
 class Tie(Interface):
     """One tied pair bound to a displacement space; replicated.
-
-    The class has more than 20 methods since it implements ``Interface``.
 
     Attributes:
         D: Slave matrix, rows of multiplier nodes only, (slave nodes, slave nodes) [length].
@@ -97,17 +61,22 @@ class Tie(Interface):
     """
 
     now: TiedFields
+    rows: TiedRows
+
+    _kind = TiedFields
 
     jump = read_only("now.jump")
+    offset = settable("offset", _refuse_offset)
 
     def __init__(self, pair: TiedPair, space: DisplacementSpace, prescribed: Flags) -> None:
         """Extract the surfaces and integrate D and M (collective)."""
         super().__init__(pair, space, prescribed)
-        self.obstacle, self.arm = None, 0.0
+        self.rows, self.arm = TiedRows(self), 0.0
         longest = max(float(side.lengths.max()) for side in (self.slave, self.master))
         choice = pair.discretization
+        points = points_of(pair, self.slave, self.master)
         self.options = MortarOptions(
-            choice.basis, "opposite", "basis", choice.integration, self._points(),
+            choice.basis, "opposite", "basis", choice.integration, points,
             pair.search_radius or HALF_FACET * longest, float(np.cos(np.radians(choice.max_angle))),
         )  # fmt: skip
         multiplier_nodes = (self.free.sum(axis=1) == 2.0) & ~self.slave.weightless
@@ -121,7 +90,7 @@ class Tie(Interface):
                 f"{self._names} are nowhere within {self.options.radius:.3g} of each other: "
                 "increase search_radius"
             )
-        self.drop(self.operators.cover < HAND_OVER * self.slave.full_cover)
+        self.drop(self.operators.cover < MIN_SHARE * self.slave.full_cover)
 
     def drop(self, nodes: Flags) -> None:
         """Remove the multipliers of ``nodes`` (slave nodes,), bool (collective).
@@ -168,8 +137,8 @@ class Tie(Interface):
             | {"linearization": Linearization(False, False, frozen=True)}
         )
         self.show(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
-        self._may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
-        self.change(active=self._may_carry)
+        self.may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
+        self.change(active=self.may_carry)
         s, shape = o.segments, (slave.num_nodes, master.num_nodes)
         self.D = self._replicate(o.facet_nodes, o.facet_nodes, o.D, shape[:1] * 2)
         self.M = self._replicate(s.slave, s.master, o.M, shape)
@@ -188,28 +157,16 @@ class Tie(Interface):
         return matrix
 
     @property
-    def offset(self) -> Array:
-        """Zero, shape (slave nodes,) [length]: a tie has no offset."""
-        return self._state.offset
-
-    @offset.setter
-    def offset(self, lengths: Array) -> None:
-        raise ValueError("a tied pair has no offset: its gap is that of TiedPair(gap=...)")
-
-    def _fields(self, operators: Any) -> TiedFields:
-        return TiedFields(self, self._state, operators)
-
-    @property
     def nodes(self) -> Indices:
         """Global numbers of the tied nodes of both sides, shape (k,)."""
         met = np.unique(self.M.indices)
-        return np.concatenate([self.slave.nodes[self.has_partner], self.master.nodes[met]])
+        return np.concatenate([self.slave.nodes[self.now.has_partner], self.master.nodes[met]])
 
     def welds(self) -> Indices:
         """Coinciding ends of slave and master: global nodes, shape (k, 2)."""
         ends = [np.flatnonzero((side.previous < 0) | (side.following < 0)) for side in self._sides]
         apart = self.slave.X[ends[0], None] - self.master.X[ends[1]]
-        near = np.linalg.norm(apart, axis=2) < SAME_PLACE * self.nodal_lengths[ends[0], None]
+        near = np.linalg.norm(apart, axis=2) < SAME_PLACE * self.slave.nodal_lengths[ends[0], None]
         j, l = np.nonzero(near)
         return np.stack([self.slave.nodes[ends[0][j]], self.master.nodes[ends[1][l]]], axis=1)
 
@@ -253,63 +210,15 @@ class Tie(Interface):
         self.slave = replace(self.slave, X=self.slave.gather(X))
         self.master = replace(self.master, X=self.master.gather(X))
 
-    def rows(self) -> Rows:
-        """Rows of the multipliers: transposed force blocks, so that the system is symmetric."""
-        diagonal, weight = self.frame()
-        blocks = [
-            Block(block.columns, block.rows, block.values * weight[block.columns[:, :1, None] // 2])
-            for block in self._force_blocks
-        ]
-        inactive = np.where(self.active, 0.0, -diagonal)
-        return Rows(blocks, inactive[:, None, None] * np.eye(2), -weight[:, None] * self.jump)
-
-    def followed(self) -> Array:
-        """See ``Interface``; both directions are constrained."""
-        return np.tile(np.eye(2), (self.slave.num_nodes, 1, 1))
-
-    def frame(self) -> tuple[Array, Array]:
-        """Weights of the rows: diagonal of D [length], stiffness over it where active.
-
-        Each of shape (slave nodes,).
-        """
-        diagonal = np.where(self.active, self.operators.diagonal, self.nodal_areas)
-        return diagonal, np.where(self.active, self.stiffness / diagonal, 0.0)
-
-    def law(self, frame: tuple[Array, Array]) -> Array:
-        """Rows weighted by ``frame``, zero at a solution, shape (slave nodes, 2)."""
-        diagonal, weight = frame
-        inactive = np.where(self.active, 0.0, diagonal)
-        return weight[:, None] * self.jump - inactive[:, None] * self.z
-
-    def residual(self) -> Array:
-        """Jump of active nodes as forces, shape (slave nodes, 2) [stress length]."""
-        length = np.where(self.active, self.operators.weight, np.inf)
-        return (self.stiffness / length)[:, None] * self.jump
-
     def force_blocks(self) -> list[Block]:
         """B^T, see ``Interface``; constant."""
         return self._force_blocks
 
-    def see(self, outline: Outline) -> Outline:
+    def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; tied facets are no boundary."""
         for side in self._sides:
             outline = outline.without(side, self.nodes)
         return outline
-
-    # Methods of a contact without effect on a tie
-
-    def accept(self) -> None:
-        """Without effect: nothing slips."""
-
-    def start_step(self) -> None:
-        """Without effect: nothing slips."""
-
-    def begin(self) -> None:
-        """Without effect: a tie counts nothing."""
-
-    def update_multiplier_nodes(self) -> int:
-        """Without effect: multiplier nodes are constant; return 0."""
-        return 0
 
     def update_active(self, *, start: bool = False) -> int:
         """All multiplier nodes stay active; return 0.
@@ -319,6 +228,3 @@ class Tie(Interface):
         if start:
             self.change(z=np.where(np.isfinite(self.z), self.z, 0.0))
         return 0
-
-    def set_initial_gap(self) -> None:
-        """Without effect: a tie has no initial gap."""

@@ -58,7 +58,7 @@ class PairView:
     @property
     def lengths(self) -> Array:
         """Tributary length of each node, undeformed, shape (slave nodes,) [length]."""
-        return self._interface.nodal_lengths.copy()
+        return self._interface.slave.nodal_lengths.copy()
 
     @property
     def tractions(self) -> Array:
@@ -119,7 +119,7 @@ class PairView:
     @property
     def friction_work(self) -> float:
         """Work of friction in the last step, by the shear at its end [stress length^2]."""
-        return float(getattr(self._interface, "friction_work", 0.0))
+        return self._interface.now.friction_work
 
     @property
     def offset(self) -> Array:

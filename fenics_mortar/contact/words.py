@@ -23,8 +23,8 @@ def describe_start(contact: Interface) -> str:
             "transmits no force until the surfaces come nearer"
         )
     overlap = -np.nan_to_num(contact.gap)
-    j = int(np.argmax(overlap / contact.nodal_lengths))
-    if overlap[j] <= SAME_PLACE * contact.nodal_lengths[j]:
+    j = int(np.argmax(overlap / contact.slave.nodal_lengths))
+    if overlap[j] <= SAME_PLACE * contact.slave.nodal_lengths[j]:
         return ""
     return (
         f"'{contact.slave.name}' and '{contact.master.name}' overlap by up to {overlap[j]:.3g} at "
@@ -48,12 +48,12 @@ def describe_overlap(contact: Interface) -> str:
     if not isinstance(contact, Contact):
         return ""
     overlap = np.where(
-        contact.active, -np.nan_to_num(contact.closing_gap) / contact.nodal_lengths, 0.0
+        contact.active, -np.nan_to_num(contact.now.closing_gap) / contact.slave.nodal_lengths, 0.0
     )
     j = int(np.argmax(overlap))
     if overlap[j] <= BEHIND:
         return ""
-    depth = overlap[j] * contact.nodal_lengths[j]
+    depth = overlap[j] * contact.slave.nodal_lengths[j]
     return (
         f"the node at {place(contact.operators.x[j])} of '{contact.slave.name}' overlaps "
         f"'{contact.master.name}' by {overlap[j]:.1f} facets; partners are searched "

@@ -116,7 +116,7 @@ class ContactEquations:
         self._loose: list[FloatingBody] = []
 
     def add_inertia(self, inertia: Inertia) -> None:
-        """Add mass: inertia holds all bodies, and none floats."""
+        """Add mass; no body with mass floats."""
         self.bulk.inertia = inertia
         self.floating.find()
         self.last_converged, self.interrupted = False, True  # matrices have another pattern
@@ -153,7 +153,7 @@ class ContactEquations:
         gap, num_active, sets = 0.0, 0, b""
         for c in self.contacts:
             active = c.active
-            gaps = np.abs(c.closing_gap[active] / c.now.nodal_lengths[active])
+            gaps = np.abs(c.now.closing_gap[active] / c.now.nodal_lengths[active])
             gap = max(gap, float(gaps.max(initial=0.0)))
             num_active += int(np.count_nonzero(active))
             sets += np.packbits([active, c.multiplier_nodes]).tobytes()
@@ -187,10 +187,7 @@ class ContactEquations:
 
     def seconds(self) -> dict[str, float]:
         """Seconds since the last call by phase, see ``clock``; maximum over ranks."""
-        mine = clock.read()
-        slowest = np.array(list(mine.values()))
-        self.comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
-        return dict(zip(mine, slowest.tolist(), strict=True))
+        return clock.slowest(self.comm)
 
     def diagnose(self) -> str:
         """Describe inverted cells, loose bodies, peeling edges and deep overlaps; "" if none."""
@@ -295,16 +292,12 @@ class ContactEquations:
     def merge_sets(self, period: int) -> str:
         """Leave a cycle of sets by merging them; see ``SetHistory.merge``.
 
-        Where nodes open and close without a period, or again in a cycle, the sets of the linearized
-        problem are taken. Thin plates, for example, bend by more than their gap if a node opens.
-        Nodes between sticking and sliding are left: with large friction there may be no equilibrium
-        next to the last one, and that of the linearized problem is far. If bodies float,
-        ``advance`` has taken these sets before.
+        Where sets change without a period, or again in a cycle, those of the linearized problem are
+        taken. Thin plates, for example, bend by more than their gap if a node opens. If bodies
+        float, ``advance`` has taken these sets before.
         """
-        history = self._history
-        again, words = history.has_merged, history.merge(period)
-        unsettled = history.opens_and_closes and (again or period == UNSETTLED)
-        if unsettled and not self.floating.bodies:
+        again, words = self._history.has_merged, self._history.merge(period)
+        if (again or period == UNSETTLED) and not self.floating.bodies:
             words += "; that of the linearized problem is taken" * self._take_linearized_sets()
         return words
 

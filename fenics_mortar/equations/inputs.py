@@ -17,6 +17,7 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.bulk.axis import HeldAxis, remark_on_radius
+from fenics_mortar.bulk.checks import have_common_facet
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.law import Law, check_names
@@ -257,7 +258,7 @@ def _check_side(contact: Contact, x: Array, phi: Array, gradient: Array) -> None
     """
     normals, _ = evaluate_normals(contact.slave, x, contact.options.weighting)
     along = (normals * gradient).sum(axis=1) / np.linalg.norm(gradient, axis=1)
-    within = phi - contact.offset <= SAME_PLACE * contact.nodal_lengths
+    within = phi - contact.offset <= SAME_PLACE * contact.slave.nodal_lengths
     if (within & (along >= contact.options.min_cosine)).all():
         raise MortarError(
             f"'{contact.slave.name}' lies inside obstacle '{contact.obstacle}', on the far side of "
@@ -275,14 +276,10 @@ def check_roles(contacts: Sequence[Contact | Tie]) -> None:
     """
     for i, one in enumerate(contacts):
         for other in contacts[i + 1 :]:
-            if _shared_facets(one.slave, other.master) and _shared_facets(other.slave, one.master):
+            if have_common_facet(one.slave, other.master) and have_common_facet(
+                other.slave, one.master
+            ):
                 raise MortarError(
                     f"{one.pair!r} and {other.pair!r} are the same two sides with exchanged roles: "
                     "their gaps would be constrained twice; omit one of them"
                 )
-
-
-def _shared_facets(one: Any, other: Any) -> bool:
-    """Whether two surfaces have a facet in common (local)."""
-    ends = [s.nodes[s.facets[:, [0, -1]]].reshape(-1, 2) for s in (one, other)]
-    return bool(set(map(tuple, ends[0].tolist())) & set(map(tuple, ends[1].tolist())))

@@ -24,4 +24,4 @@ def show_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: A
     """
     outline = replace(outline, bodies=labels[:, 0].astype(np.int64))
     for contact in sorted(contacts, key=lambda contact: isinstance(contact, Contact)):
-        outline = contact.see(outline)
+        outline = contact.limit_sight(outline)

@@ -6,14 +6,15 @@ is correct. With another set some bodies are loose, and a Newton step moves them
 iteration updates all nodes at once; it may cycle for a wall, or turn an arch into a mechanism. Here
 the linearized problem is solved together with its inequalities. The compliance of all bodies
 reduces it to the multipliers, see ``rigid.complementarity``. The next Newton step uses the active
-set and branches of this solution.
+set and branches of this solution. If no body floats it is the one that a load path leads to from
+the accepted state, see ``rigid.load_path``: with friction there may be others.
 
 The compliance of a floating body is that of the elastic body on springs; a low-rank correction then
 weakens the springs on its rigid motions. With weak springs from the start the stiffness would not
 be positive definite for a body that is unstable under its loads, such as an inverted pendulum.
 
 The compliance needs one linear solve for each multiplier component of all nodes that may touch.
-Therefore this is done only if bodies float and the active set does not settle.
+Therefore this is done only if the active set does not settle.
 """
 
 from __future__ import annotations
@@ -28,69 +29,20 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ELASTIC
 from fenics_mortar.contact.laws import STICK, Coulomb, Frictionless
-from fenics_mortar.la.factored import factored_bulk, portions
+from fenics_mortar.equations.body_compliance import SPRING, BodyCompliance
 from fenics_mortar.la.sparse import BlockMatrix
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.rigid.load_path import follow_loads
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import SOLVED
 
-# Stiffness of the springs on a body over its largest diagonal entry of K [1]: larger than the
-# negative stiffness of its loads, of the order of the strains, but with a negligible effect on the
-# elastic compliance.
-SPRING = 1e-3
 # Largest number of nodes that may touch: with more, Lemke's dense tableau of four rows a node takes
 # longer than the iterations saved (about 2 s for this number).
 MAX_NODES = 250
-PREFIX = "fenics_mortar_settling_"
-
-
-class BodyCompliance:
-    """Compliance of all bodies, floating ones on weak springs (collective).
-
-    Args:
-        bulk: The bodies; springs are added to their tangent, which has to be assembled.
-        floating: The floating bodies.
-    """
-
-    def __init__(self, bulk: Bulk, floating: FloatingBodies) -> None:
-        self._bulk = bulk
-        springs = np.zeros(bulk.num_owned)
-        motions, added = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
-        for body in floating.bodies:
-            mine = floating.labels[: bulk.space.num_nodes] == body.label
-            dofs = bulk.space.owned_dofs[mine]
-            each = SPRING * body.stiffest / body.num_nodes
-            weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
-            springs[dofs] = each
-            rigid = np.zeros((len(body.motions), bulk.num_owned))
-            x = bulk.positions()[: bulk.space.num_nodes][mine]
-            rigid[:, dofs.ravel()] = body.displacement(x).reshape(len(rigid), -1)
-            products = bulk.comm.allreduce(rigid @ rigid.T)
-            motions.append(np.linalg.solve(np.linalg.cholesky(products), rigid))
-            added.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
-        self._motions, self._added = np.concatenate(motions), np.concatenate(added)
-        bulk.add_to_diagonal(springs)
-        self._factors = factored_bulk(bulk, PREFIX)
-
-    def displacements(self, forces: Array) -> Array:
-        """Displacements due to forces, both of shape (owned dofs, k); none at prescribed dofs."""
-        bulk, found = self._bulk, []
-        forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
-        for group in portions(forces.shape[1]):
-            sizes = (bulk.num_owned, None), (None, group.size)
-            load = np.asfortranarray(forces[:, group]).ravel(order="F")
-            loads = PETSc.Mat().createDense(sizes, array=load, comm=bulk.comm)
-            loads.assemble()
-            answers = loads.duplicate()
-            self._factors.getFactorMatrix().matSolve(loads, answers)
-            found.append(answers.getDenseArray().copy())
-            loads.destroy()
-            answers.destroy()
-        along = bulk.comm.allreduce(self._motions @ forces)
-        return np.concatenate(found, axis=1) + self._motions.T @ (self._added[:, None] * along)
 
 
 class LinearizedContact:
@@ -145,12 +97,38 @@ class LinearizedContact:
         while marked < (marked := sum(int(c.redundant.sum()) for c in self._contacts)):
             elastic = self._with_elastic_sticks(problem, nodes)
             comm = self._bulk.comm
-            found = comm.bcast(solve_friction(elastic) if comm.rank == 0 else None)
+            found = comm.bcast(self._solve(elastic, nodes) if comm.rank == 0 else None)
             if found is None:
                 return False
             self._take(nodes, found)
             mark()
         return True
+
+    def _solve(self, problem: FrictionProblem, nodes: Sequence[Indices]) -> Sets | None:
+        """The solution at the end of the path from the accepted state; any if bodies float (local).
+
+        These are moved rigidly before a solve, and have no path from the accepted state.
+        """
+        if self._floating.bodies:
+            return solve_friction(problem)
+        return follow_loads(problem, *self._accepted(problem.slope, nodes))
+
+    def _accepted(self, slope: Array, nodes: Sequence[Indices]) -> tuple[Sets, Array]:
+        """Sets, scaled multipliers and gaps of ``nodes`` at the accepted state (local)."""
+        parts, stiffest = [], max(float(contact.stiffness.max()) for contact in self._contacts)
+        for contact, j in zip(self._contacts, nodes, strict=True):
+            last, o = contact.partners, contact.operators
+            multipliers = (
+                np.stack([last.pressure, last.shear])[:, j] / self._system.scale(contact)[j]
+            )
+            gap = (
+                np.clip(last.gap, 0.0, contact.slave.nodal_lengths)[j] * o.weight[j] / o.diagonal[j]
+            )
+            parts.append([*multipliers, gap * contact.stiffness[j] / stiffest])
+        z_n, z_tau, gap = np.concatenate(parts, axis=1)
+        slides = np.abs(z_tau) >= (1.0 - SOLVED) * slope * z_n
+        branch = np.where(slides, np.sign(z_tau), 0.0).astype(np.int64)
+        return Sets(z_n > 0.0, branch, z_n, z_tau), gap
 
     def _take(self, nodes: Sequence[Indices], found: Sets) -> None:
         """Take over sets and multipliers of ``nodes``; all other nodes are open."""
@@ -243,7 +221,7 @@ class LinearizedContact:
             V, shape (used, used) [stress], and y, shape (used,) [stress length].
         """
         system, bulk, comm = self._system, self._bulk, self._bulk.comm
-        laws = [contact.rows() for contact in system.contacts]
+        laws = [contact.rows.linearized() for contact in system.contacts]
         size = 2 * system.num_multipliers
         B_T = BlockMatrix(comm, bulk.num_owned, size).assemble(system.force_blocks())
         C = BlockMatrix(comm, size, bulk.num_owned).assemble(system.law_blocks(laws))
@@ -282,7 +260,7 @@ class LinearizedContact:
                 continue
             number, columns = motions.obstacles.index(contact.obstacle), 2 * place[:, None] + [0, 1]
             rows, (_, M_q, _) = (
-                contact.motion_rows(),
+                contact.rows.by_motions(),
                 contact.on_obstacle.motion_force_derivatives(contact.z),
             )
             by_motion[number][:, columns] = np.moveaxis(rows, 2, 0)
@@ -318,7 +296,8 @@ class LinearizedContact:
 def _may_touch(contact: Contact) -> Flags:
     """Active nodes and nodes with a gap below their nodal length, (slave nodes,), bool."""
     gap = np.where(contact.covered, np.nan_to_num(contact.gap), np.inf)
-    return contact.active | (gap <= contact.nodal_lengths)
+    pressed = contact.covered & (contact.partners.pressure > 0.0)
+    return contact.active | pressed | (gap <= contact.slave.nodal_lengths)
 
 
 def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
@@ -336,4 +315,4 @@ def _columns(matrix: PETSc.Mat, used: Indices) -> Array:
 def _slip_weight(contact: Contact, j: Indices) -> Array:
     """Weights of rows of slip that make the compliance symmetric, (nodes,) [1]."""
     o = contact.operators
-    return (contact.nodal_areas * o.weight)[j] / o.diagonal[j] ** 2
+    return (contact.slave.nodal_areas * o.weight)[j] / o.diagonal[j] ** 2

@@ -26,7 +26,7 @@ def rounding_of(
     """
     roundoff = stiffness * np.sqrt(bulk.r.getSize()) * displacement
     for c in contacts:
-        steepest = max(stiffness, c.steepness)
+        steepest = max(stiffness, c.now.steepness)
         roundoff += steepest * np.sqrt(c.slave.num_nodes) * np.abs(c.slave.X).max()
     return 4.0 * EPSILON * float(roundoff)
 

@@ -34,7 +34,8 @@ from fenics_mortar.kernels.locate import locate
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import HALF_FACET
 
-# Contacts on one body move together if their motions differ by no more than this fraction of them.
+# Changes go together if they differ by no more than this fraction of their size [1]: motions of the
+# contacts on a body, and loads of two solves, 30 degrees if the sizes are equal.
 TOGETHER = 0.5
 
 

@@ -83,7 +83,7 @@ class ReducedEquations:
         with clock("solve"):
             without_contact = self._step_without_contact(change)
         with clock("assembly"):
-            laws = [contact.rows() for contact in self._general.contacts]
+            laws = [contact.rows.linearized() for contact in self._general.contacts]
             parts = self._assemble(laws)
         with clock("solve"):
             step, zeta, self._force = self._solve(without_contact, laws, *parts)

@@ -65,7 +65,7 @@ class Residual:
         contact_force, rows = self.contact_force(), float((self._motions.residual() ** 2).sum())
         rows_of_contacts = 0.0
         for contact in self._contacts:
-            rows_of_contacts += float((contact.residual() ** 2).sum())
+            rows_of_contacts += float((contact.rows.residual() ** 2).sum())
         rows += rows_of_contacts
         raise_noted(bulk.comm, self._contacts)
         self.distance = bulk.distance_to_prescribed()

@@ -10,13 +10,13 @@ from typing import Any
 from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.utils.arguments import check_kind
-from fenics_mortar.utils.arrays import Array, freeze
+from fenics_mortar.utils.arrays import Array, Value
 from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.verify.crossing import Standing
 
 
 @dataclass(frozen=True)
-class State:
+class State(Value):
     """All that a solve starts from, as an immutable value; all methods are local.
 
     ``dataclasses.replace`` returns a changed copy.
@@ -36,10 +36,6 @@ class State:
     standing: Standing
     converged: bool
     rates: Rates | None = None
-
-    def __post_init__(self) -> None:
-        """Take copies of arrays that can be written to."""
-        freeze(self)
 
     def with_settings_of(self, other: State) -> State:
         """This state with the offsets, weights of gaps, time and undeformed operators of ``other``.

@@ -15,12 +15,12 @@ With an out-of-plane thickness, as 2 pi r, all integrals are weighted by it at t
 the slave, and all units below are multiplied by a length; see ``mesh.thickness``.
 
 Formulas: Popp, Gee & Wall (2009); consistent treatment of partly covered facets: Popp, Seitz, Gee
-& Wall (2013). Each rank holds the integrals over its share of the slave facets. Nodal quantities
+& Wall (2013). Each rank has the integrals over its share of the slave facets. Nodal quantities
 are summed over the ranks and equal on all of them.
 
 Derivatives are stored as dense blocks. With K nodes per facet, 2 or 3, a segment has C = 8 K - 4
 columns: the components of the slave nodes of the previous facet, of its own and of the next one,
-and of its master nodes. A `Block` holds a stack of such blocks with their rows and columns.
+and of its master nodes. A `Block` contains a stack of such blocks with their rows and columns.
 """
 
 from __future__ import annotations

@@ -23,10 +23,11 @@ import numpy as np
 from fenics_mortar.interface.roles import Roles
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags, Indices
+from fenics_mortar.utils.rounding import SAME_PLACE
 
-# Digits of the mean facet length of a curve that count: equal meshes of curves are ordered by
-# their coordinates, not by rounding.
-DIGITS = 6
+# Digits of the logarithm of the mean facet length of a curve that count: equal meshes of curves are
+# ordered by their coordinates, not by rounding.
+DIGITS = round(-np.log10(SAME_PLACE))
 
 
 def in_contact_with_itself(surface: Surface, may_carry: Flags) -> Surface:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Contact surfaces: the facets of some tags as curves, replicated on every rank.
 
-A curve has O(sqrt(N)) nodes if the bulk has N, so every rank holds all of it: the contact
+A curve has O(sqrt(N)) nodes if the bulk has N, so every rank stores all of it: the contact
 evaluation does not depend on the ownership of facets. Nodes are numbered along the curves. Start
 and order of the curves follow from coordinates alone, so the numbering does not depend on the
 partition of the mesh.
@@ -46,10 +46,13 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import NodalThickness
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Integral of a shape function times the thickness over nodal area [1] below which a node carries no
-# multiplier: it may be zero or negative after slight motions. A vertex of quadratic facets with the
-# axis of revolution 1/40 of a facet away has 0.05; those of linear facets have 2/3 or more.
-MIN_WEIGHT = 0.05
+# Share of its whole integral [1] below which a node carries no multiplier. Of a shape function
+# times the thickness, over nodal area: it may be zero or negative after slight motions; a vertex of
+# quadratic facets with the axis of revolution 1/40 of a facet away has 0.05, those of linear facets
+# have 2/3 or more. Of the cover: a neighbour that is covered by twice as much takes over the
+# multiplier function; of two nodes that are hardly covered alike, either would be as good, and
+# rounding would decide which one carries the force.
+MIN_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -166,7 +169,7 @@ class Surface:
 
         The vertex of a quadratic facet on the axis of revolution: int (1 - s) (1 - 2 s) s ds = 0.
         """
-        return self.full_cover < MIN_WEIGHT * self.nodal_areas
+        return self.full_cover < MIN_SHARE * self.nodal_areas
 
     @cached_property
     def functions_move(self) -> bool:

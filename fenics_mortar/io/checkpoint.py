@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.instant import instant_arrays, take_instant
+from fenics_mortar.contact.integration import place_of
 from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.mesh.numbering import mesh_by_input_node
 from fenics_mortar.problem import ContactProblem
@@ -33,7 +34,7 @@ from fenics_mortar.utils.files import make_folder, try_together, without_suffix,
 from fenics_mortar.utils.rounding import ROUNDING
 
 Arrays = dict[str, npt.NDArray[Any]]
-# Attributes of a contact in the file.
+# Values of a contact in the file; the last one is that of ``place_of``.
 KEPT = (*INDEPENDENT, "reference_place")
 # Arrays that have to be finite.
 FINITE = (
@@ -119,7 +120,8 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
     inertia = problem.equations.bulk.inertia
     data |= {} if inertia is None else inertia.kept()
     for i, contact in enumerate(problem.equations.contacts):
-        kept = {name: getattr(contact, name, np.full(3, np.nan)) for name in KEPT}  # ties lack some
+        kept = {name: getattr(contact.state, name) for name in INDEPENDENT}
+        kept["reference_place"] = place_of(contact.state.reference)
         data |= {f"{name}{i}": np.asarray(value) for name, value in kept.items()}
         names, data[f"clock{i}"], data[f"memory{i}"] = instant_arrays(contact)
         data[f"memorized{i}"] = np.array(names, str)

@@ -25,7 +25,7 @@ def contact_table(problem: ContactProblem) -> MarkdownText:
         contact.evaluate(problem.equations.bulk.u.x.array, problem.equations.linearization)
         o, z = contact.operators, contact.z
         forces = [-force.sum(axis=0) for force in (o.force(z)[0], o.reaction(z)[1])]
-        gap = (contact.gap / contact.nodal_lengths)[contact.covered]
+        gap = (contact.gap / contact.slave.nodal_lengths)[contact.covered]
         cells = [f"{contact.slave.name} - {contact.master.name}"]
         cells += [f"({f[0]:.4e}, {f[1]:.4e})" for f in (*forces, forces[0] + forces[1])]
         cells += [f"{contact.active.sum()} of {contact.slave.num_nodes}"]

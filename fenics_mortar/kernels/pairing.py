@@ -18,7 +18,7 @@ one of the two facets by a fixed rule, so that results on aligned meshes are rep
 
 A slave facet at a corner may face two branches of a master, one far behind the other. A weighted
 average of both gaps is meaningless: with positive functions, a node that touches the nearer branch
-is held open; dual functions, which are partly negative, produce an overlap and pressure at a
+stays open; dual functions, which are partly negative, produce an overlap and pressure at a
 distance. A branch is therefore ignored if it is farther away than the nearest one by half a facet,
 or by two facets if the nearest one is in contact: beside a corner of the master both branches
 belong to the contact zone, and one that appears and disappears there costs iterations.

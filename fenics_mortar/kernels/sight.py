@@ -34,7 +34,7 @@ from fenics_mortar.kernels.shapes import tabulate_shapes
 def find_crossings(origin, direction, outline, own, min_distance, found):
     """Fill ``found`` (2, c) with the crossings of a line and the outline of body ``own``.
 
-    Row 0 holds distances above ``min_distance`` [length], row 1 the signs: 1 exit, -1 entry.
+    Row 0 contains distances above ``min_distance`` [length], row 1 the signs: 1 exit, -1 entry.
     ``outline`` = (positions of nodes (b, 2), segments (p, 2) with the body on their left, their
     bodies (p,)). Returns the number of crossings, which may exceed c: only the first c are stored.
     """

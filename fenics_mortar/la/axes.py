@@ -57,7 +57,7 @@ def quarter_turns(tangents: ComplexArray) -> int:
 
 def sliding_nodes(contact: Interface) -> tuple[ComplexArray, ComplexArray]:
     """Positions and tangents of at most ``TANGENTS`` active, untied nodes, complex, (n,) each."""
-    F, o = contact.followed(), contact.operators
+    F, o = contact.rows.followed(), contact.operators
     j = np.flatnonzero(contact.active & (np.einsum("jab,jba->j", F, F) < 1.5))
     j = j[np.linspace(0.0, max(j.size - 1, 0), min(j.size, TANGENTS)).astype(int)]
     return o.x[j] @ [1.0, 1.0j], o.tau[j] @ [1.0, 1.0j]

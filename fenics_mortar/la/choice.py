@@ -38,12 +38,21 @@ def system_of(
         algorithm: Condensed or saddle-point system; ``None``: condensed if possible.
         solver: Direct or iterative; "auto" chooses by the size of the problem.
         linear_bulk: Whether the bulk is factored once.
+
+    Raises:
+        ValueError: On all ranks, for an iterative solver and a surface in contact with itself.
     """
     if algorithm is None:
         algorithm = "saddle" if obstacle_to_condensation(contacts) else "condensed"
     form: Callable[..., LinearSystem] = SYSTEMS[algorithm]
-    automatic = solver == "auto"
-    if automatic and not _is_for_multigrid(bulk, prefix, options, linear_bulk):
+    automatic, with_itself = solver == "auto", _in_contact_with_itself(contacts)
+    if with_itself and solver == "iterative":
+        raise ValueError(
+            f"solver='iterative': multigrid needs separate slave and master surfaces, but "
+            f"'{with_itself}' is in contact with itself; expected solver='direct' or 'auto'"
+        )
+    for_multigrid = _is_for_multigrid(bulk, prefix, options, linear_bulk)
+    if automatic and (with_itself or not for_multigrid):
         solver = "direct"
     small = solver == "direct" and form is CondensedSystem and _is_small(bulk, prefix, options)
     defaults: dict[str, Any] = (SMALL if small else DIRECT) if solver == "direct" else ITERATIVE
@@ -55,6 +64,11 @@ def system_of(
         return system
 
     return create
+
+
+def _in_contact_with_itself(contacts: Sequence[Interface]) -> str:
+    """Name of the first surface in contact with itself, "" if there is none (local)."""
+    return next((c.slave.name for c in contacts if c.slave is c.master), "")
 
 
 def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:

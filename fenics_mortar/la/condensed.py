@@ -38,7 +38,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
-from fenics_mortar.contact.interface import Interface, Rows
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.sparse import BlockMatrix, SomeRows, add_blocks
 from fenics_mortar.la.system import LinearSystem, components
@@ -82,7 +83,7 @@ class CondensedSystem(LinearSystem):
     @clock("assembly")
     def assemble(self) -> None:
         """Add K_c + R K_S + C to K (collective)."""
-        laws = [contact.rows() for contact in self.contacts]
+        laws = [contact.rows.linearized() for contact in self.contacts]
         inverses = [self._inverse(contact) for contact in self.contacts]
         R_blocks = self._R_blocks(laws, inverses)
         if self._update_pattern():
@@ -266,12 +267,13 @@ def obstacle_to_condensation(contacts: Sequence[Interface]) -> str | None:
                 f"a slave node of {names} at {where} is prescribed in one component "
                 "oblique to its normal"
             )
+        candidates = contact.slave.nodes[contact.may_carry]
         for other in contacts:
-            if np.intersect1d(contact.candidate_nodes, other.master.nodes).size:
+            if np.intersect1d(candidates, other.master.nodes).size:
                 return f"slave nodes of {names} are master nodes of '{other.master.name}'"
-            both = np.intersect1d(contact.candidate_nodes, other.candidate_nodes)
+            both = np.intersect1d(candidates, other.slave.nodes[other.may_carry])
             if both.size and other is not contact:
                 return f"slave nodes of {names} are slaves of '{other.master.name}', too"
-            if np.intersect1d(contact.candidate_nodes, other.idle_nodes).size:
+            if np.intersect1d(candidates, other.slave.nodes[~other.may_carry]).size:
                 return f"slave nodes of {names} are nodes of '{other.slave.name}' as well"
     return None

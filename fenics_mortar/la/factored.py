@@ -18,8 +18,7 @@ from fenics_mortar.utils.errors import MortarError
 FACTORS = (("cholesky", 50), ("cholesky", 300), ("lu", 300))
 # Elimination order of MUMPS (ICNTL 7): approximate minimum fill. Its own choice takes longer than
 # the factorization, which is done once.
-ORDERING = 0
-
+ORDERING = {"mat_mumps_icntl_7": 0}
 # Right-hand sides per solve: more need more memory and gain little.
 COLUMNS = 32
 
@@ -45,7 +44,7 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
         )  # whatever the options of the whole system: many right-hand sides need factors
         pc.setFactorSolverType(DIRECT["pc_factor_mat_solver_type"])
         pc.setOperators(K)
-        with options_added(prefix, {"mat_mumps_icntl_7": ORDERING, "mat_mumps_icntl_14": room}):
+        with options_added(prefix, {**ORDERING, "mat_mumps_icntl_14": room}):
             if rest is not None:
                 pc.setFactorSetUpSolverType()
                 leave(pc.getFactorMatrix(), rest)

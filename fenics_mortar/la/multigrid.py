@@ -35,8 +35,8 @@ A saddle point A has its multipliers in the strip, all of them. Nothing is gathe
 that L = T^T, and step 2 changes displacements only. A standard basis has no diagonal D: D_jj is the
 sum of row j then, and T y meets the constraints where y is smooth, as the cycle's changes are.
 
-A tied node follows its partners in both directions. If all are tied, T y holds every solution of
-the condensed system, and with a symmetric K so is B: conjugate gradients with the cycle then solve
+A tied node follows its partners in both directions. If all are tied, every solution of the
+condensed system is T y, and B is symmetric if K is: conjugate gradients with the cycle then solve
 B y = L (b - A x_0) altogether.
 """
 
@@ -59,6 +59,7 @@ from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
 from fenics_mortar.la.strip import STRIP, Strip, near
 from fenics_mortar.utils.arrays import Array, Indices
+from fenics_mortar.utils.rounding import TINY
 
 # Measured: sweeps at half the cost of the default ones, for a few iterations more; coarse grids and
 # interpolation for which iterations grow less where contact is curved (by 6 to 8 % in the mean as
@@ -148,7 +149,7 @@ class TouchingBodies:
 
     def postSolve(self, pc: PETSc.PC, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Take notice of the iterations that a solve has taken, as PETSc calls it."""
-        left = ksp.getResidualNorm() / max(b.norm(), np.finfo(float).tiny)
+        left = ksp.getResidualNorm() / max(b.norm(), TINY)
         digits, iterations = -np.log10(max(left, 1e-16)), ksp.getIterationNumber()
         if digits > 0.0 and np.isfinite(digits):
             self._best = self._best or iterations / digits
@@ -255,7 +256,7 @@ class TouchingBodies:
         """Local dofs (a, 2), directions followed (a, 2, 2) and stiffness (a,) of own nodes."""
         on = contact.acts[contact.slave.owned]
         j = contact.slave.owned[on]
-        return contact.slave.local_dofs[on], contact.followed()[j], contact.stiffness[j]
+        return contact.slave.local_dofs[on], contact.rows.followed()[j], contact.stiffness[j]
 
     def _all_tied(self, nodes: list[tuple[Indices, Array, Array]]) -> bool:
         """Whether all active nodes follow in both directions."""
@@ -288,14 +289,14 @@ class TouchingBodies:
         Entries of D between active nodes count as if they were on its diagonal.
         """
         for contact in self._contacts:
-            slave, followed = contact.slave, contact.followed() @ contact.followed()
+            slave, followed = contact.slave, contact.rows.followed() @ contact.rows.followed()
             entries = [_entries(block) for block in contact.force_blocks()]
             dofs, j, values = (np.concatenate(parts) for parts in zip(*entries, strict=True))
             own = np.isin(dofs[:, 0], slave.dofs[contact.acts, 0])
             weight = np.zeros(slave.num_nodes)
             np.add.at(weight, j[own], values[own])
             slave.comm.Allreduce(MPI.IN_PLACE, weight)
-            weight[weight < LIGHT * contact.nodal_areas] = np.inf
+            weight[weight < LIGHT * contact.slave.nodal_areas] = np.inf
             dofs, j, part = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, part[:, None, None], followed[j]
 

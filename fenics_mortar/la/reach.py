@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Sparsity pattern of contact terms with a margin for sliding over a few facets.
 
-A pattern that held the present segments only would change whenever one appears, and with it the
+A pattern of the present segments only would change whenever one appears, and with it the
 symbolic factorization. Zeros for the master facets next to those that a slave facet meets, and for
 slave facets that contact may come to next, cost little, since contact is small beside the bulk.
 Every slave node has room for a multiplier and for the forces of its neighbours': which nodes carry

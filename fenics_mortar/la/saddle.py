@@ -68,7 +68,7 @@ class SaddleSystem(LinearSystem):
 
     def _parts(self) -> Iterator[Part]:
         """Blocks of K_c, B^T, C and A_z, the last three for scaled multipliers zeta."""
-        laws = [contact.rows() for contact in self.contacts]
+        laws = [contact.rows.linearized() for contact in self.contacts]
         self._law_rhs = [law.rhs for law in laws]
         yield DOF, DOF, self.force_derivative()
         yield DOF, MULTIPLIER, self.force_blocks()

@@ -17,7 +17,7 @@ from fenics_mortar.la.options import COMPLIANCE, DIRECT, SMALL, options_added
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
-from fenics_mortar.utils.rounding import LAST_DIGITS
+from fenics_mortar.utils.rounding import LAST_DIGITS, TINY
 
 # Largest relative residual of an accepted solution [1]: above it a direct solver has met a singular
 # matrix.
@@ -168,7 +168,7 @@ class LinearSolver:
             self._vectors = []  # an error leaves the right-hand side locked
             return solution, f": {error}"
         multiply = matrix.multTranspose if transpose else matrix.mult
-        size = max(rhs.norm(), np.finfo(float).tiny)
+        size = max(rhs.norm(), TINY)
         relative = _defect(multiply, rhs, solution, defect) / size
         if self._is_direct and LAST_DIGITS < relative <= LINEAR_TOLERANCE:
             self._call(defect, correction, transpose)

@@ -171,7 +171,7 @@ class LinearSystem(ABC):
 
     def scale(self, contact: Interface) -> Array:
         """z_j / zeta_j, shape (slave nodes,) [stress / length]."""
-        diagonal = np.where(contact.acts, contact.operators.diagonal, contact.nodal_areas)
+        diagonal = np.where(contact.acts, contact.operators.diagonal, contact.slave.nodal_areas)
         return contact.stiffness / diagonal
 
     def force_blocks(self) -> Iterable[Block]:

@@ -23,6 +23,7 @@ import ufl
 from dolfinx import fem
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.integration import place_of
 from fenics_mortar.equations.state import State
 from fenics_mortar.models.model_error import (
     ENERGY,
@@ -142,8 +143,8 @@ class ModelHierarchy:
         ``hierarchy``: insufficient models (inf: all), whether intermediate models are skipped,
         whether the last solve used a cheaper model, model error at which the error of the mesh was
         estimated, error of the mesh; ``hierarchy_checked``: deviations, then errors, of the last
-        checked state; ``hierarchy_places``: for each contact of the present model, see
-        ``Contact.reference_place``.
+        checked state; ``hierarchy_places``: for each contact of the present model, the
+        place of its obstacle in frozen operators.
         """
         before, errors = self._checked
         checked = np.concatenate([before, [errors.get(name, np.nan) for name in QUANTITIES]])
@@ -151,7 +152,7 @@ class ModelHierarchy:
         contacts = [] if self._model is None else list(self._model.problem.equations.contacts)
         for i, contact in enumerate(contacts):
             if isinstance(contact, Contact):
-                places[i] = contact.reference_place
+                places[i] = place_of(contact.state.reference)
         left = self._level if self._model is not None else np.inf
         flags = [left, self._skips_rest, self.used is not None]
         numbers = np.array([*flags, self._mesh_error_at, self._mesh_error], float)

@@ -232,7 +232,7 @@ def largest_slip(contact: Contact) -> tuple[float, float]:
     """Largest slip of active nodes over their length, and rotation of normals [radian] (local)."""
     o, on = contact.operators, contact.active & contact.covered
     jump = o.jump(o.x - contact.slave.X, o.m - contact.master.X)
-    slip = np.einsum("jc,jc->j", o.tau, jump)[on] / (o.weight * contact.nodal_lengths)[on]
+    slip = np.einsum("jc,jc->j", o.tau, jump)[on] / (o.weight * contact.slave.nodal_lengths)[on]
     weighting = contact.pair.discretization.normals
     before, now = (evaluate_normals(contact.slave, x, weighting)[0] for x in (contact.slave.X, o.x))
     cosine = np.einsum("jc,jc->j", before, now)[on]

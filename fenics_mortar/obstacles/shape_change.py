@@ -14,9 +14,9 @@ import numpy as np
 
 from fenics_mortar.utils.arrays import Array
 
-# Step over the size of the parameter [1]: on a spline of nine points the truncation error is 1e-11,
-# the rounding over the step 1e-12.
-STEP = 2e-4
+# Step of central differences of distances, over the size of the parameter or the length of a facet
+# [1]: on a spline of nine points the truncation error is 1e-11, the rounding over the step 1e-12.
+DIFFERENCE = 2e-4
 
 
 def differentiate_shape(
@@ -34,7 +34,7 @@ def differentiate_shape(
     if not direction.any():
         return np.zeros(count), np.zeros((count, 2))
     size = np.ptp(value) if value.size > 1 else np.abs(value).max()
-    h = STEP * (size or 1.0) / np.abs(direction).max()
+    h = DIFFERENCE * (size or 1.0) / np.abs(direction).max()
 
     def quotient(step: float) -> Array:
         fields = []

@@ -161,11 +161,13 @@ class Spline(Obstacle):
     def local(self, x: Array) -> Fields:
         """Distance to the nearest point of the curve; see ``Obstacle.local``.
 
-        Newton's method from the nearest sample.
+        Newton's method from the nearest sample, or from the foot on the line beyond an end.
         """
         t = self._samples[
             np.argmin(self._squares - 2.0 * (x - self.pivot) @ self._points.T, axis=1)
         ]
+        if not self._closed:
+            t = self._beyond_ends(x, t)
         longest = np.diff(self._samples).max()
         for _ in range(MAX_STEPS):
             c, d, dd = self._jet(t)
@@ -184,6 +186,14 @@ class Spline(Obstacle):
         curvature = (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / speed**3
         bend = curvature / (1.0 + curvature * phi)
         return phi, normal, bend[:, None, None] * np.einsum("ia,ib->iab", tangent, tangent)
+
+    def _beyond_ends(self, x: Array, t: Array) -> Array:
+        """Parameters ``t`` (n,), for points beyond an end those of their feet on its line."""
+        for end, sign in ((0.0, -1.0), (self._end, 1.0)):
+            c, d = self._curve(end), self._curve(end, 1)
+            beyond = (x - c) @ d / (d @ d)
+            t = np.where((t == end) & (sign * beyond > 0.0), end + beyond, t)
+        return t
 
     def _jet(self, t: Array) -> Fields:
         """Point and two derivatives; an open curve is straight beyond its ends."""

@@ -89,7 +89,7 @@ def _past_each_other(problem: ContactProblem, before: State) -> str:
         if not (isinstance(contact, Contact) and active.any()) or contact.active.any():
             continue
         o = contact.operators
-        behind = np.einsum("ja,ja->j", o.n, contact.partners.apart(o)) / contact.nodal_lengths
+        behind = np.einsum("ja,ja->j", o.n, contact.partners.apart(o)) / contact.slave.nodal_lengths
         j = int(np.argmax(np.where(active, behind, -np.inf)))
         if behind[j] > HALF_FACET:
             return (
@@ -114,7 +114,8 @@ def _slid_away(problem: ContactProblem, before: State) -> str:
         if not loaded or any(c.active.any() and not states[id(c)].z.any() for c in pairs):
             continue
         slips = [
-            np.abs(np.where(states[id(c)].active, c.slip, 0.0)) / c.nodal_lengths for c in loaded
+            np.abs(np.where(states[id(c)].active, c.slip, 0.0)) / c.slave.nodal_lengths
+            for c in loaded
         ]
         farthest = max(float(slip.max()) for slip in slips)
         if farthest > RIGID.overlap:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,20 +25,19 @@ from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import Before, raise_told, undone_if_interrupted
+from fenics_mortar.equations.undo import undone_if_interrupted
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_input import (
     SCHEMES,
     check_dynamics,
     check_rates,
-    check_run,
     check_step,
     rates_of,
 )
-from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
+from fenics_mortar.path.dynamics_report import DynamicsReport, Energies
 from fenics_mortar.path.energy_return import return_energy
+from fenics_mortar.path.motion import Motion, check_run
 from fenics_mortar.path.options import SteppingOptions
-from fenics_mortar.path.progress import Progress
 from fenics_mortar.path.time_scheme import GeneralizedAlpha
 from fenics_mortar.path.work import Forces, Work, forces_of, work_of
 from fenics_mortar.problem import ContactProblem
@@ -48,20 +46,19 @@ from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MortarError,
-    NotConvergedError,
-    call_together,
     check_same_words,
     together,
 )
-from fenics_mortar.utils.rounding import ROUNDING, TINY
+from fenics_mortar.utils.rounding import TINY
 
 
 class Dynamics:
     """Motion of the bodies of a contact problem; all methods are collective.
 
     The problem becomes that of the end of a time step: its residual, multipliers, results and
-    checkpoints (``save_state``, ``state``) include inertia. Contact holds no body any more, inertia
-    does. A static solution before is a start at rest.
+    checkpoints (``save_state``, ``state``) include inertia. No body needs
+    support by contact any more: inertia makes its equations regular. A static solution before is a
+    start at rest.
 
     Args:
         problem: The problem, with the residual f_int - f_ext of statics.
@@ -241,58 +238,7 @@ class Dynamics:
         given = {"stop": stop, "options": options, "tolerance": tolerance}
         check_same_words(self.problem.comm, "run", given)
         self._begin()
-        report = DynamicsReport(self.energies())
-        size, forces = options.step, forces_of(self.problem)
-        largest = options.step if tolerance is None else (options.largest or options.step)
-        shown = Progress(self.problem.comm, self.time, stop)
-        while stop - self.time > ROUNDING * options.smallest:
-            start = self.time
-            dt = min(size, stop - start)
-            dt = stop - start if stop - start - dt < ROUNDING * dt else dt
-            before = Before(self.problem.equations, None)
-            accepted = self.problem.state()
-            try:
-                if set_loads is not None:
-                    call_together(self.problem.comm, "set_loads", partial(set_loads, start + dt))
-                newton, after, work = self._advance(dt, forces)
-                error = self.error(accepted, dt)
-                if tolerance is not None and error > tolerance and dt > options.smallest:
-                    raise NotConvergedError(f"error of the step {error:.1e}", newton)
-            except NotConvergedError as failure:
-                self.problem.restore(accepted)
-                report.failures.append(failure.report)
-                shown.cut(start + dt, str(failure), failure.report)
-                if dt <= options.smallest:
-                    words = f"the motion ends at time {start:.6g}: a step of {dt:.1e} fails"
-                    raise NotConvergedError(f"{words}; {failure}", report) from failure
-                size = max(options.cut * dt, options.smallest)
-                continue
-            except BaseException as interruption:
-                before.take_back(renew=True)
-                raise_told(interruption)
-            forces = after
-            done = TimeStep(self.time, newton, report.failures, error, work, self.energies())
-            report.steps.append(done)
-            shown.accept(self.time, newton)
-            report.failures = []
-            size = self._next_size(options, size, largest, error, tolerance)
-            if on_step is not None:
-                call_together(self.problem.comm, "on_step", partial(on_step, self.time, newton))
-        return report
-
-    @staticmethod
-    def _next_size(
-        options: SteppingOptions,
-        size: float,
-        largest: float,
-        error: float,
-        tolerance: float | None,
-    ) -> float:
-        """Size of the next step; the error grows with its square."""
-        wanted = options.growth
-        if tolerance is not None:
-            wanted = min(wanted, 0.9 * float(np.sqrt(tolerance / max(error, TINY))))
-        return min(max(wanted * size, options.smallest), largest)
+        return Motion(self, self._advance, options, tolerance).run(stop, set_loads, on_step)
 
     # Measures
 

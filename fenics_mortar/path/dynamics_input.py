@@ -14,7 +14,6 @@ from ufl.domain import extract_domains
 from fenics_mortar.bulk.inertia import Rates
 from fenics_mortar.bulk.velocity import Origin, Velocity
 from fenics_mortar.equations.state import State
-from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
 from fenics_mortar.utils.errors import MortarError
@@ -83,25 +82,6 @@ def _check_energy(energy: Any, mesh: Any) -> None:
         raise ValueError("energy has a test function: expected a form without, as psi * dx")
     if any(integral.ufl_domain() != mesh for integral in energy.integrals()):
         raise ValueError("energy belongs to another mesh than the problem")
-
-
-def check_run(
-    stop: Any, options: Any, set_loads: Any, tolerance: Any, on_step: Any, time: float
-) -> None:
-    """Refuse arguments of ``Dynamics.run`` at the present ``time`` (local).
-
-    Raises:
-        ValueError: For such an argument.
-    """
-    expected = f"a time from the present one, {time:.6g}, on"
-    check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
-    expected = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
-    check_kind("options", options, SteppingOptions, expected)
-    if tolerance is not None:
-        check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)
-    for name, function in (("set_loads", set_loads), ("on_step", on_step)):
-        if function is not None and not callable(function):
-            raise ValueError(f"{name}={function!r}: expected a function, or None")
 
 
 def check_step(dt: Any, time: float) -> None:

@@ -38,7 +38,7 @@ def linearize_balance(motions: ObstacleMotions, system: LinearSystem) -> Border:
         acting = M_q * contact.acts[:, None]
         multipliers = size + 2 * system.local(contact, place)[:, None] + np.arange(2)
         mine = contact.slave.owned
-        columns[own, multipliers] += np.moveaxis(contact.motion_rows()[mine], 2, 0)
+        columns[own, multipliers] += np.moveaxis(contact.rows.by_motions()[mine], 2, 0)
         rows[own, multipliers] += acting[:, mine]
         for row, forces in zip(rows[own], E_d, strict=True):
             contact.slave.scatter_add(forces, row)

@@ -19,6 +19,7 @@ from fenics_mortar.bulk.bodies import (
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
+from fenics_mortar.interface.mortar import MortarOperators
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.mesh.data import MeshData
 from fenics_mortar.utils import compat
@@ -135,9 +136,22 @@ class BodyMotions:
         return [contact for contact in self.contacts if self.at_body(contact, body).any()]
 
     def at_body(self, contact: Contact, body: FloatingBody) -> Flags:
-        """Whether the force of a slave node may act on a body, shape (slave nodes,)."""
+        """Whether the force of a slave node may act on a body, shape (slave nodes,).
+
+        A force acts on the slave node's own body and on those that its partners belong to.
+        """
         on_slave = self.labels_of(contact.slave) == body.label
-        return on_slave | bool((self.labels_of(contact.master) == body.label).any())
+        on_master = self.labels_of(contact.master) == body.label
+        if on_master.all() or not on_master.any():
+            return on_slave | bool(on_master.any())
+        return on_slave | self._faces(contact.operators, on_master)
+
+    def _faces(self, operators: MortarOperators, on_master: Flags) -> Flags:
+        """Whether slave nodes face any of the master nodes ``on_master``, (slave nodes,)."""
+        s, found = operators.segments, np.zeros(len(operators.x), bool)
+        faces = on_master[s.master].any(axis=1)
+        found[s.slave[faces]] = True
+        return self.bulk.comm.allreduce(found, np.logical_or)
 
     def contact_force(self, body: FloatingBody) -> float:
         """Integral of |pressure| over all contacts of a body [stress length]."""

@@ -24,12 +24,10 @@ import numpy.typing as npt
 from scipy.linalg import LinAlgError
 from scipy.linalg.blas import dger
 
-from fenics_mortar.utils.rounding import SUM_ROUNDING
+from fenics_mortar.utils.rounding import MAX_STEPS, SUM_ROUNDING
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
-# Maximum number of pivots per variable; five problems that were examined took less than one.
-MAX_PIVOTS = 50
 
 
 class FrictionProblem(NamedTuple):
@@ -64,6 +62,13 @@ class Sets(NamedTuple):
 
 def solve_friction(problem: FrictionProblem) -> Sets | None:
     """Solve the linearized problem; ``None`` if Lemke's method finds no solution (local)."""
+    M, q = as_complementarity(problem)
+    basic = lemke(M, q)
+    return None if basic is None else sets_of(problem, M, q, basic)
+
+
+def as_complementarity(problem: FrictionProblem) -> tuple[Array, Array]:
+    """M and q of the unknowns (z_n, b+, b-, s); the last three of nodes with friction only."""
     n = problem.slope.size
     rough = np.flatnonzero(problem.slope > 0.0)
     m = rough.size
@@ -81,10 +86,16 @@ def solve_friction(problem: FrictionProblem) -> Sets | None:
         ]
     )
     u = problem.q[n + rough]
-    q = np.concatenate([problem.q[:n], -u, u, np.zeros(m)])
-    basic = lemke(M, q)
-    if basic is None:
-        return None
+    return M, np.concatenate([problem.q[:n], -u, u, np.zeros(m)])
+
+
+def sets_of(
+    problem: FrictionProblem, M: Array, q: Array, basic: npt.NDArray[np.bool_]
+) -> Sets | None:
+    """Sets and multipliers of the basic unknowns; ``None`` if they are not unique (local)."""
+    n = problem.slope.size
+    rough = np.flatnonzero(problem.slope > 0.0)
+    m = rough.size
     try:
         z = np.where(basic, np.linalg.solve(np.where(basic, -M, np.eye(len(M))), q), 0.0)
     except LinAlgError:
@@ -104,7 +115,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
         q: Shape (n,).
 
     Returns:
-        Shape (n,), bool; ``None`` if the path ends in a ray or after ``MAX_PIVOTS`` pivots per
+        Shape (n,), bool; ``None`` if the path ends in a ray or after ``MAX_STEPS`` pivots per
         variable.
     """
     n = q.size
@@ -116,8 +127,8 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
     # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, z_0 is 2 n.
     rows, columns, z_0 = np.arange(n), np.arange(n, 2 * n + 1), 2 * n
     row, column = int(np.argmin(q / relaxed)), n
-    for _ in range(MAX_PIVOTS * n):
-        table = _exchange(table, row, column)
+    for _ in range(MAX_STEPS * n):
+        table = exchange(table, row, column)
         left, rows[row], columns[column] = rows[row], columns[column], rows[row]
         if left == z_0:
             return np.isin(np.arange(n, 2 * n), rows)
@@ -134,7 +145,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
     return None
 
 
-def _exchange(table: Array, row: int, column: int) -> Array:
+def exchange(table: Array, row: int, column: int) -> Array:
     """Pivot: exchange a basic and a nonbasic variable, in place; return the table."""
     pivot = table[row, column]
     line, rest = table[row] / -pivot, table[:, column].copy()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fenics_mortar.contact.rows import gap_by_motions
 from fenics_mortar.rigid.motions import ObstacleMotions, in_words
 from fenics_mortar.rigid.springs import tangent_stiffness, unresisted
 from fenics_mortar.utils.arrays import Array
@@ -19,7 +20,7 @@ def loose_motions(motions: ObstacleMotions) -> list[Array]:
     found = []
     for number, driven in enumerate(motions.driven):
         basis = np.eye(3)[driven]
-        closing = [c.gap_by_motions()[c.active] for c in motions.contacts_of(number)]
+        closing = [gap_by_motions(c.now)[c.active] for c in motions.contacts_of(number)]
         found.append(unresisted(basis @ np.concatenate([*closing, np.zeros((0, 3))]).T) @ basis)
     return found
 

@@ -26,7 +26,9 @@ def closest_move(
     Returns:
         Coefficients of the move, shape (n,) [length].
     """
-    room = [np.nan_to_num(c.closing_gap) + RIGID.overlap * c.nodal_lengths for c in contacts]
+    room = [
+        np.nan_to_num(c.now.closing_gap) + RIGID.overlap * c.slave.nodal_lengths for c in contacts
+    ]
     rows = [np.empty((0, wanted.size)), *closing]
     if back is not None:
         room, rows = [*room, np.zeros(1)], [*rows, back[None]]

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING
+
 
 @dataclass(frozen=True)
 class RigidOptions:
@@ -40,7 +42,7 @@ class RigidOptions:
 
     resisted: float = 1e-3
     weakest_spring: float = 1e-6
-    stiffness_rounding: float = 1e-13
+    stiffness_rounding: float = ASSEMBLY_ROUNDING
     negligible: float = 0.005
     slight: float = 1e-5
     normals_err: float = 0.05

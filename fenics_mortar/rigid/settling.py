@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fenics_mortar.contact.rows import gap_by_motions
 from fenics_mortar.rigid.motions import ObstacleMotions, in_words, slip_by_motions
 from fenics_mortar.rigid.moves import closest_move
 from fenics_mortar.rigid.options import RIGID
@@ -34,7 +35,7 @@ def follow(motions: ObstacleMotions) -> Array:
         mine = motions.contacts_of(number)
         slip = np.concatenate([c.slip[c.sticking] for c in mine])
         along = np.concatenate([slip_by_motions(c, c.sticking) for c in mine])
-        across = np.concatenate([c.gap_by_motions()[c.sticking] for c in mine])
+        across = np.concatenate([gap_by_motions(c.now)[c.sticking] for c in mine])
         rows = np.concatenate([along, across])[:, driven]
         sizes = np.linalg.norm(rows, axis=0)  # a turn has other units than a translation
         sizes[sizes == 0.0] = 1.0
@@ -87,7 +88,7 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
         return np.zeros(3)
     basis = np.eye(3)[driven]
     along = (basis @ push) / np.linalg.norm(push)
-    closing = [-contact.gap_by_motions() @ basis.T for contact in contacts]
+    closing = [-gap_by_motions(contact.now) @ basis.T for contact in contacts]
     wanted = RIGID.largest_move * contacts[0].arm * along
     move = closest_move(wanted, closing, contacts, back=-along)
     if move @ along > RIGID.sliver * motions.shortest_facet():
@@ -111,6 +112,6 @@ def own_slide(motions: ObstacleMotions, start: Array) -> float:
         slides = np.concatenate([c.sliding[c.active] for c in mine])
         if slides.size and slides.all():
             slips = [slip_by_motions(c, c.active) @ motion for c in mine]
-            width = sum(float(c.nodal_lengths[c.active].sum()) for c in mine)
+            width = sum(float(c.slave.nodal_lengths[c.active].sum()) for c in mine)
             widths.append(float(np.abs(np.concatenate(slips)).min()) / width)
     return max(widths)

@@ -19,11 +19,11 @@ import numpy as np
 from fenics_mortar.bulk.bodies import resistance
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.utils.arrays import Array, Flags, freeze
+from fenics_mortar.utils.arrays import Array, Flags, Value
 
 
 @dataclass(frozen=True)
-class Springs:
+class Springs(Value):
     """Anchored springs on dofs or motions, as arrays of equal shape.
 
     Attributes:
@@ -33,10 +33,6 @@ class Springs:
 
     stiffness: Array
     anchor: Array
-
-    def __post_init__(self) -> None:
-        """Take copies of arrays that can be written to."""
-        freeze(self)
 
     def forces(self, at: Array) -> Array:
         """Forces of the springs at the positions ``at`` [stress length] (local)."""

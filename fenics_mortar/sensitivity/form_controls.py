@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Constants and functions of UFL in the residual and in Dirichlet conditions, as controls.
 
-The rows of free dofs change with the form r, those of prescribed dofs hold u - g with the
+The rows of free dofs change with the form r, those of prescribed dofs are u - g with the
 prescribed values g. A control m may occur in both:
 
     (dR/dm) dm = dr/dm dm  at free dofs,    -dg/dm dm  at prescribed dofs.

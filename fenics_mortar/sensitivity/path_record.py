@@ -95,7 +95,7 @@ class RecordedPath:
         mu = fm.sensitivity.LawParameter(0, "mu")
         gradient = fm.gradient(fm.sensitivity.TotalForce(0, (1.0, 0.0)), [E, mu], path)
 
-    The state at the start is given: derivatives do not go beyond it. Each record holds the
+    The state at the start is given: derivatives do not go beyond it. Each record contains the
     displacement, the interface states and the values of all constants and functions of the
     residual.
 

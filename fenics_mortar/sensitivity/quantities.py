@@ -312,7 +312,7 @@ class FrictionWork(PairQuantity):
 
     def _of(self, contact: Contact) -> float:
         """See ``PairQuantity``."""
-        return contact.friction_work
+        return contact.now.friction_work
 
     def _by_fields(self, contact: Contact) -> ByFields:
         """See ``PairQuantity``."""

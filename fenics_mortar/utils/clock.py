@@ -8,6 +8,10 @@ from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
+from mpi4py import MPI
+
+import numpy as np
+
 P = ParamSpec("P")
 T = TypeVar("T")
 # Time outside all phases.
@@ -44,6 +48,13 @@ class Clock:
         seconds[self._running[-1]] += now - self._since
         self._since = now
         return seconds
+
+    def slowest(self, comm: MPI.Comm) -> dict[str, float]:
+        """As ``read``, the maximum over the ranks (collective)."""
+        mine = self.read()
+        slowest = np.array(list(mine.values()))
+        comm.Allreduce(MPI.IN_PLACE, slowest, MPI.MAX)
+        return dict(zip(mine, slowest.tolist(), strict=True))
 
 
 class Phase:

@@ -16,6 +16,8 @@ LAST_DIGITS = 1e-14
 ROUNDING = 1e-9
 # Relative error of sums of up to thousands of terms, without cancellation [1].
 SUM_ROUNDING = 1e-12
+# Relative roundoff of assembled vectors and their resultants: sums of some hundred products [1].
+ASSEMBLY_ROUNDING = 1e-13
 # Relative size below which a quantity that vanishes at a solution is zero [1]: Newton's method
 # stops at 1e-8.
 SOLVED = 1e-6
@@ -28,6 +30,6 @@ HALF_FACET = 0.5
 # Frames that differ by less than this angle [radian] need not be rotated into each other: vectors
 # differ by 2 % across and 0.02 % along, paths of length L by L / 200.
 SMALL_ANGLE = 0.02
-# Steps of an iteration for one number. Halving an interval of length 2 to rounding takes 54;
-# Newton's method takes about 5.
+# Steps of an iteration per unknown. Halving an interval of length 2 to rounding takes 54, Newton's
+# method for one number about 5, Lemke's method less than one pivot per variable.
 MAX_STEPS = 60

@@ -22,7 +22,7 @@ def between_nodes(contact: Contact) -> dict[str, Any]:
     """Penetration and distance over facet lengths, as fields of a certificate (collective)."""
     o, s = contact.operators, contact.intersections()
     ends, samples = o.x[s.slave[:, [0, -1]]], np.linspace(-1.0, 1.0, LIMITS.samples)
-    gaps = o.sample_gaps(o.x + contact.full_offset[:, None] * o.n, s, samples)
+    gaps = o.sample_gaps(o.x + contact.now.offset[:, None] * o.n, s, samples)
     gaps /= np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
     smallest, where = np.inf, ""
     if gaps.size:
@@ -41,7 +41,9 @@ def paired_nodes(contact: Contact | Tie) -> Indices:
     seen = np.zeros(contact.master.num_nodes, bool)
     seen[contact.intersections().master.ravel()] = True
     contact.slave.comm.Allreduce(MPI.IN_PLACE, seen, MPI.LOR)
-    return np.concatenate([contact.slave.nodes[contact.has_partner], contact.master.nodes[seen]])
+    return np.concatenate(
+        [contact.slave.nodes[contact.now.has_partner], contact.master.nodes[seen]]
+    )
 
 
 def count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indices) -> int:
@@ -62,7 +64,7 @@ def count_unpaired(bulk: Bulk, contact: Contact, labels: Indices, paired: Indice
         inside = bulk.cells.inside_other_body(bulk.positions(), x[alone], own[alone], labels)
         found += int(inside.sum())
     if contact.obstacle is not None:
-        phi = contact.on_obstacle.phi - contact.full_offset
-        deep = phi < -HALF_FACET * contact.nodal_lengths
+        phi = contact.on_obstacle.phi - contact.now.offset
+        deep = phi < -HALF_FACET * contact.slave.nodal_lengths
         found += int((deep & ~np.isin(contact.slave.nodes, paired)).sum())
     return found

@@ -143,11 +143,12 @@ def _certify_pair(
     """Measure one pair; ``paired``: global numbers of the nodes with a partner in any pair."""
     pressure = np.einsum("jc,jc->j", contact.operators.n, contact.z)
     limit = contact.now.friction_limit(pressure)
-    limit = np.where(contact.active, limit, 0.0)
-    excess, tension = np.abs(contact.z_tau) - limit, contact.tension
+    bears = contact.acts if contact.pair.law.bridges_gap else contact.active
+    limit = np.where(bears, limit, 0.0)
+    excess, tension = np.abs(contact.z_tau) - limit, contact.now.tension
     smallest = LIMITS.min_pressure * float(contact.modulus.max())
     largest = max(float(np.abs(pressure).max()), smallest)
-    gap = np.nan_to_num(contact.closing_gap) / contact.nodal_lengths
+    gap = np.nan_to_num(contact.now.closing_gap) / contact.slave.nodal_lengths
     gradient, gradient_at = gradient_error(contact)
     return PairCertificate(
         **action_and_reaction(contact),
@@ -177,6 +178,6 @@ def _certify_tie(tie: Tie) -> PairCertificate:
     """Measure one tied pair, which carries tension and shear as well."""
     return PairCertificate(
         **action_and_reaction(tie),
-        overlap=float(np.nanmax(tie.gap / tie.nodal_lengths)),
-        uncovered=int((~tie.has_partner).sum()),
+        overlap=float(np.nanmax(tie.gap / tie.slave.nodal_lengths)),
+        uncovered=int((~tie.now.has_partner).sum()),
     )

@@ -187,7 +187,7 @@ def end_pressure(contact: Contact, pressure: Array) -> dict[str, Any]:
         pressure: Normal multipliers, shape (slave nodes,) [stress].
     """
     slave, reach = contact.slave, contact.slave.degree
-    prescribed = (contact.free == 0.0).any(axis=1) & np.isin(slave.nodes, contact.idle_nodes)
+    prescribed = (contact.free == 0.0).any(axis=1) & ~contact.may_carry
     around = slave.along(np.flatnonzero(prescribed), range(-3 * reach, 3 * reach + 1))
     there = np.where(around >= 0, pressure[around], 0.0)
     beside = there[:, 2 * reach : 4 * reach + 1].max(axis=1, initial=0.0)

@@ -125,7 +125,7 @@ class Crossings:
 
     def find(self) -> list[Crossing]:
         """Deepest crossing of each two outlines at the present displacement."""
-        rows, found = self._crossings(self._positions()), []
+        rows, found = self._crossings(self._positions(), self._allowed()), []
         for pair, row in self._deepest(rows).items():
             facets = float(row[2]) - self._excused.get(pair, 0.0)
             if facets > 0.0:
@@ -133,11 +133,11 @@ class Crossings:
                 found.append(Crossing(sides, place(row[4:]), float(row[3]), facets))
         return sorted(found, key=lambda crossing: -crossing.facets)
 
-    def _crossings(self, x: Array) -> Array:
-        """Rows of ``find_crossings`` with the nodes at ``x``."""
+    def _crossings(self, x: Array, allowed: Array) -> Array:
+        """Rows of ``find_crossings`` with the nodes at ``x`` and their admitted overlaps."""
         o = self.outline
         return find_crossings(
-            x, o.segments, *self._links, o.lengths(x), self._segment_bodies, self._allowed()
+            x, o.segments, *self._links, o.lengths(x), self._segment_bodies, allowed
         )
 
     def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
@@ -150,10 +150,11 @@ class Crossings:
     def _as_meshed(self) -> dict[tuple[int, int], float]:
         """Overlap of unpaired bodies in the mesh [facets], inf if it is deep.
 
-        The overlap of a body with itself, as of a closed ring, is its value in the mesh.
+        Offsets are zero then. The overlap of a body with itself, as of a closed ring, is its value
+        in the mesh.
         """
-        found = {}
-        for pair, row in self._deepest(self._crossings(self.outline.X)).items():
+        found, X = {}, self.outline.X
+        for pair, row in self._deepest(self._crossings(X, np.zeros(len(X)))).items():
             if pair not in self._paired:
                 same, facets = pair[0] == pair[1], float(row[2])
                 found[pair] = facets if same or facets <= HALF_FACET else np.inf
@@ -163,7 +164,7 @@ class Crossings:
         """Overlap of nodes admitted by the offsets of contacts, shape (n,) [length]."""
         allowed = np.zeros(len(self.outline.X))
         for contact, there in zip(self._contacts, self._slaves, strict=True):
-            offset = contact.full_offset
+            offset = contact.now.offset
             if offset.any():
                 np.maximum.at(allowed, there, np.maximum(-offset, 0.0))
         return allowed
@@ -289,7 +290,7 @@ class Crossings:
             start = own_frame(obstacle, self.accepted.x, self.accepted.places[number])
             end = own_frame(obstacle, x1, places[number])
             knots = Motions(start, end, self.outline.bodies).ways()[:, there]
-            given = knots, contact.full_offset, contact.nodal_lengths
+            given = knots, contact.now.offset, contact.slave.nodal_lengths
             depth = call_together(
                 self.outline.comm,
                 f"the distance of '{obstacle.name}'",

@@ -70,7 +70,7 @@ def _gaps(contact: Contact, segments: Segments) -> Array:
     With small sliding they are linear in the motion, as nodal gaps are.
     """
     o, first = contact.operators, contact.as_faced
-    gap = first.sample_gaps(first.x + contact.full_offset[:, None] * o.n, segments, GAUSS[0])
+    gap = first.sample_gaps(first.x + contact.now.offset[:, None] * o.n, segments, GAUSS[0])
     if isinstance(first, ObstacleOperators) and isinstance(o, ObstacleOperators):
         return gap + points_of(segments).of(o.phi - first.phi)
     here = face(first, segments)

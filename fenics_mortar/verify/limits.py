@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fenics_mortar.interface.segments import POINTS
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.rounding import HALF_FACET, SOLVED
 
@@ -51,7 +52,7 @@ class Limits:
     corner: float = 0.3
     around_corner: int = 3
     end_pressure: float = 2.0
-    samples: int = 5
+    samples: int = POINTS
 
 
 LIMITS = Limits()

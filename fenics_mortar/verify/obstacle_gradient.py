@@ -13,12 +13,10 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.obstacles.obstacle import Obstacle, SignedDistance
+from fenics_mortar.obstacles.shape_change import DIFFERENCE
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together, place
-
-# Length of the differences over the nodal length [1]: short of curvatures that facets resolve, long
-# against roundoff of positions.
-DIFFERENCE = 1e-4
+from fenics_mortar.utils.rounding import TINY
 
 
 def gradient_error(contact: Contact) -> tuple[float, str]:
@@ -44,7 +42,7 @@ def gradient_error(contact: Contact) -> tuple[float, str]:
 def _errors(obstacle: Obstacle, contact: Contact) -> Array:
     """Sine of the angle between gradient and difference quotients, (active nodes,) (local)."""
     x = contact.operators.x[contact.active]
-    step = DIFFERENCE * contact.nodal_lengths[contact.active]
+    step = DIFFERENCE * contact.slave.nodal_lengths[contact.active]
     _, gradient, _ = obstacle.evaluate(x)
     moves = step[:, None, None] * np.eye(2)
     ahead, behind = (
@@ -54,7 +52,7 @@ def _errors(obstacle: Obstacle, contact: Contact) -> Array:
     quotients = ahead - behind  # only their direction matters
     across = gradient[:, 0] * quotients[:, 1] - gradient[:, 1] * quotients[:, 0]
     along = (gradient * quotients).sum(axis=1)
-    sine = np.abs(across) / np.maximum(np.hypot(across, along), np.finfo(float).tiny)
+    sine = np.abs(across) / np.maximum(np.hypot(across, along), TINY)
     return np.where(along > 0.0, sine, 1.0)
 
 

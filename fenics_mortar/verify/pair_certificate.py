@@ -168,13 +168,18 @@ class PairCertificate:
 
     def _sticking_corner(self) -> str:
         """Describe a corner of the slave that sticks beyond the friction limit."""
-        slave, _, master = self.pair.partition(" - ")
+        master = self.pair.partition(" - ")[2]
         return (
             f"{self.pair}: a corner of the slave sticks at {self.excess_shear_at}, but the "
             f"shear along '{master}' is {self.excess_shear:.1%} above the friction limit: the "
             "direction of the force on a corner, that of its averaged normal, is not resolved; "
-            f"take '{master}' as slave and '{slave}' as master, or round the corner"
+            f"{self._other_roles()}round the corner"
         )
+
+    def _other_roles(self) -> str:
+        """Advice to exchange slave and master; "" for a surface in contact with itself."""
+        slave, _, master = self.pair.partition(" - ")
+        return f"take '{master}' as slave and '{slave}' as master, or " * (slave != master)
 
     def _wrong_gradient(self) -> str:
         """Describe the gradient of a distance that is not its derivative."""
@@ -197,12 +202,11 @@ class PairCertificate:
         """Describe the error of the contact direction at corners."""
         limit = min(LIMITS.at_corners, max(LIMITS.of_friction * self.friction, LIMITS.negligible))
         if self.friction > 0.0 and self.misdirected > limit:
-            slave, _, master = self.pair.partition(" - ")
             yield (
                 f"{self.pair}: {self.misdirected:.1%} of the normal forces act along the surface, "
                 f"compared with a friction of {self.friction:.2g}: a corner of the slave presses "
-                f"at {self.oblique_at}, along its averaged normal; take '{master}' as slave and "
-                f"'{slave}' as master, or round the corner"
+                f"at {self.oblique_at}, along its averaged normal; {self._other_roles()}"
+                "round the corner"
             )
         if self.friction > 0.0 or not self.oblique > LIMITS.at_corners:
             return

@@ -26,11 +26,8 @@ from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.markdown import Markdown
-from fenics_mortar.utils.rounding import EPSILON
+from fenics_mortar.utils.rounding import ASSEMBLY_ROUNDING
 from fenics_mortar.verify.matrices import OperatorMatrices
-
-# Relative remainders below this are rounding and define no slope: sums of some hundred terms.
-SMALLEST_REMAINDER = 500.0 * EPSILON
 
 
 class Checkable(Protocol):
@@ -62,7 +59,7 @@ class TangentCheck(Markdown):
         return {name: self._slope(values) for name, values in self.remainders.items()}
 
     def _slope(self, values: Array) -> float:
-        seen = values > SMALLEST_REMAINDER
+        seen = values > ASSEMBLY_ROUNDING  # smaller ones define no slope
         if seen.sum() < 2:
             return np.inf
         return float(np.polyfit(np.log(self.steps[seen]), np.log(values[seen]), 1)[0])
@@ -149,7 +146,7 @@ class _Probe:
         self.z0 = [self._fill(contact, rng) for contact in self.contacts]
         self.dz = [np.abs(z).max() * rng.uniform(-1.0, 1.0, z.shape) for z in self.z0]
         self._move(0.0)
-        self._frames: list[Any] = [contact.frame() for contact in self.contacts]
+        self._frames: list[Any] = [contact.rows.frame() for contact in self.contacts]
 
     def _fill(self, contact: Contact | Tie, rng: np.random.Generator) -> Array:
         size = np.abs(contact.z).max() or 0.01 * contact.modulus.max()
@@ -183,7 +180,7 @@ class _Probe:
             on_slave, on_master = o.force(np.where(contact.acts[:, None], contact.z, 0.0))
             contact.slave.scatter_add(on_slave, force)
             contact.master.scatter_add(on_master, force)
-            laws.append(contact.law(frame)[contact.slave.owned].ravel())
+            laws.append(contact.rows.weighted(frame)[contact.slave.owned].ravel())
         replicated = {name: self._mine(np.concatenate(parts)) for name, parts in found.items()}
         for contact in self.contacts:  # as in the system
             contact.change(z=np.where(contact.acts[:, None], contact.z, 0.0))
@@ -213,11 +210,11 @@ class _Probe:
 
     def _by_motions(self, contact: Contact | Tie) -> tuple[Array, Array, Array]:
         """Derivatives of normals, gap and law along the motions of the pair's obstacle (local)."""
-        if contact.obstacle is None:
+        if isinstance(contact, Tie) or contact.obstacle is None:
             return np.zeros(1), np.zeros(1), np.zeros_like(contact.z)
         dq = self.dq[self.motions.obstacles.index(contact.obstacle)]
         o = contact.on_obstacle
-        return o.dn_dq @ dq, o.dgap_dq @ dq, contact.motion_rows() @ dq
+        return o.dn_dq @ dq, o.dgap_dq @ dq, contact.rows.by_motions() @ dq
 
     def _whole(self) -> Array:
         """The four blocks of the saddle-point system times (du, dz), with motions of obstacles."""

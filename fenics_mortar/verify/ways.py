@@ -15,7 +15,7 @@ import numpy.typing as npt
 from fenics_mortar.kernels.passage import OPPOSED
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
-from fenics_mortar.utils.rounding import SMALL_ANGLE
+from fenics_mortar.utils.rounding import SMALL_ANGLE, TINY
 from fenics_mortar.verify.limits import LIMITS
 
 # Largest rotation of a body in one straight section of its path [radian], which shrinks it by 8 %.
@@ -114,7 +114,7 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
     through = np.zeros(len(offset))
     if which.size:
         passed = _trace(obstacle, knots[:, which], far[:, which], offset[which], lengths[which])
-        through[which] = np.where(passed, np.maximum(end[which], np.finfo(float).tiny), 0.0)
+        through[which] = np.where(passed, np.maximum(end[which], TINY), 0.0)
     return through
 
 
@@ -127,7 +127,7 @@ def own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:
 def _distance(obstacle: Obstacle, x: Array, offset: Array) -> tuple[Array, Array]:
     """Distances (s,) less the offset, lower bounds if |grad phi| > 1, and unit gradients."""
     phi, gradient, _ = obstacle.local(x)
-    size = np.maximum(np.hypot(*gradient.T), np.finfo(float).tiny)
+    size = np.maximum(np.hypot(*gradient.T), TINY)
     return (phi - offset) / np.maximum(size, 1.0), gradient / size[:, None]
 
 

@@ -62,6 +62,7 @@ def problem_on_folded(kind):
     return problem_on(data, [], material=linear_elastic, u=u, bcs=bcs)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "kind, words",
     [

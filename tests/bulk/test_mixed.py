@@ -352,6 +352,7 @@ def test_function_prescribes_a_part():
     assert not values[np.ravel(pressures)].any()
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("kind", ["constant", "other degree", "view"])
 def test_values_that_cannot_prescribe_a_part_are_refused(kind):
     data = read(two_blocks.build, **GENERIC)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -31,32 +32,41 @@ class Driven:
     """
 
     def __init__(
-        self, grids: list[Grid], parts: dict[str, Any], pairs: Any, *, problem: Any = None,
-        order: int = 1, reverse: bool = False, foundation: float = 0.0,
+        self, grids: list[Grid] | fm.MeshData, parts: dict[str, Any], pairs: Any, *,
+        problem: Any = None, order: int = 1, reverse: bool = False, foundation: float = 0.0,
+        residual: Any = None,
     ) -> None:  # fmt: skip
         """Set up.
 
         Args:
-            grids: The bodies.
+            grids: The bodies, or their mesh.
             parts: By name, where nodes are held: functions of x (3, n) that return bool (n,).
             pairs: Function of the mesh data that returns the pairs.
             problem: Options of the problem.
             order: Order of cells and displacement.
             reverse: Whether the nodes are numbered from the other end.
             foundation: Stiffness of springs at all points [stress / length^2].
+            residual: Function of the displacement that returns the internal virtual work; that of
+                plane neo-Hookean bodies by default.
         """
-        grids = [backwards(grid) for grid in grids] if reverse else grids
-        self.data = read(lambda: mapped_grids.build(grids, order=order))
+        if isinstance(grids, fm.MeshData):
+            self.data = grids
+        else:
+            bodies = [backwards(grid) for grid in grids] if reverse else grids
+            self.data = read(lambda: mapped_grids.build(bodies, order=order))
         V = fm.vector_space(self.data.mesh, order)
         self.u, self.moved, bcs = fem.Function(V), {}, []
         for name, where in parts.items():
             self.moved[name] = fem.Constant(self.data.mesh, (0.0, 0.0))
             bcs.append(fem.dirichletbc(self.moved[name], fem.locate_dofs_geometrical(V, where), V))
-        residual = internal(self.u, neo_hookean(self.u, E, NU))
+        if residual is None:
+            form = internal(self.u, neo_hookean(self.u, E, NU))
+        else:
+            form = residual(self.u)
         if foundation:
-            residual += foundation * ufl.inner(self.u, ufl.TestFunction(V)) * ufl.dx
+            form += foundation * ufl.inner(self.u, ufl.TestFunction(V)) * ufl.dx
         options = {"petsc_options_prefix": "test_self_", "newton": TIGHT, **(problem or {})}
-        self.problem = fm.ContactProblem(residual, self.u, pairs(self.data), bcs=bcs, **options)
+        self.problem = fm.ContactProblem(form, self.u, pairs(self.data), bcs=bcs, **options)
 
     def move(self, steps: int, **motions: Any) -> Any:
         """Move parts proportionally to new places; return the path's report.
@@ -93,18 +103,29 @@ def backwards(grid: Grid) -> Grid:
     return replace(grid, x=grid.x[::-1, ::-1], joined=names)
 
 
-def c_ring(pairs: Any, *, mouth: float = 0.12, columns: int = 36, **options: Any) -> Driven:
-    """A ring with a mouth of parallel ends on the right, fixed at the bottom, moved at the top."""
+def c_ring(
+    pairs: Any, *, mouth: float = 0.12, columns: int = 36, centre: float = 0.0, **options: Any
+) -> Driven:
+    """A ring with a mouth of parallel ends on the right, fixed at the bottom, moved at the top.
+
+    Its centre is at x = ``centre``, so that it may be the section of a torus.
+    """
     half = np.arcsin(mouth)
     shape = sector(columns, 3, radii=(0.8, 1.0), angles=(half, 2 * np.pi - half))
     shape[0, :, 1], shape[-1, :, 1] = 0.5 * mouth, -0.5 * mouth
+    shape[..., 0] += centre
+
+    def held(side: float) -> Any:
+        def where(x: Any) -> Any:
+            r = x[0] - centre
+            return (np.hypot(r, x[1]) > 0.999) & (r > 0.6) & (side * x[1] > 0.2)
+
+        return where
+
     names = {"left": "ring/first", "right": "ring/last"}
     return Driven(
         [Grid("ring", shape, joined=names)],
-        {
-            "low": lambda x: (np.hypot(x[0], x[1]) > 0.999) & (x[0] > 0.6) & (x[1] < -0.2),
-            "high": lambda x: (np.hypot(x[0], x[1]) > 0.999) & (x[0] > 0.6) & (x[1] > 0.2),
-        },
+        {"low": held(-1.0), "high": held(1.0)},
         pairs,
         **options,
     )
@@ -159,8 +180,14 @@ def tube(pairs: Any, *, columns: int = 40, upright: bool = True, **options: Any)
     )
 
 
-def ten_bodies(pairs: Any, *, seed: int = 1, foundation: float = 0.5, **options: Any) -> Driven:
-    """Ten blocks of random sizes between a ground and a tool, on weak springs."""
+def ten_bodies(
+    pairs: Any, *, seed: int = 1, foundation: float = 0.5, joined: bool = True, **options: Any
+) -> Driven:
+    """Ten blocks of random sizes between a ground and a tool, on weak springs.
+
+    ``joined``: whether ``pairs`` gets the names of whole outlines, or else two lists, of lower and
+    upper sides and of left and right ones.
+    """
     rng = np.random.default_rng(seed)
     grids, y = [], 0.0
     for layer, count in enumerate((3, 4, 3)):
@@ -175,17 +202,76 @@ def ten_bodies(pairs: Any, *, seed: int = 1, foundation: float = 0.5, **options:
 
             shape = mapped(int(rng.integers(5, 9)), int(rng.integers(3, 5)), position)
             name = f"b{layer}{i}"
-            names = dict.fromkeys(mapped_grids.SIDES, f"{name}/outline")
+            names = dict.fromkeys(mapped_grids.SIDES, f"{name}/outline") if joined else {}
             grids.append(Grid(name, shape, joined=names))
         y += height + 0.03
     tool = block(13, 2, width=3.2, height=0.3, corner=(-0.1, y))
     ground = block(11, 2, width=3.4, height=0.3, corner=(-0.2, -0.33))
+    plates = ["tool/bottom", "ground/top"]
+    given: Any = [f"{grid.name}/outline" for grid in grids] + plates
+    if not joined:
+        level, upright = (
+            [f"{grid.name}/{side}" for grid in grids for side in sides]
+            for sides in (("bottom", "top"), ("left", "right"))
+        )
+        given = level + plates, upright
     grids += [Grid("tool", tool), Grid("ground", ground)]
-    names = [f"{grid.name}/outline" for grid in grids[:-2]] + ["tool/bottom", "ground/top"]
     return Driven(
         grids,
         {"low": lambda x: x[1] < -0.329, "high": lambda x: x[1] > y + 0.299},
-        lambda data: pairs(data, names),
+        lambda data: pairs(data, given),
         foundation=foundation,
         **options,
     )
+
+
+def honeycomb(
+    pairs: Any, *, cells: int = 3, wall: float = 0.15, wobble: float = 0.02, along: int = 4,
+    seed: int = 1,
+) -> Driven:  # fmt: skip
+    """Hexagonal cells with sides of about 1; columns are held below and moved above.
+
+    Args:
+        pairs: Function of the mesh data that returns the pairs; the boundary is "comb/walls".
+        cells: Cells of a column, and number of columns.
+        wall: Half the thickness of a wall over the distance of its axis from the cell's centre [1].
+        wobble: Random change of the corners [length].
+        along: Facets of the side of a cell.
+        seed: Seed of the corners.
+    """
+    rng, corners = np.random.default_rng(seed), dict[tuple[float, ...], np.ndarray]()
+    nodes, quads, height = dict[tuple[float, ...], int](), [], np.sqrt(3.0)
+    angles = np.pi / 3 * np.arange(6)
+    around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    low, high = list[np.ndarray](), list[np.ndarray]()
+    for column, row in np.ndindex(cells, cells):
+        outer = np.array([1.5 * column, height * (row + 0.5 * (column % 2))]) + around
+        for k, corner in enumerate(outer):
+            name = tuple(np.round(corner, 6) + 0.0)
+            if name not in corners:
+                corners[name] = corner + rng.uniform(-wobble, wobble, 2)
+            outer[k] = corners[name]
+        inner = outer.mean(axis=0) + (1.0 - wall) * (outer - outer.mean(axis=0))
+        low += [outer[4:6]] if row == 0 else []
+        high += [outer[1:3]] if row == cells - 1 else []
+        s = np.linspace(0.0, 1.0, along + 1)[:, None]
+        for k in range(6):
+            sides = [(1.0 - s) * p[k] + s * p[(k + 1) % 6] for p in (outer, inner)]
+            names = [[tuple(np.round(x, 9) + 0.0) for x in side] for side in sides]
+            (a, b) = ([nodes.setdefault(name, len(nodes)) for name in side] for side in names)
+            quads += list(zip(a[:-1], a[1:], b[1:], b[:-1], strict=True))
+    edges = Counter(tuple(sorted(e)) for q in quads for e in zip(q, (*q[1:], q[0]), strict=True))
+    walls = [edge for edge, count in edges.items() if count == 1]
+
+    def on(sides: list[np.ndarray]) -> Any:
+        return lambda x: np.any([_distance(x[:2].T, *side) < 1e-6 for side in sides], axis=0)
+
+    bodies, boundaries = {"comb": range(len(quads))}, {"comb/walls": walls}
+    data = fm.mesh_from_arrays(list(nodes), quads, bodies, boundaries)
+    return Driven(data, {"low": on(low), "high": on(high)}, pairs)
+
+
+def _distance(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Distance of points (n, 2) from the edge of a to b, shape (n,)."""
+    t = np.clip((x - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+    return np.linalg.norm(x - a - t[:, None] * (b - a), axis=1)

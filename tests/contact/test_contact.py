@@ -87,7 +87,7 @@ def test_node_whose_cover_grows_presses_on(monkeypatch):
     come back two iterations later.
     """
     scene = pressed_blocks(slave="lower", pair={"law": fm.Coulomb(0.3)}, **MESH)
-    contact, facet = scene.contact, scene.contact.nodal_lengths.max()
+    contact, facet = scene.contact, scene.contact.slave.nodal_lengths.max()
     for push in ((0.04, -0.05), (0.04, -0.1)):
         scene.loads["push"].value[:] = push
         scene.problem.solve()
@@ -112,7 +112,7 @@ def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
     """(w + dw) z for z = z_old, and the change of z times the old weight."""
     scene = pressed_blocks(slave="lower", pair={"law": fm.Coulomb(0.3)}, **MESH)
     contact, equations, u = scene.contact, scene.problem.equations, scene.u
-    facet, moved = contact.nodal_lengths.max(), []
+    facet, moved = contact.slave.nodal_lengths.max(), []
     for push in ((0.04, -0.05), (0.04, -0.1)):
         scene.loads["push"].value[:] = push
         scene.problem.solve()

@@ -179,6 +179,7 @@ WRONG = [
 ]
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("method, spoil, kind, words", WRONG)
 def test_wrong_answers_are_refused(method, spoil, kind, words):
     law = Wrong(method, spoil)
@@ -225,6 +226,7 @@ def test_law_with_a_rate_needs_the_time():
         drive(scene, [1])
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "mu, words",
     [

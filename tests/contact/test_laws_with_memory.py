@@ -4,12 +4,12 @@
 import numpy as np
 import pytest
 from law_scenes import HEIGHT, E, block_on_plane
-from scenes import pressed_blocks
+from scenes import linear_elastic, pressed_blocks
 
 from dolfinx import fem
 
 import fenics_mortar as fm
-from demos.laws import Cohesive, NormalCompliance, RateAndState, Stribeck, Worn
+from demos.laws import Cohesive, MixedCohesive, NormalCompliance, RateAndState, Stribeck, Worn
 from fenics_mortar.utils import compat
 
 SMALL = {"n_upper": 3, "n_lower": 4, "layers_upper": 2, "layers_lower": 2}
@@ -18,6 +18,7 @@ LAWS = {
     "compliance": NormalCompliance(2000.0, 1.5, 0.3),
     "linear compliance": NormalCompliance(200.0, 1.0, 0.2),
     "cohesive": Cohesive(2.0, 0.4),
+    "mixed cohesive": MixedCohesive(100.0, 2.0, 0.4),
     "Stribeck": Stribeck(0.4, 0.2, 0.05, 0.1),
     "rate and state": RateAndState(0.4, 0.2, 0.1, 0.2, 0.01),
     "field": fm.Coulomb(lambda X: 0.2 + 0.1 * np.sin(X[:, 0])),
@@ -119,6 +120,7 @@ def test_stribeck_falls_with_the_rate():
         assert coefficient == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("kind", ["array", "position", "function", "quadratic"])
 def test_coefficient_of_friction_is_a_field(kind):
     law = fm.Coulomb(0.0)
@@ -150,10 +152,35 @@ def test_coefficient_of_friction_is_a_field(kind):
 def test_tangent_has_slope_two(name, degree):
     scene = pressed_blocks(degree=degree, pair={"law": LAWS[name]}, **SMALL)
     push, problem = scene.loads["push"], scene.problem
-    sign = 1.0 if name == "cohesive" else -1.0
+    sign = 1.0 if "cohesive" in name else -1.0
     for number in (1, 2):
         problem.time = float(number)
         push.value[:] = (0.01 * number, sign * 0.02 * number)
         problem.solve(accept_violations=True)
     assert scene.contact.acts.any()
     assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_bond_is_damaged_by_opening_and_slip_together():
+    """A block of 1e7 times the bond's stiffness: its motion is the jump, in any order of modes."""
+    k, strength, reach, stiff = 100.0, 2.0, 0.1, 1e7
+    law, largest = MixedCohesive(k, strength, reach), 0.0
+
+    def material(u, E, nu):
+        return stiff * linear_elastic(u, 1.0, nu)
+
+    problem, push, _ = block_on_plane(law, material=material)
+    contact = problem.contacts[0]
+    for motion in ((0.0, 0.005), (0.005, 0.01), (0.03, 0.02), (0.01, 0.01), (-0.04, 0.05)):
+        push.value[:] = motion
+        assert problem.solve().certificate.violations() == []
+        jump = np.hypot(*motion)
+        largest = max(largest, jump)
+        softened = strength * (reach - largest) / ((reach - strength / k) * largest)
+        secant = min(k, softened)
+        assert contact.pressure == pytest.approx(-secant * motion[1], rel=1e-4)
+        assert contact.shear == pytest.approx(secant * motion[0], rel=1e-4, abs=1e-10)
+        assert problem.check_tangent().slopes["whole"] > 1.95
+    push.value[:] = 0.09, 0.08
+    problem.solve()
+    assert np.abs([contact.pressure, contact.shear]).max() == 0.0

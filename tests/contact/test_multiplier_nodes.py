@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fenics_mortar.contact.multiplier_nodes import HAND_OVER, MultiplierNodes
+from fenics_mortar.contact.multiplier_nodes import MultiplierNodes
+from fenics_mortar.interface.surfaces import MIN_SHARE
 
 COUNT = 4
 
@@ -33,6 +34,6 @@ def test_function_is_handed_over_to_a_neighbour_that_is_covered_well(cover, carr
     nodes = MultiplierNodes(
         line(), np.tile([0.0, 1.0], (COUNT, 1)), np.ones((COUNT, 2)), at_vertices=False
     )
-    found = nodes.update(np.ones(COUNT, bool), HAND_OVER * np.array(cover))
+    found = nodes.update(np.ones(COUNT, bool), MIN_SHARE * np.array(cover))
     used = np.array(cover) > 0.0
     assert (found[used] == np.array(carry, bool)[used]).all()

@@ -25,6 +25,7 @@ def test_a_homogeneous_finite_strain_passes_any_interface(degree, angle, counts)
         assert off(problem, exact) < EXACT
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "basis, counts",
     [

@@ -53,7 +53,7 @@ def assembled(problem):
             own = slice(start := n + m + 3 * motions.obstacles.index(contact.obstacle), start + 3)
             units = np.array([1.0, 1.0, contact.arm])
             E_d, M_q, E_q = contact.on_obstacle.motion_force_derivatives(contact.z)
-            A[first : first + count, own] = contact.motion_rows().reshape(-1, 3) * units
+            A[first : first + count, own] = contact.rows.by_motions().reshape(-1, 3) * units
             rows = units[:, None] * E_d.reshape(3, -1)
             np.add.at(A[own], (slice(None), contact.slave.dofs.ravel()), rows)
             A[own, first : first + count] = units[:, None] * (M_q * contact.acts[:, None]).reshape(
@@ -278,6 +278,7 @@ def test_sensitivities_are_those_of_the_solution():
         assert gradient == pytest.approx(by_places @ [0.0, 1.0, 0.7], abs=1e-5 * scale)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "rhs, words",
     [

@@ -14,7 +14,7 @@ from meshes.mapped_grids import Grid, block
 THICKNESS, E = 0.01, 1e5
 
 
-def plates(cell):
+def plates(cell, law):
     """A thin plate that rests flat on another one, which is clamped at both ends; its push."""
     lower = block(48, 2, width=2.0, height=THICKNESS, corner=(-1.0, -THICKNESS))
     upper = block(30, 4, width=1.2, height=3 * THICKNESS, corner=(-0.5, 0.0))
@@ -26,7 +26,7 @@ def plates(cell):
         V, lambda x: np.isclose(x[1], 3 * THICKNESS) & (np.abs(x[0] - 0.1) < 0.3)
     )
     bcs = [fm.dirichlet(V, data, f"lower/{side}", (0.0, 0.0)) for side in ("left", "right")]
-    pair = fm.ContactPair(data, "upper/bottom", "lower/top")
+    pair = fm.ContactPair(data, "upper/bottom", "lower/top", law=law)
     problem = fm.ContactProblem(
         internal(u, neo_hookean(u, E, 0.3)),
         u,
@@ -37,10 +37,11 @@ def plates(cell):
     return problem, push
 
 
+@pytest.mark.parametrize("mu", [0.0, 0.3, 2.0])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_thin_plates_that_touch_settle(cell):
+def test_thin_plates_that_touch_settle(cell, mu):
     """Bent plates open and close over wide parts at once; the force grows as the push."""
-    problem, push = plates(cell)
+    problem, push = plates(cell, fm.Coulomb(mu) if mu else None)
     forces = []
     for depth in (1e-6, 2e-6):
         push.interpolate(lambda x, d=depth: np.outer((0.0, -d), np.ones(x.shape[1])))

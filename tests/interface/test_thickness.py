@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Axisymmetry and thickness: areas, derivatives of all options, forces, refused input."""
 
-from itertools import product
+from itertools import cycle, product
 
 from mpi4py import MPI
 
@@ -78,7 +78,9 @@ def test_tangent_is_exact(degree, cell, axis):
     choices = [*OPTIONS]
     if degree == 2:
         choices += [{"basis": "vertices"}, {"basis": "linear"}]
-    for choice, slave in product(choices, ["upper", "lower"]):
+    # Sides in turn: with a quadrilateral as slave what with a triangle is master.
+    sides = ("upper", "lower") if cell == "triangle" else ("lower", "upper")
+    for choice, slave in zip(choices, cycle(sides)):
         holes = (0.0, 0.0) if axis else (0.4, 0.3)
         scene = pressed_cylinders(
             slave=slave, pair=choice, degree=degree, cell=cell, gap=-0.01, holes=holes
@@ -299,6 +301,7 @@ def test_adequacy_of_small_strains_and_of_a_rigid_sphere():
     assert 0.07 < errors["rigid sphere"] < 0.13
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "options, error",
     [

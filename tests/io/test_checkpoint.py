@@ -171,6 +171,7 @@ def test_weight_of_gaps_and_offsets_are_kept(shared_path):
     assert np.abs(u - w).max() < 1e-14
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("law", [None, fm.Coulomb(0.2)])
 @pytest.mark.parametrize(
     "check",

@@ -76,6 +76,7 @@ def assert_equal_tables(found, right):
         assert np.array_equal(found[key], value), key
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("cell", CELLS)
 def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell, degree):
@@ -224,6 +225,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
         assert np.allclose(out_of_sight.point_data["displacement"], [0.0, 100.0, 0.0])
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
@@ -395,6 +397,7 @@ def test_plot_names_the_masters_of_a_surface_that_meets_several():
         assert ["by at 0.5," in labels[0], "by at 1.7," in labels[1]] == [True, True]
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "field, options, cmap, low, high",
     [
@@ -421,6 +424,7 @@ def test_colours_of_a_field_follow_its_sign_and_what_is_given(field, options, cm
             assert norm.vmin == -norm.vmax
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "options, words",
     [

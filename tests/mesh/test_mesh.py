@@ -235,6 +235,7 @@ def with_curve_without_mesh():
     return model
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     ("build", "match"),
     (

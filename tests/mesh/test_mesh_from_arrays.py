@@ -107,6 +107,7 @@ def test_flags_of_cells_and_a_constant_third_coordinate_are_taken():
     assert COMM.allreduce(data.cell_tags.find(2).size) >= 1
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "changed, words",
     [

@@ -68,6 +68,7 @@ def test_damped_steps_converge_where_whole_ones_diverge(options):
     assert report.residuals == sorted(report.residuals, reverse=True)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("options", [{"line_search": True}, {"max_motion": 0.25}])
 def test_contact_comes_to_the_same_state(options):
     states, reports = [], []

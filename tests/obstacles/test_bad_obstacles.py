@@ -45,6 +45,7 @@ NOT_FINITE = {
 }
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("what", NOT_FINITE)
 @pytest.mark.parametrize("at_once", [True, False])
 def test_distance_that_is_not_finite_is_refused_with_a_place(what, at_once):
@@ -58,6 +59,7 @@ def test_distance_that_is_not_finite_is_refused_with_a_place(what, at_once):
     assert on_obstacle(floor.obstacle).solve().converged
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "spoil, words",
     [
@@ -84,6 +86,7 @@ def test_distance_that_is_not_finite_on_one_rank_is_refused_by_all():
     assert problem.solve().converged
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("angle, told", [(0.05, "2.9 degrees"), (0.3, "17.2"), (0.01, None)])
 def test_gradient_of_another_distance_is_a_violation_or_a_remark(angle, told):
     def turned(x, phi, g, H):
@@ -172,6 +175,7 @@ def test_distance_that_is_not_finite_far_from_a_start_is_a_failure_that_holds_th
         problem.solve()
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "what, value, words",
     [
@@ -199,6 +203,7 @@ def test_place_push_or_pivot_that_is_none_is_refused(what, value, words):
     assert problem.solve().converged
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "obstacle",
     [
@@ -221,6 +226,7 @@ def test_obstacle_that_goes_deep_but_faces_the_body_is_an_interference():
     assert on_obstacle(fm.Plane((0.0, 1.02), (0.0, 1.0))).solve().converged
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "points, words",
     [
@@ -258,6 +264,7 @@ def test_polygons_and_splines_that_do_not_meet_themselves_are_taken():
     fm.Spline(np.stack([x, 0.1 * np.sin(9.0 * x)], axis=1))
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "make, words",
     [

@@ -54,6 +54,7 @@ def block_under(obstacle, *, degree=1, pair=None, material=neo_hookean, **option
     )  # fmt: skip
 
 
+@pytest.mark.each
 @pytest.mark.serial
 @pytest.mark.parametrize("kind", KINDS)
 def test_fields_are_derivatives(kind):
@@ -72,6 +73,7 @@ def test_fields_are_derivatives(kind):
         assert np.allclose((after[1] - before[1]) / 2e-5, hessian[:, i], atol=1e-6)
 
 
+@pytest.mark.each
 @pytest.mark.serial
 @pytest.mark.parametrize("kind", ["plane", "circle", "hole"])
 @pytest.mark.parametrize("pair", ["dual", "standard", "petrov", "nodes"])
@@ -168,6 +170,7 @@ def test_balance_and_algorithms(kind):
     assert found[0][1] == found[1][1]
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "make",
     [

@@ -9,6 +9,7 @@ from small_scenes import small_blocks
 import fenics_mortar as fm
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "options, more, words",
     [

@@ -101,6 +101,7 @@ def test_the_trapezoidal_rule_with_massive_contact_gains_energy():
 
 
 @pytest.mark.serial
+@pytest.mark.long
 def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
     made = free_block(gap=0.05, is_linear=True)
     made.gravity.value[:] = (0.0, -4.0)
@@ -171,6 +172,7 @@ def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
 
 
 @pytest.mark.serial
+@pytest.mark.long
 def test_a_belt_carries_an_oscillator_until_it_slides_about_its_rest():
     """Stick up to x = mu N / k, then x - mu N / k = v / omega sin(omega t) for one period."""
     stiffness, pressure, mu, speed = 0.4, 0.1, 0.3, 0.03
@@ -210,7 +212,10 @@ def test_drag_slows_a_body_exponentially():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("scheme", "rho_inf"), [("massless", 1.0), ("generalized_alpha", 0.5)])
+@pytest.mark.parametrize(
+    ("scheme", "rho_inf"),
+    [pytest.param("massless", 1.0, marks=pytest.mark.long), ("generalized_alpha", 0.5)],
+)
 def test_the_rate_in_time_is_two(scheme, rho_inf):
     """A neo-Hookean block that turns and vibrates in free flight, against finer steps."""
     found = []

@@ -73,6 +73,7 @@ def test_conditions_that_agree_are_not_told_of():
     assert not any("conditions" in note for note in problem_on(data, u=u, bcs=bcs).solve().notes)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "boundary, value, component, words",
     [
@@ -125,6 +126,7 @@ def test_argument_of_a_wrong_kind_is_refused_in_words(call, words):
         call(data, fm.vector_space(data.mesh, 1))
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "options, words",
     [
@@ -181,6 +183,7 @@ def tool_of(**more):
     return fm.ElasticObstacle(**given)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "more, kind, words",
     [

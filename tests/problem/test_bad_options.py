@@ -13,6 +13,7 @@ from dolfinx import fem
 import fenics_mortar as fm
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     ("option", "allowed"),
     [
@@ -74,6 +75,7 @@ def test_fewer_points_than_nodes_of_a_facet_are_refused(kind, options):
         )
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     ("option", "allowed"),
     [

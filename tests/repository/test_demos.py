@@ -10,7 +10,9 @@ import pytest
 
 DEMOS = sorted((Path(__file__).resolve().parents[2] / "demos").glob("demo_*.py"))
 # two_blocks runs on two ranks in the set-up of each machine; many steps take long on busy cores
-ON_RANKS = {"demo_hertz": 2, "demo_tied": 3}
+ON_RANKS = {"demo_tied": 3}
+# four to sixteen seconds each: of many steps or meshes
+LONG = ("demo_ball", "demo_identify", "demo_ironing", "demo_seal", "demo_snap_fit")
 # a demo promises a minute; a loaded machine gets four
 LIMIT = 240
 # what MPI leaves in the environment: a process that mpirun starts would take it for its own
@@ -32,6 +34,10 @@ def _stem(demo):
     return demo.stem
 
 
+def _case(demo):
+    return pytest.param(demo, marks=pytest.mark.long) if demo.stem in LONG else demo
+
+
 def code_lines(demo):
     lines = [line.strip() for line in demo.read_text().splitlines()]
     return [line for line in lines if line and not line.startswith("#")]
@@ -40,7 +46,7 @@ def code_lines(demo):
 @pytest.mark.serial
 @pytest.mark.demo
 @pytest.mark.slow
-@pytest.mark.parametrize("demo", DEMOS, ids=_stem)
+@pytest.mark.parametrize("demo", map(_case, DEMOS), ids=_stem)
 def test_demo_runs(demo, tmp_path):
     finished = run(tmp_path, ON_RANKS.get(demo.stem, 1), demo)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-4000:]

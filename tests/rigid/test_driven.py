@@ -247,6 +247,7 @@ def test_block_between_a_floor_and_a_lid():
     assert np.ptp(pressure) < 1e-9 * pressure.mean()
 
 
+@pytest.mark.each
 @pytest.mark.parametrize(
     "loads, message",
     [

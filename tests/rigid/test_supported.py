@@ -324,7 +324,9 @@ def test_wall_pushed_by_more_than_friction_bears_gives_way():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rows, cols, mu", [(4, 3, 0.3), (3, 9, 0.5)])
+@pytest.mark.parametrize(
+    "rows, cols, mu", [(4, 3, 0.3), pytest.param(3, 9, 0.5, marks=pytest.mark.long)]
+)
 def test_large_wall(rows, cols, mu):
     stays(wall(rows, cols, mu, cells=(4, 2)), most=MOST)
 

@@ -44,9 +44,8 @@ def exact(problem):
 
 def rows(problem, frames):
     """Rows of the multipliers of all pairs, with weights of a given state."""
-    return np.concatenate(
-        [c.law(frame).ravel() for c, frame in zip(problem.equations.contacts, frames, strict=True)]
-    )
+    pairs = zip(problem.equations.contacts, frames, strict=True)
+    return np.concatenate([c.rows.weighted(frame).ravel() for c, frame in pairs])
 
 
 def random_vector(problem, seed, sizes=(1.0, 1.0, 1.0)):

@@ -32,7 +32,7 @@ def check(problem, control, before=None, *, step=1.0, least=1e-6, alike=DOT):
     """Taylor test of the rows, and dot product with the transpose."""
     start = control.get(problem)
     dm = step * np.random.default_rng(3).uniform(0.5, 1.0, start.shape)
-    frames, present = [c.frame() for c in problem.equations.contacts], problem.state()
+    frames, present = [c.rows.frame() for c in problem.equations.contacts], problem.state()
     change = control.jvp(problem, dm, before)
     y = scenes.random_vector(problem, 2)
     there, back = y.dot(change, comm), float(np.vdot(control.vjp(problem, y, before), dm))
@@ -128,7 +128,7 @@ def test_parameters_of_a_layer_and_fields():
     assert friction.get(problem).shape == (scene.contact.slave.num_nodes,)
     start = friction.get(problem)
     dm = np.linspace(0.01, 0.02, start.size)
-    frames, change = [scene.contact.frame()], friction.jvp(problem, dm)
+    frames, change = [scene.contact.rows.frame()], friction.jvp(problem, dm)
     y = scenes.random_vector(problem, 2)
     assert friction.vjp(problem, y) @ dm == pytest.approx(y.dot(change, comm), rel=DOT)
     value = scenes.rows(problem, frames)
@@ -254,7 +254,7 @@ def test_positions(degree):
     change = positions.jvp(d.u)
     there = y.dot(change, comm)
     assert there == pytest.approx(comm.allreduce(positions.vjp(y) @ d.u), rel=DOT)
-    frames = [c.frame() for c in problem.equations.contacts]
+    frames = [c.rows.frame() for c in problem.equations.contacts]
     prescribed = problem.equations.bulk.prescribed_dofs
 
     def value(t):

@@ -48,6 +48,7 @@ def test_material_load_prescribed_and_law(law, places):
     check(scene, energy(scene), FORMS[0] + names, FORMS[1] + sizes)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("name", OBJECTIVES)
 def test_objectives_of_a_sliding_path(name):
     scene = blocks(fm.Coulomb(0.3), places=SLIDE)
@@ -104,6 +105,7 @@ def test_obstacle(law):
     check(scene, FORCE, ["E", "place", "radius", *names], [30.0, 0.01, 0.05, *sizes])
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("name", ["form", "force", "misfit"])
 def test_nodal_positions(name):
     """Shape derivatives, against problems on meshes that are bent as well."""

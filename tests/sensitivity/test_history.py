@@ -25,7 +25,7 @@ def check(problem, before, sizes=(0.005, 1.0, 0.005), *, sticks=True):
     history = History(problem, before)
     contact = problem.equations.contacts[0]
     present = problem.state()
-    frames = [c.frame() for c in problem.equations.contacts]
+    frames = [c.rows.frame() for c in problem.equations.contacts]
     d, y = scenes.random_vector(problem, 1, sizes), scenes.random_vector(problem, 2)
 
     def at(value):

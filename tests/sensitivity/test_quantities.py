@@ -68,6 +68,7 @@ def check(problem, before, quantity):
     assert quantity.value(problem, before) == pytest.approx(start, rel=1e-12)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("name", QUANTITIES)
 @pytest.mark.parametrize("degree", [1, 2])
 def test_between_bodies(blocks, degree, name):

@@ -218,6 +218,7 @@ def test_iterations_do_not_depend_on_units_or_algorithm(record_of):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_command_writes_picture_and_tables(tmp_path):
     command = [sys.executable, "-m", "demos.studies.stability.atlas", "--scenes", "three_bodies"]
     command += ["--methods", "default", "--results", tmp_path, "--workers", "1"]

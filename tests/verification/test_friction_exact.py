@@ -287,7 +287,7 @@ def test_wheel_that_friction_drives_rolls(mu, nu, sliding):
         assert report.certificate.violations() == []
         assert report.num_iterations <= 6
         assert contact.sliding.sum() <= sliding
-        work += contact.friction_work
+        work += contact.now.friction_work
     angle = turn * steps
     assert not (touched & contact.active).any()
     assert contact.active.sum() >= 8

@@ -80,6 +80,7 @@ def test_shear_is_cattaneos_and_mindlins(element, rate, most):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_wheel_rolls_as_carters():
     """Within what is left at four facets to the half-width: 1 / 8 of it from node to node."""
     found = carter.roll(4, size=200.0)

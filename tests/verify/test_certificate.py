@@ -261,6 +261,7 @@ def test_edges_of_a_punch_are_no_corners():
     assert scene.problem.certificate().remarks() == []
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("part, told", [(0.2, False), (0.04, False), (0.0495, True)])
 def test_two_solutions_by_the_end_of_the_master_are_told_of(part, told):
     """The master ends where a node is covered by a part s^2 / 2 of its length, s of its facet."""

@@ -99,7 +99,7 @@ class Rolled:
     def stuck(self) -> float:
         """Half-width that sticks, by that of the theory."""
         (contact,) = self.posed.problem.equations.contacts
-        return contact.nodal_lengths[contact.sticking].sum() / 2 / self.half_widths[1]
+        return contact.slave.nodal_lengths[contact.sticking].sum() / 2 / self.half_widths[1]
 
     @property
     def creepage(self) -> float:

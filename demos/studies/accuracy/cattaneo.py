@@ -122,7 +122,7 @@ def two_cylinders(
     pair.law = fm.Coulomb(FRICTION)
     shear = PART * FRICTION * force
     move_until(problem, push, 0, shear / stiffness, shear, lambda: abs(contact.shear_force.sum()))
-    length, peak = contact.nodal_lengths, FRICTION * 2 * force / (np.pi * a)
+    length, peak = contact.slave.nodal_lengths, FRICTION * 2 * force / (np.pi * a)
     by_length = np.abs(contact.shear_force) / length
     stuck = length[contact.sticking].sum() / 2
     return Sheared(contact.slave.X[:, 0] / a, length / a, by_length / peak, stuck / a)

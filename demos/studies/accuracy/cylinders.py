@@ -102,7 +102,7 @@ def compare(problem: fm.ContactProblem) -> dict[str, float]:
     return {
         "force": contact.total_force[1] / FORCE,
         "half-width": 2 * np.sqrt((force * x**2).sum() / force.sum()) / HALF_WIDTH,
-        "peak": (force / contact.nodal_lengths).max() / PEAK,
+        "peak": (force / contact.slave.nodal_lengths).max() / PEAK,
     }
 
 

@@ -3,5 +3,5 @@
 
 Input are an evaluated contact and, with friction, the state at the start of its step. Output are
 derivatives of forces and rows by state, previous state, law, shape and positions as linear maps:
-products along a direction, and products of the transpose. The folder knows pairs, not problems.
+products along a direction, and products of the transpose. The folder depends on pairs only.
 """

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.fields import InterfaceFields
 from fenics_mortar.contact.interface import Interface
+from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
 from fenics_mortar.sensitivity.partials.maps import Dofs, NodalDerivative, PairVector, rows_at_nodes

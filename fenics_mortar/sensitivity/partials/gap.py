@@ -21,7 +21,7 @@ def weights_of_gaps(contact: Contact) -> Array:
     Of the row of a closed gap, and of the laws, which depend on the mean gap.
     """
     f = contact.now
-    normal, _, *laws = contact.frame()
+    normal, _, *laws = contact.rows.frame()
     per_weight = np.where(f.covered, 1.0 / np.where(f.covered, f.operators.weight, 1.0), 0.0)
     total = normal.copy()
     for scaled, row in zip(laws, f.law_rows, strict=True):

@@ -126,7 +126,7 @@ class History:
         dofs = Dofs((contact.slave, contact.master))
         self.slip = off_planes(slip_derivative(contact, earlier, dofs), contact)
         self.shear = shear_derivative(earlier, dofs)
-        laws = contact.frame()[2:]
+        laws = contact.rows.frame()[2:]
         terms = [s * row.by_slip[:, None] for s, row in zip(laws, f.law_rows, strict=True)]
         self._by_slip = -np.sum(terms, axis=0)
         self._by_shear = laws[0] * (f.state.redundant / ELASTIC)[:, None]

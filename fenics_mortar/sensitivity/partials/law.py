@@ -21,13 +21,12 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.law import Law
 from fenics_mortar.contact.law_fields import LawFields
+from fenics_mortar.contact.nodal import COMPLEX_STEP
 from fenics_mortar.utils.arguments import check_choice
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.rounding import EPSILON
 
-# Complex step [1]: its square is below the rounding of any number that is not tiny itself.
-STEP = 1e-30
 # Real step of difference quotients, relative to the parameter, and largest relative difference to
 # the complex step [1]: errors of the quotients are of the order of the step.
 QUOTIENT, ALIKE = 1e-6, 1e-3
@@ -83,7 +82,7 @@ def rows_by_parameter(contact: Contact, name: str, direction: Array) -> Array:
     follows_law = contact.follows_law & (law.bridges_gap | ~f.attracted)
     applies = follows_law & ~f.state.redundant, f.attracted, f.covered
     rows = np.zeros_like(f.state.z)
-    for scaled, change, on in zip(contact.frame()[2:], changes, applies, strict=False):
+    for scaled, change, on in zip(contact.rows.frame()[2:], changes, applies, strict=False):
         rows -= scaled * np.where(on, change, 0.0)[:, None]
     return rows
 
@@ -134,7 +133,7 @@ def _differentiate(
     start = np.real(function(value))
     if not direction.any():
         return np.zeros_like(start)
-    derivative = np.imag(function(value + 1j * STEP * direction)) / STEP
+    derivative = np.imag(function(value + 1j * COMPLEX_STEP * direction)) / COMPLEX_STEP
     if not np.isfinite(value).all():  # an infinite limit is not reached
         return derivative
     size = np.abs(value).max(initial=0.0) or 1.0

@@ -42,7 +42,7 @@ class Positions:
             Block(dofs.places(block.rows), block.columns, block.values)
             for block in o.force_derivative(contact.z)
         ]
-        self._rows = contact.rows().blocks
+        self._rows = contact.rows.linearized().blocks
         self._of_obstacle = np.zeros((3, contact.slave.num_nodes, 2))
         if isinstance(o, ObstacleOperators):
             self._of_obstacle = o.motion_force_derivatives(contact.z)[0]

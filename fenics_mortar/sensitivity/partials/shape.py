@@ -100,7 +100,7 @@ def rows_by_shape(
     """
     change = change_by_shape(contact, name, direction, earlier)
     rows = weights_of_gaps(contact) * change.gap[:, None]
-    _, _, *laws = contact.frame()
+    _, _, *laws = contact.rows.frame()
     for scaled, row in zip(laws, contact.now.law_rows, strict=True):
         of_row = row.by_z_n * change.z_n + row.by_z_tau * change.z_tau + row.by_slip * change.slip
         rows = rows - scaled * of_row[:, None]

@@ -1,0 +1,114 @@
+# # The profile of a roller that presses alike everywhere
+#
+# This demo finds the shape of a rigid body by the gradient of the pressure under it.
+#
+# ## Problem
+# A rigid roller is pressed on an elastic block, in plane strain and without friction. With a flat
+# profile the pressure would be infinite at its ends, with a circular one it is that of Hertz. Which
+# profile presses with p0 at |x| < a and not at all beyond? On a half plane, where such a pressure
+# makes the dent of that profile, with s = x / a and E* = E / (1 - nu^2),
+#
+# z = 2 p0 a / (pi E*) ((1 + s) ln(1 + s) + (1 - s) ln(1 - s)).
+#
+# Its slope goes to infinity like a logarithm. This is the plane counterpart of the logarithmic
+# profile that Lundberg (1939) derived for the long and narrow contact of a bearing's roller,
+# z ~ ln 1 / (1 - s^2), which is steeper.
+#
+# Unknown are the heights of the points of a spline; L-BFGS-B of scipy minimizes the mean square of
+# (p - p_wanted) / p0. It starts from the circle that Hertz's theory has the same half-width a for.
+#
+# ## Implementation
+
+# +
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.optimize import minimize
+
+import ufl
+from dolfinx import fem
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
+import fenics_mortar as fm
+from meshes.mapped_grids import Grid, mesh
+
+E, nu, a, p0 = 210e3, 0.3, 1.0, 1000.0  # MPa, mm
+unit = 2 * p0 * a / (np.pi * E / (1 - nu**2))  # of the profile [mm]
+# -
+
+# Half of the block, about 30 a wide and high; the end of the roller is in the middle of a facet.
+
+# +
+x = a / 40.5 * np.append(np.arange(50), 49 + 1166 * np.linspace(0, 1, 17)[1:] ** 3)
+y = -30 * a * np.linspace(1, 0, 25) ** 3.5
+data = mesh([Grid("block", np.stack(np.meshgrid(x, y, indexing="ij"), axis=2))])
+V = fm.vector_space(data.mesh, 1)
+u, v = fem.Function(V), ufl.TestFunction(V)
+stress = ufl.sym(ufl.grad(u)) + nu / (1 - 2 * nu) * ufl.div(u) * ufl.Identity(2)
+residual = E / (1 + nu) * ufl.inner(stress, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 2})
+bcs = [fm.dirichlet(V, data, "block/left", 0.0, 0), fm.dirichlet(V, data, "block/bottom", (0, 0))]
+# -
+
+# The roller is driven by its load, half of which acts on this half of the block. The pressure
+# depends on the slopes between the points, from which the heights follow. Each slope is taken times
+# the root of its interval: so L-BFGS-B has unknowns of about equal effect.
+
+# +
+at = 1.05 * a * np.sin(np.linspace(0, 1, 13) * np.pi / 2)
+number, roots = np.arange(-12, 13), np.sqrt(np.diff(at) / a)  # -1: mirror image of 1
+
+
+def points(slopes):
+    heights = unit * np.append(0.0, np.cumsum(roots * slopes))
+    return np.stack([np.sign(number) * at[abs(number)], heights[abs(number)]], axis=1)
+
+
+circle = np.diff(2 * (at / a) ** 2) / roots
+roller = fm.Spline(points(circle))
+roller.push(y=-p0 * a)
+pair, options = fm.ContactPair(data, "block/top", roller), {"petsc_options_prefix": "profile_"}
+problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
+contact, shape = problem.contacts[0], fm.sensitivity.ObstacleShape(roller, "points")
+nodes, pressures = contact.positions[:, 0], []
+objective = fm.sensitivity.PressureFunctional(
+    0, lambda p: (p / p0 - (nodes < a)) ** 2, lambda p: 2 / p0 * (p / p0 - (nodes < a))
+)
+
+
+def misfit(slopes):  # and its derivatives by the slopes
+    shape.set(problem, points(slopes))
+    problem.solve()
+    pressures.append(contact.pressure / p0)
+    found = fm.gradient(objective, shape, problem)
+    by_heights = np.bincount(abs(number), unit * found[shape][:, 1])[1:]
+    return found.value, roots * np.cumsum(by_heights[::-1])[::-1]
+
+
+result = minimize(misfit, circle, jac=True, method="L-BFGS-B", options={"maxfun": 30})
+# -
+
+# ## Comparison
+
+# +
+s, found = np.linspace(0, 1, 400)[:-1], points(result.x)[12:, 1] / unit
+plane = (1 + s) * np.log(1 + s) + (1 - s) * np.log(1 - s)
+error = np.abs(found - np.interp(at / a, s, plane))[at < a].max()
+uneven = np.abs(pressures[-1] - 1)[nodes < 0.99 * a].max()
+if problem.comm.rank == 0:
+    print(f"{len(pressures)} solves: profile within {error:.1e}, pressure within {uneven:.1e}")
+    Path("results").mkdir(exist_ok=True)
+    left, right = (figure := Figure((9, 3.4), layout="constrained")).subplots(1, 2)
+    left.set(xlabel="x / a", ylabel="pressure / $p_0$", xlim=(0, 1.2), ylim=(0, 1.5))
+    left.plot(nodes, np.transpose([pressures[i] for i in (0, 1, -1)]), ".-")
+    left.legend(["circle (Hertz)", "first step", f"after {len(pressures)} solves"], frameon=False)
+    right.set(xlabel="x / a", ylabel="height / (2 $p_0$ a / $\\pi$ E*)", xlim=(0, 1.1), ylim=(0, 2))
+    right.plot(s, 2 * s**2, s, -0.5 * np.log(1 - s**2), "k:", s, plane, "k", at, found, "C2o")
+    right.legend(["circle", "Lundberg, long rollers", "theory, plane", "found"], frameon=False)
+    figure.savefig("results/profile.png", dpi=150)
+# -
+
+# ## Check
+
+assert error < 1e-3 and uneven < 0.005

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: MIT
+"""Picture of the ladder of models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from demos.studies.ladder.measured import FRICTIONLESS
+from demos.studies.ladder.row import Row
+from demos.studies.ladder.scenes import RUNGS, SCENES, TOLERANCE
+from demos.studies.ladder.tables import climbs, percent
+from fenics_mortar.models.model_error import ENERGY, FORCE
+
+SCENE_COLOURS = dict(zip((s.name for s in SCENES), ("#c8102e", "#1f5fa8", "#2a8a3e", "#b07a00")))
+MARKERS = dict(zip((r.name for r in RUNGS), "Ds^vo*PX"))
+
+
+def draw(rows: list[Row]) -> Figure:
+    """Estimates over true errors; true errors over cost; what climbs cost."""
+    figure = Figure((11, 8.5), layout="constrained")
+    top, bottom = figure.subfigures(2, 1, height_ratios=(5, 3.5))
+    left, right = top.subplots(1, 2)
+    draw_estimates(left, rows)
+    draw_costs(right, rows)
+    draw_climbs(bottom.subplots(), list(climbs(rows)))
+    return figure
+
+
+def draw_estimates(axes, rows: Iterable[Row]) -> None:
+    """Estimates over true errors."""
+    ends = np.array([1e-5, 300.0])
+    axes.fill_between(ends, ends / 3, ends * 3, color="#e8e8e8", lw=0)
+    axes.loglog(ends, ends, color="#888888", lw=0.8)
+    for row in rows:
+        style = {"color": SCENE_COLOURS[row.scene], "marker": MARKERS[row.rung], "ls": ""}
+        for name, fill in ((ENERGY, "full"), (FORCE, "none")):
+            if row.factor(name) < np.inf:
+                axes.plot(row.true[name], row.estimate[name], fillstyle=fill, ms=5, **style)
+    for scene, colour in SCENE_COLOURS.items():
+        axes.plot([], [], marker="o", color=colour, ls="", label=scene)
+    axes.set(xlabel="true error", ylabel="estimated error", xlim=ends, ylim=ends)
+    axes.set_title("filled: energy norm, open: total force; grey: a factor of 3", fontsize=10)
+    axes.legend(frameon=False, fontsize=8)
+
+
+def draw_costs(axes, rows: list[Row]) -> None:
+    """True errors over cost, but for friction, whose checks are a part of the solution."""
+    for row in rows:
+        if not row.reason and row.rung != FRICTIONLESS:
+            style = {"color": SCENE_COLOURS[row.scene], "marker": MARKERS[row.rung], "ls": ""}
+            error = max(row.true[ENERGY], 1e-6)
+            axes.loglog(row.seconds / row.against, error, ms=6, **style)
+    for rung, marker in MARKERS.items():
+        axes.plot([], [], marker=marker, color="#555555", ls="", label=rung)
+    axes.axhline(TOLERANCE, color="#888888", lw=0.8, ls="--")
+    axes.set(xlabel="seconds over those of the full model", ylabel="true error, energy norm")
+    axes.set_xticks((ticks := (0.1, 0.2, 0.5, 1, 2, 5)), [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+    axes.set_title("errors of 0 are drawn at 1e-6", fontsize=10)
+    axes.legend(frameon=False, fontsize=8)
+
+
+def draw_climbs(axes, pairs: list[tuple[Row, Row]]) -> None:
+    """Seconds of climbs over those of the full model, with where they ended."""
+    for place, (row, full) in enumerate(pairs):
+        part = (row.setup + row.seconds) / (full.setup + row.against)
+        axes.barh(place, part, color=SCENE_COLOURS[row.scene], height=0.7)
+        text = f"{row.ended}: {percent(row.true[ENERGY])} %"
+        axes.text(0.01, place, text, va="center", color="white", fontsize=9)
+    axes.axvline(1.0, color="#888888", lw=0.8, ls="--")
+    axes.set_yticks(range(len(pairs)), [f"{row.scene} {row.load:g}" for row, _ in pairs])
+    axes.invert_yaxis()
+    axes.set_xlabel("seconds of the climb over those of the full model, with set-up")
+    axes.set_title("automatic climb: where it ended, and its true error", fontsize=10)

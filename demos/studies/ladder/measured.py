@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: MIT
+"""True errors, estimates and costs of the rungs of the ladder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+import fenics_mortar as fm
+from demos.studies.ladder.row import NOTHING, Errors, Row
+from demos.studies.ladder.scenes import FULL, RUNGS, Posed, Rung, Scene, elastic_tool, pose, read
+from fenics_mortar.models.indicators import contacts_of
+from fenics_mortar.models.model_error import (
+    ENERGY,
+    FORCE,
+    PEAK,
+    QUANTITIES,
+    Snapshot,
+    differences,
+    estimate_wider,
+)
+
+Solved = tuple[Posed, Row]
+# Runs of a climb and of the full model in turns, and the times of which the median is taken.
+REPEATS, TIMES = 3, ("setup", "seconds")
+FRICTIONLESS, CLIMB = (rung.name for rung in RUNGS[-2:])
+# Names of the rungs in reports of climbs, and in this chart.
+ENDED = {
+    "linear strain and small sliding": "linear bulk, small sliding",
+    "linear strain": "linear bulk",
+    "small sliding": "small sliding",
+}
+
+
+def clocked(do: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
+    """What a function returns, and the seconds it takes."""
+    start = time.process_time()
+    return do(*arguments), time.process_time() - start
+
+
+def follow(scene: Scene, posed: Posed, row: Row) -> bool:
+    """Take all steps; whether they were taken."""
+    start = time.process_time()
+    try:
+        for t in np.arange(1, scene.steps + 1) / scene.steps:
+            posed.set_time(t)
+            report = posed.problem.solve(accept_violations=True)  # also of poor models
+            row.iterations += report.num_iterations
+    except fm.MortarError as error:
+        row.reason = str(error)
+        return False
+    row.seconds = time.process_time() - start
+    if report.adequacy is not None:
+        found = report.adequacy.assumptions
+        if row.rung == CLIMB:
+            row.ended = ENDED[found[-1].name] if found else FULL.name
+        row.estimate = found[-1].errors if found else dict.fromkeys(QUANTITIES, 0.0)
+    return True
+
+
+def true_errors(posed: Posed, full: Posed) -> Errors:
+    """Differences from the full model at the nodes of the cheap one."""
+    both = [p.problem.equations.bulk for p in (posed, full)]
+    mine, theirs = (bulk.V.tabulate_dof_coordinates() for bulk in both)
+    problem, reference = posed.problem, Snapshot.of(full.problem)
+    # the two sides of an interface may share places: of equal meshes nodes go by their number
+    place = np.arange(len(mine))
+    if len(mine) != len(theirs):
+        soft = (
+            full.problem.equations.floating.labels
+            == full.problem.equations.floating.labels[soft_node(full)]
+        )
+        place = np.flatnonzero(soft)[cKDTree(theirs[soft]).query(mine)[1]]
+    reference.u = reference.u.reshape(-1, 2)[place].ravel()
+    return differences(problem, Snapshot.of(problem), reference)
+
+
+def soft_node(posed: Posed) -> int:
+    """A node of the soft body."""
+    return int(posed.problem.equations.contacts[0].slave.nodes[0])
+
+
+def mesh_errors(scene: Scene, load: float, full: Posed) -> Errors:
+    """What the mesh of the full model leaves."""
+    finer = pose(scene, load, FULL, read(scene, load, finer=2))
+    coarse = full.problem.estimate().relative
+    if not follow(scene, finer, Row(scene.name, load, "mesh", 0)):
+        return NOTHING | {ENERGY: coarse}
+    here, there = (Snapshot.of(posed.problem) for posed in (full, finer))
+    force = np.linalg.norm(here.force - there.force) / np.linalg.norm(there.force)
+    peak = np.abs(here.peak - there.peak).max() / there.peak.max()
+    return {ENERGY: coarse, FORCE: float(force), PEAK: float(peak)}
+
+
+def estimated_errors(scene: Scene, load: float, rung: Rung, posed: Posed) -> Errors:
+    """What ``AdequacyCheck`` says of all assumptions together."""
+    if rung.rigid:
+        return by_meshed_tool(scene, load, posed)
+    finite = posed.finite if rung.strain == "linear" else None
+    assumptions = fm.AdequacyCheck(finite_strain=finite).assess(posed.problem).assumptions
+    return assumptions[-1].errors if assumptions else dict.fromkeys(QUANTITIES, 0.0)
+
+
+def by_meshed_tool(scene: Scene, load: float, posed: Posed) -> Errors:
+    """What it is worth that a circle neither gives way nor has the facets of a mesh."""
+    (circle,) = posed.problem.equations.motions.obstacles
+    tool = elastic_tool(scene, circle, read(scene, load, "tool"))
+    touching = contacts_of(posed.problem, tool)
+    parts = zip(tool.displacements(touching), tool.flatness(touching), strict=True)
+    return estimate_wider(posed.problem, touching, [a + b for a, b in parts])
+
+
+def solved(scene: Scene, load: float, rung: Rung, data: Any, friction: float = 0.0) -> Solved:
+    """A scene by a rung, and its row, without errors."""
+    posed, setup = clocked(pose, scene, load, rung, data, friction)
+    row = Row(scene.name, load, rung.name, posed.problem.equations.bulk.r.getSize(), setup)
+    follow(scene, posed, row)
+    return posed, row
+
+
+def race(scene: Scene, load: float, rung: Rung, data: Any, row: Row) -> None:
+    """Take the seconds of a rung and of the full model in turns: medians of a few runs each."""
+    mine, theirs = zip(
+        *[[solved(scene, load, r, data)[1] for r in (rung, FULL)] for _ in range(REPEATS)]
+    )
+    row.setup, row.seconds = (float(np.median([getattr(r, n) for r in mine])) for n in TIMES)
+    row.against = float(np.median([r.seconds for r in theirs]))
+
+
+def measure(scene: Scene, load: float) -> Iterator[Row]:
+    """All rungs of a scene at a load."""
+    meshes = {rigid: read(scene, load, "soft" if rigid else "soft tool") for rigid in (True, False)}
+    full = solved(scene, load, FULL, meshes[False])
+    mesh = mesh_errors(scene, load, full[0])
+    for rung in (FULL, *(rung for rung in RUNGS if rung != FULL)):
+        posed, row = full if rung == FULL else solved(scene, load, rung, meshes[rung.rigid])
+        reference, straight = full
+        if rung.leaves_out:
+            reference, straight = solved(scene, load, FULL, meshes[False], rung.leaves_out)
+        row.mesh, row.against, row.reason = mesh, straight.seconds, row.reason or straight.reason
+        if rung.climbs:
+            race(scene, load, rung, meshes[False], row)
+        if not row.reason:
+            row.true = true_errors(posed, reference)
+            if not (rung.climbs or rung.leaves_out):
+                row.estimate, row.check = clocked(estimated_errors, scene, load, rung, posed)
+        yield row
+
+
+def measure_all(scene: Scene) -> Iterator[Row]:
+    """All rungs of a scene at all its loads, told of as they come."""
+    for load in scene.loads:
+        for row in measure(scene, load):
+            print(f"{row.scene} {row.load:g} {row.name}: {row.seconds:.1f} s {row.reason}")
+            yield row

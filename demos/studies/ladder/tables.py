@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: MIT
+"""Tables of the ladder of models, in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from demos.studies.ladder.row import SEEN, Row
+from demos.studies.ladder.scenes import FULL, RUNGS, SCENES, TOLERANCE
+from fenics_mortar.models.model_error import ENERGY, FORCE, PEAK, QUANTITIES
+
+
+def percent(value: float) -> str:
+    """A part in percent."""
+    return "" if np.isnan(value) else "0" if value < SEEN else f"{100 * value:.2g}"
+
+
+def table(rows: list[Row]) -> str:
+    """Markdown: errors and estimates in percent, verdict, cost."""
+    lines = [
+        "| scene | load | rung | energy norm: true | estimate | force: true | estimate | "
+        "peak: true | estimate | verdict | right | dofs | set-up s | s | check s | iterations |",
+        "|---|---:|---|" + "---:|" * 6 + "---|---|" + "---:|" * 5,
+    ]
+    for row in rows:
+        start = f"| {row.scene} | {row.load:g} |"
+        if row.reason:
+            lines.append(f"{start} {row.name} | {row.reason[:60]} |" + " |" * 12)
+            continue
+        pairs = [percent(kind[name]) for name in QUANTITIES for kind in (row.true, row.estimate)]
+        said, is_so = row.verdict
+        cells = [*pairs, "enough" if said else "not enough", "yes" if said == is_so else "NO"]
+        seconds = [f"{s:.2f}" for s in (row.setup, row.seconds)]
+        check = "" if np.isnan(row.check) else f"{row.check:.2f}"
+        cells += [str(row.dofs), *seconds, check, str(row.iterations)]
+        lines.append(f"{start} {row.name} | {' | '.join(cells)} |")
+        if row.rung == FULL.name:
+            left = " | ".join(f"{percent(row.mesh[name])} |" for name in QUANTITIES)
+            lines.append(f"{start} error of the mesh | {left} |" + " |" * 7)
+    return "\n".join(lines) + "\n"
+
+
+def summary(rows: list[Row]) -> str:
+    """How many estimates are within a factor of three, by rung."""
+    lines = [
+        "| rung | cases | energy norm and force within a factor 3 | largest factor | "
+        "peak pressure within a factor 3 | largest factor | "
+        "others that are off by less than the error of the mesh | verdicts right |",
+        "|---|" + "---:|" * 7,
+    ]
+    ratio = dict.fromkeys(QUANTITIES, 1.0 / SCENES[0].ratio)
+    rigid = [r for r in rows if r.rung == RUNGS[0].name]
+    by_rule = [replace(r, rung="rigid tool, by the ratio of moduli", estimate=ratio) for r in rigid]
+    everything = [*rows, *by_rule]
+    for rung in dict.fromkeys(r.rung for r in everything):
+        mine = [r for r in everything if r.rung == rung and not r.reason and r.true[ENERGY] > SEEN]
+        if mine:
+            cells = [rung, str(len(mine))]
+            for names in ((ENERGY, FORCE), (PEAK,)):
+                factors = [f for r in mine for n in names if np.isfinite(f := r.factor(n))]
+                cells += [f"{sum(f <= 3 for f in factors)} of {len(factors)}"]
+                cells += [f"{max(factors):.1f}"]
+            out = [r.is_hidden(n) for r in mine for n in QUANTITIES if r.factor(n) > 3]
+            cells += [f"{sum(out)} of {len(out)}" if out else ""]
+            cells += [str(sum(said == is_so for said, is_so in (r.verdict for r in mine)))]
+            lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def climbs(rows: list[Row]) -> Iterator[tuple[Row, Row]]:
+    """The climbs, each with the full model."""
+    full = {(r.scene, r.load): r for r in rows if r.rung == FULL.name}
+    for row in rows:
+        if row.ended:
+            yield row, full[row.scene, row.load]
+
+
+def climb_table(rows: list[Row]) -> str:
+    """Where climbs ended, and what they cost beside the full model, set-up and all."""
+    lines = [
+        "| scene | load | the climb ended on | error, energy norm | s | straight to the full model "
+        "| part |",
+        "|---|---:|---|" + "---:|" * 4,
+    ]
+    for row, full in climbs(rows):
+        mine, theirs = row.setup + row.seconds, full.setup + row.against
+        cells = [row.scene, f"{row.load:g}", row.ended, f"{percent(row.true[ENERGY])} %"]
+        cells += [f"{mine:.2f}", f"{theirs:.2f}", f"{mine / theirs:.2f}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def report(rows: list[Row]) -> str:
+    """All tables."""
+    return "\n".join(
+        [
+            "Errors and estimates in percent; seconds of the processor.\n",
+            summary(rows),
+            f"The climb allows {100 * TOLERANCE:g} % in the norm of energy, or the error of the "
+            "mesh; seconds with set-up, medians of runs in turns.\n",
+            climb_table(rows),
+            table(rows),
+        ]
+    )

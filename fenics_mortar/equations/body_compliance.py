@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: MIT
+"""Displacements of the bodies by nodal forces; floating bodies are on weak springs."""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from fenics_mortar.bulk.residual import Bulk
+from fenics_mortar.la.factored import factored_bulk, portions
+from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.utils.arrays import Array
+
+# Stiffness of the springs on a body over its largest diagonal entry of K [1]: larger than the
+# negative stiffness of its loads, of the order of the strains, but with a negligible effect on the
+# elastic compliance.
+SPRING = 1e-3
+PREFIX = "fenics_mortar_settling_"
+
+
+class BodyCompliance:
+    """Compliance of all bodies, floating ones on weak springs (collective).
+
+    Args:
+        bulk: The bodies; springs are added to their tangent, which has to be assembled.
+        floating: The floating bodies.
+    """
+
+    def __init__(self, bulk: Bulk, floating: FloatingBodies) -> None:
+        self._bulk = bulk
+        springs = np.zeros(bulk.num_owned)
+        motions, added = [np.zeros((0, bulk.num_owned))], [np.zeros(0)]
+        for body in floating.bodies:
+            mine = floating.labels[: bulk.space.num_nodes] == body.label
+            dofs = bulk.space.owned_dofs[mine]
+            each = SPRING * body.stiffest / body.num_nodes
+            weak = RIGID.weakest_spring * body.stiffest / body.num_nodes
+            springs[dofs] = each
+            rigid = np.zeros((len(body.motions), bulk.num_owned))
+            x = bulk.positions()[: bulk.space.num_nodes][mine]
+            rigid[:, dofs.ravel()] = body.displacement(x).reshape(len(rigid), -1)
+            products = bulk.comm.allreduce(rigid @ rigid.T)
+            motions.append(np.linalg.solve(np.linalg.cholesky(products), rigid))
+            added.append(np.full(len(rigid), 1.0 / weak - 1.0 / each))
+        self._motions, self._added = np.concatenate(motions), np.concatenate(added)
+        bulk.add_to_diagonal(springs)
+        self._factors = factored_bulk(bulk, PREFIX)
+
+    def displacements(self, forces: Array) -> Array:
+        """Displacements due to forces, both of shape (owned dofs, k); none at prescribed dofs."""
+        bulk, found = self._bulk, []
+        forces = np.where(bulk.prescribed[: bulk.num_owned, None], 0.0, forces)
+        for group in portions(forces.shape[1]):
+            sizes = (bulk.num_owned, None), (None, group.size)
+            load = np.asfortranarray(forces[:, group]).ravel(order="F")
+            loads = PETSc.Mat().createDense(sizes, array=load, comm=bulk.comm)
+            loads.assemble()
+            answers = loads.duplicate()
+            self._factors.getFactorMatrix().matSolve(loads, answers)
+            found.append(answers.getDenseArray().copy())
+            loads.destroy()
+            answers.destroy()
+        along = bulk.comm.allreduce(self._motions @ forces)
+        return np.concatenate(found, axis=1) + self._motions.T @ (self._added[:, None] * along)

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: MIT
+"""Set-up of a problem: arguments are checked, pairs are bound to the mesh (collective)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from dolfinx import fem
+
+from fenics_mortar.bulk.axis import check_axis, check_revolved
+from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space
+from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
+from fenics_mortar.bulk.residual import Bulk, mark_prescribed
+from fenics_mortar.contact.binding import bind
+from fenics_mortar.contact.pair import ContactPair
+from fenics_mortar.contact.tied_pair import TiedPair
+from fenics_mortar.equations.arguments import check_arguments, check_options
+from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.inputs import check_roles
+from fenics_mortar.equations.line_of_sight import show_outlines
+from fenics_mortar.interface.mortar import LINEARIZATIONS
+from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.mesh.thickness import Geometry, thickness_of
+from fenics_mortar.newton.options import NewtonOptions
+from fenics_mortar.utils import garbage
+from fenics_mortar.utils.arguments import check_kind
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import check_same_words, together
+
+
+def check_given(
+    given: dict[str, Any], pairs: Sequence[ContactPair | TiedPair], adequacy: Any
+) -> None:
+    """Refuse arguments of a wrong kind, or that differ between ranks (collective).
+
+    Args:
+        given: Arguments of ``ContactProblem`` by name, without pairs and adequacy.
+        pairs: The pairs.
+        adequacy: Check of the model, or ``None``.
+
+    Raises:
+        ValueError: On all ranks, if an argument has a value that is not allowed.
+        MortarError: On all ranks, if arguments differ between ranks.
+    """
+    forms = {name: given[name] for name in ("residual", "u", "bcs", "jacobian")}
+    options = {name: value for name, value in given.items() if name not in forms}
+    check_kind("u", given["u"], fem.Function, "a function of dolfinx")
+    comm = given["u"].function_space.mesh.comm
+    with together(comm, "ContactProblem"):
+        check_arguments(pairs=pairs, **forms)
+        check_options(**options, adequacy=adequacy)
+        signature = given["residual"].signature()
+        options["residual"] = f"a form with the signature {signature[:8]}"
+    options |= {f"pair {number}": vars(pair) for number, pair in enumerate(pairs)}
+    counts = {"pairs": len(pairs), "bcs": len(given["bcs"])}
+    check_same_words(comm, "ContactProblem", {**counts, **options})
+
+
+def equations_of(
+    residual: Any,
+    u: Any,
+    pairs: Sequence[ContactPair | TiedPair],
+    bcs: Sequence[Any],
+    jacobian: Any | None,
+    *,
+    solver: str,
+    linearization: str,
+    newton: NewtonOptions,
+    displacement: int,
+    geometry: Geometry,
+    thickness: float | Callable[[Array], Any] | None,
+) -> ContactEquations:
+    """Equations of a problem, for arguments of ``ContactProblem`` (collective).
+
+    Gaps of ties are removed from the mesh.
+
+    Raises:
+        MortarError: On all ranks, if the mesh or a surface is unsuitable.
+        ValueError: On all ranks, if ``u`` is a mixed function and the solver iterative.
+    """
+    garbage.free_garbage_of_earlier(u.function_space.mesh.comm)
+    weight = thickness_of(geometry, thickness)
+    space = DisplacementSpace(u.function_space, displacement, weight)
+    check_space(space.V, pairs)
+    if solver == "iterative" and space.is_mixed:
+        raise ValueError("solver='iterative': mixed functions need solver='direct'")
+    prescribed = mark_prescribed(space, u, bcs)
+    check_axis(space, prescribed)
+    check_revolved(residual, u, space)
+    contacts = bind(pairs, space, prescribed)  # may move nodes
+    bulk = Bulk(residual, u, list(bcs), jacobian, space)
+    garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)
+    check_slave_nodes(contacts)
+    check_roles(contacts)
+    check_cells(bulk)
+    check_mesh_overlap(space.V, contacts)
+    bulk.input_data.check()
+    equations = ContactEquations(bulk, contacts, LINEARIZATIONS[linearization], newton)
+    outline, labels = equations.crossings.outline, equations.floating.labels
+    show_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
+    return equations

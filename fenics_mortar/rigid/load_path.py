@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: MIT
+"""Linearized contact with friction along a load path: a parametric complementarity problem.
+
+With friction the linearized problem may have several solutions. The one sought is that at the end
+of the path of solutions from the last accepted state, s = 0, to the present loads, s = 1:
+
+    w = (1 - s) q_0 + s q + M z >= 0,    z >= 0,    w . z = 0,
+
+with q_0 such that the accepted multipliers solve the problem at s = 0. The path is piecewise
+linear, and is followed by pivoting (Cottle, Pang & Stone 1992, ch. 4.5).
+
+Where s would have to decrease the path turns: there is no solution nearby for larger loads, and
+that at s = 1 is at the end of a jump. The start of a step is a corner of the path, because all
+slips are zero: a node at its friction limit may stick or slide on, and of two surfaces that just
+touch all gaps and pressures are zero. How these go on is a complementarity problem of the rates. If
+it has no solution there is no equilibrium next to the accepted state (Klarbring 1990).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from fenics_mortar.rigid.complementarity import (
+    Array,
+    FrictionProblem,
+    Sets,
+    as_complementarity,
+    exchange,
+    lemke,
+    sets_of,
+)
+from fenics_mortar.utils.rounding import MAX_STEPS, SOLVED, SUM_ROUNDING
+
+Flags = npt.NDArray[np.bool_]
+
+
+def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | None:
+    """Solve the linearized problem along the path from the accepted state (local).
+
+    Zeros at the start are numbers up to ``SOLVED`` times the largest change; they are replaced by
+    random numbers of that size, so that ties in the ratio test do not occur.
+
+    Args:
+        problem: The problem at the present loads.
+        start: Sets and multipliers of the accepted state.
+        gap: Its gaps, zero or positive, shape (n,) [length].
+
+    Returns:
+        Sets and multipliers; ``None`` if the path turns before the present loads.
+    """
+    M, q = as_complementarity(problem)
+    z, w = _unknowns(problem, start, gap)
+    change = np.abs(q - (w - M @ z)).max()
+    n = problem.slope.size
+    forces = np.arange(q.size) < n + 2 * np.count_nonzero(problem.slope > 0.0)
+    # Gaps and slips change by ``change``, multipliers by this over the compliance or more.
+    lengths, multipliers = SOLVED * change, SOLVED * change / np.abs(problem.V).max()
+    z_zero, w_zero = np.where(forces, [[multipliers], [lengths]], [[lengths], [multipliers]])
+    z, w = np.where(z > z_zero, z, 0.0), np.where(w > w_zero, w, 0.0)
+    basic = _basic_of_rates(M, q - (w - M @ z), z, w)
+    if basic is None:
+        return None
+    random = np.random.default_rng(0).uniform(1.0, 2.0, q.size)
+    shift = np.where(basic, 0.0, random * w_zero) - M @ np.where(basic, random * z_zero, 0.0)
+    end = _follow(M, w - M @ z + shift, q + shift, basic)
+    return None if end is None else sets_of(problem, M, q, end)
+
+
+def _unknowns(problem: FrictionProblem, start: Sets, gap: Array) -> tuple[Array, Array]:
+    """Z and w at the accepted state, (unknowns,) each."""
+    rough = np.flatnonzero(problem.slope > 0.0)
+    active, branch, z_n, z_tau = (part[rough] for part in start)
+    sticks, none = active & (branch == 0), np.zeros(rough.size)
+    below_limit = np.where(sticks, problem.slope[rough] * z_n - np.abs(z_tau), 0.0)
+    z = np.concatenate([start.z_n, z_tau, -z_tau, none])
+    w = np.concatenate([np.where(start.active, 0.0, gap), none, none, below_limit])
+    return np.maximum(z, 0.0), np.maximum(w, 0.0)
+
+
+def _basic_of_rates(M: Array, rate: Array, z: Array, w: Array) -> Flags | None:
+    """Basic z next to z, w at s = 0, for a change of q by ``rate``; ``None`` if there are none."""
+    a, d = np.flatnonzero(z > 0.0), np.flatnonzero((z == 0.0) & (w == 0.0))
+    try:
+        known = np.column_stack([M[np.ix_(a, d)], rate[a]])
+        rest = M[np.ix_(d, a)] @ np.linalg.solve(M[np.ix_(a, a)], known)
+    except np.linalg.LinAlgError:
+        return None
+    reduced = np.column_stack([M[np.ix_(d, d)], rate[d]]) - rest
+    found = lemke(reduced[:, :-1], reduced[:, -1])
+    if found is None:
+        return None
+    basic = z > 0.0
+    basic[d] = found
+    return basic
+
+
+def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | None:
+    """Basic z at s = 1, from those at s = 0; ``None`` if s would have to decrease (local)."""
+    n = q.size
+    # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, s is 2 n.
+    w, z, s = np.arange(n), np.arange(n, 2 * n), 2 * n
+    rows, columns = np.where(basic, z, w), np.append(np.where(basic, w, z), s)
+    given = np.column_stack([np.where(basic, -np.eye(n), M), q - q_0, q_0])
+    try:
+        table = np.asfortranarray(np.linalg.solve(np.where(basic, -M, np.eye(n)), given))
+    except np.linalg.LinAlgError:
+        return None
+    at, column = -1, n
+    for _ in range(MAX_STEPS * n):
+        falls = table[:, column]
+        now, grows = (table[at, -1], falls[at]) if at >= 0 else (0.0, 1.0)
+        if not grows > 0.0:
+            return None
+        falling = np.flatnonzero(falls < -SUM_ROUNDING * np.abs(falls).max())
+        ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
+        if now + grows * ways.min(initial=np.inf) >= 1.0:
+            if at >= 0:
+                rows[at] = columns[column]
+            return np.isin(z, rows)
+        row = int(falling[np.argmin(ways)])
+        table = exchange(table, row, column)
+        left, rows[row], columns[column] = rows[row], columns[column], rows[row]
+        at = int(np.flatnonzero(rows == s)[0])
+        column = int(np.flatnonzero(columns == (left + n) % s)[0])
+    return None

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: MIT
+"""Folder of numba's cache for the kernels of this checkout as they are now."""
+
+import hashlib
+import os
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+# Caches of kernels that have changed since are removed after so long [s], when no run uses them.
+KEPT = 24 * 3600.0
+
+
+def digest(*parts):
+    return hashlib.sha256(b"".join(parts)).hexdigest()[:12]
+
+
+def folder_of_kernels(root=ROOT):
+    """The folder, named by the place of the checkout and the contents of all kernels.
+
+    numba does not see that a helper in another file has changed: with any kernel changed, the
+    folder is another one. Where the user's cache cannot be written it is a temporary one.
+    """
+    kernels = sorted((root / "fenics_mortar" / "kernels").rglob("*.py"))
+    contents = digest(*(kernel.name.encode() + kernel.read_bytes() for kernel in kernels))
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fenics_mortar"
+    place = f"numba-{digest(str(root).encode())}"
+    folder = home / f"{place}-{contents}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+    except OSError:
+        return tempfile.mkdtemp(prefix="fenics_mortar-numba-")
+    for other in home.glob(f"{place}-*"):
+        if other != folder and time.time() - other.stat().st_mtime > KEPT:
+            shutil.rmtree(other, ignore_errors=True)
+    return str(folder)

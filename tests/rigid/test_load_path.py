@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: MIT
+"""Linearized contact with friction along a load path: near solutions only, none beyond a jump."""
+
+import numpy as np
+import pytest
+from test_complementarity import problem, violation
+
+from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
+from fenics_mortar.rigid.load_path import follow_loads
+
+# One node whose normal and tangential compliance are coupled. At mu = 2 > 1 / |coupling| it may
+# have no equilibrium next to a state in which it slides (Klarbring 1990).
+COUPLED = np.array([[1.0, -1.0], [1.0, -2.0]])
+# It slides with a pressure of one where gap and slip without multipliers are one and three.
+SLIDES = Sets(np.array([True]), np.array([1]), np.array([1.0]), np.array([2.0]))
+
+
+def unloaded(n):
+    """Sets and gaps of n nodes that touch without pressure."""
+    none = np.zeros(n)
+    return Sets(none > 0.0, none.astype(np.int64), none, none), none
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.6, 3.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_surfaces_that_just_touch_are_loaded(seed, mu):
+    """All gaps and pressures are zero at first; all conditions hold at the end."""
+    p = problem(np.random.default_rng(seed), 12, mu=mu)
+    assert violation(p, follow_loads(p, *unloaded(12))) < 1e-5
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_loaded_state_goes_on(seed):
+    """From one solution to another one, without friction: both are unique."""
+    rng = np.random.default_rng(seed)
+    p = problem(rng, 10, mu=0.0)
+    first = solve_friction(p)
+    gap = (p.q + p.V @ np.concatenate([first.z_n, first.z_tau]))[:10]
+    then = p._replace(q=rng.normal(size=20))
+    found = follow_loads(then, first, np.maximum(gap, 0.0))
+    assert found.z_n == pytest.approx(solve_friction(then).z_n, abs=1e-9)
+
+
+def test_a_sliding_node_goes_on():
+    """With mu = 0.5 it slides at a pressure of one for q = (-0.5, 0), and of two for (-1, 0.1)."""
+    p = FrictionProblem(COUPLED, np.array([-1.0, 0.1]), np.array([0.5]))
+    found = follow_loads(p, SLIDES._replace(z_tau=np.array([0.5])), np.zeros(1))
+    assert found.branch[0] == 1
+    assert found.z_n[0] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("pulled", [1e-6, 0.1])
+def test_no_solution_beyond_a_jump(pulled):
+    """Pulled, the node can neither stick nor slide; it is open at a distance, after a jump."""
+    p = FrictionProblem(COUPLED, np.array([1.0 + pulled, 3.0]), np.array([2.0]))
+    assert not solve_friction(p).active.any()
+    assert follow_loads(p, SLIDES, np.zeros(1)) is None
+
+
+def test_a_path_that_turns_later_is_left():
+    """The node sticks first and then reaches its limit, where the path turns."""
+    sticks = SLIDES._replace(branch=np.array([0]), z_tau=np.array([1.5]))
+    # Without slip and gap: q_n = z_tau - z_n, q_t = 2 z_tau - z_n.
+    near = FrictionProblem(COUPLED, np.array([0.6, 2.1]), np.array([2.0]))
+    assert follow_loads(near, sticks, np.zeros(1)).z_tau[0] == pytest.approx(1.5)
+    far = near._replace(q=np.array([1.1, 2.1]))
+    assert not solve_friction(far).active.any()
+    assert follow_loads(far, sticks, np.zeros(1)) is None
