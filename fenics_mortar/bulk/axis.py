@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Checks of a meridian half plane: no node beyond the axis, none that leaves it."""
+"""Checks of a meridian half plane: nodes and conditions on the axis, the radius in the residual."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
         )
 
 
-def check_revolved(residual: Any, u: Any, space: DisplacementSpace) -> None:
+def check_radius(residual: Any, u: Any, space: DisplacementSpace) -> None:
     """Refuse a residual of plane bodies with axisymmetry (local, equal on all ranks).
 
     Args:
@@ -66,16 +66,16 @@ def check_revolved(residual: Any, u: Any, space: DisplacementSpace) -> None:
     """
     if "cell" in _without_radius(residual, u, space):
         raise ValueError(
-            "the residual has integrals over cells without the radius: with "
-            "geometry='axisymmetric' they need the factor 2 pi X[0] and the hoop strain u[0] / "
-            "X[0], with X = ufl.SpatialCoordinate(mesh)"
+            "the residual does not contain the radius in integrals over cells: with "
+            "geometry='axisymmetric' multiply its measures by 2 * pi * X[0], X = "
+            "ufl.SpatialCoordinate(mesh), and add the hoop strain"
         )
 
 
 def remark_on_radius(residual: Any, u: Any, space: DisplacementSpace) -> str:
     """Remark on boundary integrals without the radius, "" if there are none (local).
 
-    Arguments as for ``check_revolved``.
+    Arguments as for ``check_radius``.
     """
     if not _without_radius(residual, u, space) - {"cell"}:
         return ""

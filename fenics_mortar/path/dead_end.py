@@ -63,8 +63,8 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
             force = float(np.hypot(*contact.total_force))
             yield (
                 f"'{contact.slave.name}' and '{contact.master.name}' slip off each other at "
-                f"{place(o.x[j])}: their overlap vanishes, it is {overlap:.1e}, with a force of "
-                f"{force:.3g} in it that nothing carries beyond"
+                f"{place(o.x[j])}: their overlap has shrunk to {overlap:.1e} and still transfers a "
+                f"force of {force:.3g}; no equilibrium lies beyond"
             )
 
 
@@ -121,8 +121,8 @@ def _slid_away(problem: ContactProblem, before: State) -> str:
         if farthest > RIGID.overlap:
             return (
                 "no contact forces at the nodes balance the loads on "
-                f"{equations.floating.name_of(body.label)}, which was supported by friction: it "
-                f"slid by {farthest:.2f} facets in one step, where only inertia would stop it; "
+                f"{equations.floating.name_of(body.label)}, which friction supported before: it "
+                f"slid by {farthest:.2f} facets in one step, and only inertia would stop it; "
                 "finer facets may support more"
             )
     return ""
@@ -155,7 +155,7 @@ def _deadlock(problem: ContactProblem, start: State) -> str:
     return (
         f"{len(sliding)} nodes slide, and each of the {2 ** len(sliding)} combinations of stick "
         f"and slip violates the law of friction, at best only at {where}: no state nearby is in "
-        "equilibrium; with so much friction bodies accelerate"
+        "equilibrium, and bodies would accelerate; friction is too large for a static solution"
     )
 
 

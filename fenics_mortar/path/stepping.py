@@ -56,9 +56,9 @@ def follow_path(
     Args:
         problem: The problem, solved or unloaded at ``start``.
         set_loads: Sets loads and prescribed values for a time; called again for an earlier time
-            after a failure.
+            after a failure. It is called on all ranks and has to set equal values.
         options: Options of the steps.
-        start: Time of the present state.
+        start: Time of the present state, in units of the path parameter.
         stop: Final time.
         on_step: Called with time and report after each accepted step, for example to write results.
         progress: Whether rank 0 draws a bar in the terminal, by the package tqdm.
@@ -145,7 +145,7 @@ def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: An
     """Refuse arguments of ``follow_path`` (local)."""
     if not callable(set_loads):
         raise ValueError(f"set_loads={set_loads!r}: expected a function of the time")
-    expected = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
     check_kind("options", options, SteppingOptions, expected)
     for name, value in (("start", start), ("stop", stop)):
         check_number(name, value, "a finite number", np.isfinite)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
@@ -80,14 +81,15 @@ def check_pair(pair: Any) -> int:
     return int(pair)
 
 
-def interface_of(equations: ContactEquations, i: int) -> Any:
+def interface_of(equations: ContactEquations, i: int) -> Interface:
     """Contact or tie of the pair with number ``i`` (local).
 
     Raises:
         ValueError: If there is no such pair.
     """
-    if i >= len(equations.contacts):
-        raise ValueError(f"pair {i}: the problem has {len(equations.contacts)} pairs, from 0 on")
+    count = len(equations.contacts)
+    if not isinstance(i, (int, np.integer)) or not 0 <= i < count:
+        raise ValueError(f"pair {i!r}: expected a number from 0 to {count - 1}, in order of pairs")
     return equations.contacts[i]
 
 
@@ -95,7 +97,7 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
     """Contact of the pair with number ``i`` (local).
 
     Raises:
-        ValueError: If it is a tie, or there is no such pair.
+        ValueError: If there is no such pair, or it is a tie.
         MortarError: If derivatives by the state of its law are not implemented.
     """
     contact = interface_of(equations, i)

@@ -75,9 +75,9 @@ def tangent_linear(
     Args:
         objective: See ``gradient``.
         controls: See ``gradient``.
-        directions: Direction of the control, or a list with that of each control: numbers in the
-            shape of its derivative, a function of the space of a function; or a function of the
-            number of the step that returns one of these.
+        directions: Direction of the control, or for a list of controls a list with that of each:
+            numbers in the shape of its derivative, a function of the space of a function; or a
+            function of the number of the step that returns one of these.
         path: See ``gradient``.
         over_steps: See ``gradient``.
 
@@ -88,12 +88,20 @@ def tangent_linear(
     Raises:
         ValueError: If an argument is of another type or shape, or nothing depends on a control.
         MortarError: See ``gradient``.
+
+    Example:
+        Change of the shear force if mu grows by 0.01, on a path as in ``RecordedPath``::
+
+            mu = fm.sensitivity.LawParameter(0, "mu")
+            shear = fm.sensitivity.TotalForce(0, (1.0, 0.0))
+            change = fm.tangent_linear(shear, mu, 0.01, path).derivative
     """
     path = recorded(path)
     problem = path.problem
     with together(problem.comm, "tangent_linear"):
         quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
-        given = as_list(directions) if len(made) > 1 or _is_list(directions) else [directions]
+        as_they_are = not (isinstance(controls, Sequence) or _is_list(directions))
+        given = [directions] if as_they_are else as_list(directions)
         if len(given) != len(made):
             raise ValueError(f"{len(given)} directions: expected {len(made)}, one per control")
         along = [

@@ -52,9 +52,9 @@ def test_pairs_are_numbers_from_zero_on():
         for number in (-1, 0.0, "a"):
             with refused(ValueError, "the number of a pair"):
                 make(number)
-    with refused(ValueError, "the problem has 1 pairs"):
+    with refused(ValueError, "pair 1: expected a number from 0 to 0"):
         fm.gradient(sensitivity.TotalForce(1, (0.0, 1.0)), MU, problem)
-    with refused(ValueError, "the problem has 1 pairs"):
+    with refused(ValueError, "pair 1: expected a number from 0 to 0"):
         fm.gradient(FORCE, sensitivity.Offset(1), problem)
 
 
