@@ -93,9 +93,10 @@ if comm.rank == 0:
     axes = Figure((7, 3.5), layout="tight").add_subplot(xlabel="way [mm]")
     axes.set(ylabel="force [N/mm]", title="Shallow ironing: vertical (V) and horizontal (H) force")
     axes.vlines(places, *np.transpose(bands), color="lightgray", lw=8, label="published")
-    for file in sorted(Path("results").glob("ironing_*.txt")):
-        columns = np.split(np.loadtxt(file, usecols=(0, 1, 2)), [1], axis=1)
-        axes.plot(*columns, label=[f"{force}, {int(file.stem[-3:])} facets" for force in "HV"])
+    for file, line in zip(sorted(Path("results").glob("ironing_*.txt")), ("--", "-", ":")):
+        x, *forces = np.loadtxt(file, usecols=(0, 2, 1)).T
+        for force, y, color in zip("VH", forces, ("#1f5fa8", "#c8102e")):
+            axes.plot(x, y, line, color=color, label=f"{force}, {int(file.stem[-3:])} facets")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     axes.figure.savefig("results/ironing_forces.png", dpi=150)
 # -

@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 import gmsh
 import numpy as np
+from matplotlib.figure import Figure
 
 import ufl
 from dolfinx import fem
@@ -87,6 +88,14 @@ if comm.rank == 0:
     for k in range(max(len(column) for column in columns.values())):
         cells = [column[k] if k < len(column) else "" for column in columns.values()]
         print(f"| {k + 1} | " + " | ".join(cells) + " |")
+    Path("results").mkdir(exist_ok=True)
+    figure = Figure((6, 3.2), layout="constrained")
+    axes = figure.add_subplot(xlabel="iteration", ylabel="residual / force", yscale="log")
+    for marker, size, (name, (_, residuals)) in zip("osx", (9, 4, 6), OURS.items()):
+        k = np.arange(1, 1 + len(residuals))
+        axes.plot(k, residuals, marker=marker, ms=size, fillstyle="none", label=name)
+    axes.legend(frameon=False)
+    figure.savefig("results/paper.png", dpi=150)
 
 # ## Check
 # Both algorithms have the same iterates, Newton is quadratic, the fixed point is linear.

@@ -80,7 +80,7 @@ problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
 problem.solve()
 contact = problem.equations.contacts[0]
 z, fitted, force = contact.operators.x[:, 1], contact.pressure, []
-shown = {"label": "hoop stress [MPa]", "units": ("mm", "MPa"), "scale": 200.0}
+shown = {"label": "hoop stress [MPa]", "units": ("mm", "MPa")}
 fm.plot(problem, "results/press_fit.png", stress=hoop_stress, **shown)
 law.mu = friction
 for step in range(1, 9):

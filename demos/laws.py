@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 import fenics_mortar as fm
-from fenics_mortar.contact.laws import Friction
-from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row, magnitude, row_of
+from fenics_mortar.contact.laws import Friction, Nodal, Row, magnitude, row_of
+from fenics_mortar.contact.nodal import Array, Branches
 
 
 class Worn(fm.Coulomb):

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D."""
+"""Mortar contact of deformable bodies at finite deformation for FEniCSx, in 2D.
+
+Beside the public names, ``laws`` has the base classes and helpers of contact laws, ``sensitivity``
+the controls and quantities of derivatives.
+"""
 
 if __name__ != "fenics_mortar":
     raise ImportError(
@@ -8,6 +12,7 @@ if __name__ != "fenics_mortar":
     )
 
 from fenics_mortar.bulk.velocity import Velocity
+from fenics_mortar.contact import laws as laws
 from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.laws import Coulomb, Frictionless, Law, Tresca
 from fenics_mortar.contact.pair import ContactPair

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The contact problem that a user sets up: UFL residual, Dirichlet conditions, contact pairs."""
+"""The contact problem that a user sets up: UFL residual, Dirichlet conditions, contact pairs.
+
+More than 350 lines by its documentation, and a class of more than 20 methods: everything that users
+do with a problem, one method each, and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -42,9 +46,6 @@ from fenics_mortar.verify.tangent import TangentCheck, check_tangent
 class ContactProblem:
     """Quasi-static equilibrium of bodies in contact.
 
-    More than 350 lines by its documentation, and more than 20 methods: everything that users do
-    with a problem, one method each.
-
     Args:
         residual: UFL form of f_int - f_ext, linear in a test function of the space of ``u``.
             Specify a ``quadrature_degree`` for its measures.
@@ -53,7 +54,8 @@ class ContactProblem:
         pairs: Contact and tied pairs.
         bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
-        petsc_options: Options of the linear solver, in addition to those of ``solver``.
+        petsc_options: Options of the linear solver, in addition to those of ``solver``. With a
+            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults hold, as GMRES.
         algorithm: "condensed" (Foltyn & Vlach 2016, Alg. 2; dual multipliers only) or "saddle"
             (Alg. 1). Default: condensed if D can be inverted node by node.
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
@@ -89,6 +91,18 @@ class ContactProblem:
 
     Note:
         All methods are collective.
+
+    Example:
+        Two blocks, pressed together in five steps; the README has the whole script::
+
+            contact = fm.ContactPair(blocks, slave="upper/bottom", master="lower/top")
+            problem = fm.ContactProblem(
+                residual, u, [contact], bcs=bcs, petsc_options_prefix="blocks_"
+            )
+            for step in range(1, 6):
+                push.value[1] = -0.03 * step
+                report = problem.solve()
+            print(report, problem.contacts[0].pressure)
     """
 
     def __init__(
@@ -377,9 +391,14 @@ class ContactProblem:
             return linearized.solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
-        """Taylor slopes of all derivatives at the present state (collective).
+        """Taylor slopes of all derivatives at the present state, 2 if exact (collective).
 
-        Options and result: see ``verify.tangent.check_tangent``.
+        Args:
+            options: ``print_table=False`` keeps rank 0 from printing the table, ``steps`` are sizes
+                over the shortest slave facet, shape (s,) [1], ``seed`` is that of the direction.
+
+        Returns:
+            Remainders and slopes of each block: bulk, n, g, D, M and the whole system.
         """
         self._renew_if_interrupted()
         with undone_if_interrupted(self.equations, self._adequacy):

@@ -400,10 +400,8 @@ for refinement in (1, 2, 4):
 # shear grows smoothly with the slip of the step and tends to 0.3 times the pressure. All
 # arguments are arrays over the slave nodes.
 
+
 # +
-from fenics_mortar.contact.laws import Row
-
-
 class Creeping(fm.Law):
     """z_tau = mu z_n tanh(slip / length)."""
 
@@ -417,7 +415,7 @@ class Creeping(fm.Law):
     def tangential(self, node, branch):
         """The equation and its derivatives."""
         fraction = np.tanh(node.slip / self.length)
-        return Row(
+        return fm.laws.Row(
             node.z_tau - self.mu * node.z_n * fraction,
             by_slip=-self.mu * node.z_n * (1 - fraction**2) / self.length,
             by_z_n=-self.mu * fraction,
@@ -446,9 +444,8 @@ if comm.rank == 0:
 # shear / normal: 0.103
 # ```
 #
-# The derivatives may also be left to `fenics_mortar.contact.nodal.row_of`, which takes the equation
-# alone. Laws with memory, such as wear, and parameters that vary in space are in the docstring of
-# [`contact/law.py`](../../fenics_mortar/contact/law.py).
+# `fm.laws.row_of(function, node)` returns such a `Row` from the equation alone. Memory, wear, rates
+# and parameters that vary in space: [contact laws of your own](laws.md).
 #
 # ## Are the derivatives right?
 #

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""Checks of a meridian half plane: no node beyond the axis, none that leaves it."""
+"""Checks of a meridian half plane: nodes and conditions on the axis, the radius in the residual."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+
+import ufl
+from ufl.algorithms.analysis import extract_type
 
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Flags, Indices
@@ -41,6 +46,22 @@ def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
             f"{count} nodes on the axis may move away from it, one at {where}: the radial "
             "component is not prescribed; add fm.dirichlet(V, data, name, 0.0, component=0) for "
             "the boundary on the axis"
+        )
+
+
+def check_radius(residual: Any, u: Any, space: DisplacementSpace) -> None:
+    """Refuse residuals of plane bodies in axisymmetric problems (local).
+
+    Raises:
+        ValueError: If the radius cannot be in the residual, which has neither a
+            ``SpatialCoordinate`` nor a function beside ``u``.
+    """
+    if not space.is_axisymmetric or set(residual.coefficients()) - {u}:
+        return
+    if not extract_type(residual, ufl.classes.SpatialCoordinate):
+        raise ValueError(
+            "the residual does not contain the radius: with geometry='axisymmetric' multiply its "
+            "measures by 2 * pi * X[0], X = ufl.SpatialCoordinate(mesh), and add the hoop strain"
         )
 
 

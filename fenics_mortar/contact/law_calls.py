@@ -51,7 +51,13 @@ class LawCalls:
             if (whole != np.nan_to_num(branch)).any():
                 raise ValueError(f"{law!r}: branch returned {branch}; expected integers")
             if isinstance(law, Friction):  # whose nodes would stick if their limit were nan
-                limits = self._numbers(law, "limit", law.limit(_protected(node))[:1], before.size)
+                given = law.limit(_protected(node))
+                if not isinstance(given, (tuple, list)) or len(given) not in (3, len(Row._fields)):
+                    raise ValueError(
+                        f"{law!r}: limit returned {given!r}; expected a Row, or three: the limit "
+                        "and its derivatives by gap and z_n"
+                    )
+                limits = self._numbers(law, "limit", given[:1], before.size)
                 finite = [np.where(np.isposinf(limit), 0.0, limit) for limit in limits]
                 self._check_finite(law, "limit", finite, _all_finite(node), x)
             return whole.astype(np.int64)

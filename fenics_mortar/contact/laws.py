@@ -61,8 +61,20 @@ from typing import Any, Literal
 import numpy as np
 
 from fenics_mortar.contact.law import KINK, STICK, Frictionless, Law, Stick, varies
-from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row
+from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row, magnitude, row_of
 from fenics_mortar.utils.arguments import check_choice, check_number
+
+__all__ = [
+    "Coulomb",
+    "Friction",
+    "Frictionless",
+    "Law",
+    "Nodal",
+    "Row",
+    "Tresca",
+    "magnitude",
+    "row_of",
+]
 
 
 class Friction(Law):
@@ -83,7 +95,9 @@ class Friction(Law):
         ValueError: If a number is not allowed.
     """
 
-    def __init__(self, c_t: float) -> None:
+    c_t = 0.1  # also of laws that do not call ``__init__`` of this class
+
+    def __init__(self, c_t: float = 0.1) -> None:
         self.c_t = c_t
 
     def check(self) -> None:

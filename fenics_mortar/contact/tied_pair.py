@@ -40,6 +40,14 @@ class TiedPair:
 
     Note:
         Collective.
+
+    Example:
+        An inclusion bonded to a plate, with contact elsewhere::
+
+            tie = fm.TiedPair(data, slave="inclusion/arc", master="plate/arc")
+            problem = fm.ContactProblem(
+                residual, u, [tie, contact], bcs=bcs, petsc_options_prefix="tied_"
+            )
     """
 
     def __init__(

@@ -16,11 +16,20 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 class PairView:
     """Results on a contact or tied pair of a problem, ``problem.contacts[i]``; properties only.
 
+    Forces and pressures are those on the slave. The outward normal of the slave is n, its tangent
+    tau = (-n_y, n_x); slip and shear are positive along tau.
+
     All arrays are copies, equal on all ranks. Nodal arrays follow the slave nodes along the
     surface, at the present multipliers and the last evaluated displacement; after a solve this is
     the solution. With degree 2, ends and midpoints of facets alternate along each curve, which
     begins with an end. All attributes but ``forces`` are local. More than 20 methods: one property
     for each result.
+
+    Example:
+        Pressure along the surface after a solve, as columns x, y, pressure::
+
+            contact = problem.contacts[0]
+            np.savetxt("pressure.txt", np.column_stack([contact.positions, contact.pressure]))
     """
 
     def __init__(self, interface: Interface) -> None:
@@ -42,12 +51,22 @@ class PairView:
 
     @property
     def nodes(self) -> Indices:
-        """Global numbers of the slave nodes in the displacement's space, shape (slave nodes,)."""
+        """Global numbers of the slave nodes in the displacement's space, shape (slave nodes,).
+
+        Values of a function of this space V at the slave nodes that a rank owns::
+
+            first, end = V.dofmap.index_map.local_range
+            mine = (first <= contact.nodes) & (contact.nodes < end)
+            values = u.x.array.reshape(-1, 2)[contact.nodes[mine] - first]
+        """
         return self._interface.slave.nodes.copy()
 
     @property
     def positions(self) -> Array:
-        """Present positions of the slave nodes, shape (slave nodes, 2) [length]."""
+        """Present positions of the slave nodes, shape (slave nodes, 2) [length].
+
+        Before the first solve these are the positions in the mesh.
+        """
         return self._interface.operators.x.copy()
 
     @property
@@ -72,7 +91,10 @@ class PairView:
 
     @property
     def shear(self) -> Array:
-        """Shear z_tau along the tangent, shape (slave nodes,) [stress]."""
+        """Multiplier z_tau along tau, shape (slave nodes,) [stress].
+
+        It has the sign of the slip: the shear traction on the slave is -z_tau.
+        """
         return self._interface.z_tau.copy()
 
     @property
@@ -82,7 +104,10 @@ class PairView:
 
     @property
     def slip(self) -> Array:
-        """Slip along the tangent since the accepted state, shape (slave nodes,) [length]."""
+        """Slip of the last step along tau, shape (slave nodes,) [length].
+
+        Slip of the slave relative to the master since the accepted state before the last solve.
+        """
         return self._interface.slip.copy()
 
     @property

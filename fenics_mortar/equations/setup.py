@@ -8,7 +8,7 @@ from typing import Any
 
 from dolfinx import fem
 
-from fenics_mortar.bulk.axis import check_axis
+from fenics_mortar.bulk.axis import check_axis, check_radius
 from fenics_mortar.bulk.checks import check_cells, check_slave_nodes, check_space
 from fenics_mortar.bulk.mesh_overlap import check_mesh_overlap
 from fenics_mortar.bulk.residual import Bulk, mark_prescribed
@@ -87,6 +87,7 @@ def equations_of(
         raise ValueError("solver='iterative': mixed functions need solver='direct'")
     prescribed = mark_prescribed(space, u, bcs)
     check_axis(space, prescribed)
+    check_radius(residual, u, space)
     contacts = bind(pairs, space, prescribed)  # may move nodes
     bulk = Bulk(residual, u, list(bcs), jacobian, space)
     garbage.keep_communicators(bulk.comm, bulk.r, bulk.K)

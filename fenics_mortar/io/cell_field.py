@@ -38,8 +38,7 @@ class CellField:
         self._compiled: Any = None
 
         def compile_it() -> None:
-            if not isinstance(name, str) or not name or name == "displacement":
-                raise ValueError("a name is a non-empty text other than 'displacement'")
+            _check_name(name)
             self._shape = ufl.as_ufl(expression).ufl_shape
             if len(self._shape) > rank or max(self._shape, default=1) > 3:
                 expected = "a scalar, vector or tensor" if rank else "a scalar"
@@ -54,7 +53,22 @@ class CellField:
         try_together(problem.comm, True, compile_it, f"field {name!r} cannot be evaluated")
 
     def evaluate(self) -> Array:
-        """Values, of shape (owned cells,) and the shape of the expression (local)."""
+        """Values [unit of the field], shape (owned cells,) and that of the expression (local)."""
         cells = np.arange(self._mesh.topology.index_map(2).size_local, dtype=np.int32)
         values = compat.evaluate_expression(self._compiled, self._mesh, cells)
         return np.asarray(values).reshape(cells.size, *self._shape)
+
+
+def check_name(problem: ContactProblem, name: Any) -> None:
+    """Refuse names of fields that are no text or taken (collective).
+
+    Raises:
+        MortarError: On all ranks.
+    """
+    words = f"field {name!r} cannot be evaluated"
+    try_together(problem.comm, True, lambda: _check_name(name), words)
+
+
+def _check_name(name: Any) -> None:
+    if not isinstance(name, str) or not name or name == "displacement":
+        raise ValueError("a name is a non-empty text other than 'displacement'")

@@ -18,7 +18,7 @@ GRID = 400
 
 
 def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
-    """Lower and upper corner of a box around the deformed bodies, each (2,) (collective)."""
+    """Lower and upper corner of a box around deformed bodies, (2,) [length] (collective)."""
     x = bulk.positions()
     ends = np.concatenate([-x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     bulk.comm.Allreduce(MPI.IN_PLACE, ends, MPI.MAX)
@@ -67,6 +67,10 @@ def _zeros(obstacle: Obstacle, low: Array, high: Array) -> list[Array]:
 
 
 def grid(low: Array, high: Array) -> tuple[Array, Array, Array]:
-    """Coordinates x and y of a grid in a box, each (GRID,), and its points (GRID^2, 2) (local)."""
+    """Grid in the box from ``low`` to ``high``, each (2,) [length] (local).
+
+    Returns:
+        Coordinates x and y, each (GRID,), and points (GRID^2, 2) [length].
+    """
     x, y = (np.linspace(a, b, GRID) for a, b in zip(low, high, strict=True))
     return x, y, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

@@ -17,7 +17,8 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.io.cell_field import CellField
+from fenics_mortar.io.cell_field import CellField, check_name
+from fenics_mortar.io.nodal_field import NodalField, has_nodes
 from fenics_mortar.io.outlines import bounding_box, outline
 from fenics_mortar.io.series import Block, Series
 from fenics_mortar.io.shared import check_problem, owned_cells, pad, prepare_path
@@ -41,8 +42,9 @@ class ResultsWriter:
     """Time series for ParaView: open ``<path>.pvd``, which shows all of the run.
 
     Each step has the blocks "bodies", "surfaces" (the slaves) and "obstacles" in the folder
-    ``<path>``. Bodies have the displacement at their nodes [length] and the values of ``fields`` at
-    the midpoints of their cells. A slave surface has at its nodes the displacement [length], the
+    ``<path>``. Bodies have the displacement [length] and Lagrange functions among ``fields`` at
+    their nodes, of degree 2 also at the midpoints of edges, and other fields at the midpoints of
+    their cells. A slave surface has at its nodes the displacement [length], the
     contact pressure [stress], the tangential traction tau . z [stress], the mean gap [length], nan
     without partner, the slip of the last step [length], the status (0 open, 1 active), whether it
     sticks (0, 1) and the normal. Obstacles are outlines in a box around the bodies, with their
@@ -51,12 +53,23 @@ class ResultsWriter:
     Args:
         path: Path of the files, used on the first rank; missing folders are created.
         problem: The problem to write.
-        fields: UFL expressions by name: scalars, vectors or tensors. Plane vectors and tensors are
-            padded with zeros.
+        fields: Functions and UFL expressions by name: scalars, vectors or tensors, padded with
+            zeros to three dimensions. Scalar and vector functions of Lagrange spaces up to the
+            degree of the displacement, and parts ``w.sub(i)`` of mixed ones, are written at nodes,
+            all others are evaluated at the midpoints of cells.
 
     Raises:
         MortarError: On all ranks, if a field cannot be evaluated or the folder not be created.
         ValueError: On all ranks, if an argument is of another type.
+
+    Example:
+        ::
+
+            fields = {"stress": stress, "pressure": w.sub(1)}
+            with fm.ResultsWriter("results/seal", problem, fields) as results:
+                for step in range(1, 11):
+                    problem.solve()
+                    results.write(step)
     """
 
     def __init__(
@@ -71,7 +84,13 @@ class ResultsWriter:
                 check_kind("fields", fields, dict, "a dictionary of UFL expressions by name")
         names = {str(number): name for number, name in enumerate(fields or {})}
         check_same_words(comm, "ResultsWriter", {"number of fields": len(names), **names})
-        self._fields = {name: CellField(problem, e, name) for name, e in (fields or {}).items()}
+        self._fields, self._nodal = dict[str, CellField](), dict[str, NodalField]()
+        for name, field in (fields or {}).items():
+            if has_nodes(problem, field):
+                check_name(problem, name)
+                self._nodal[name] = NodalField(problem, field)
+            else:
+                self._fields[name] = CellField(problem, field, name)
         cells = owned_cells(problem)
         self._nodes, numbers = np.unique(cells, return_inverse=True)
         self._X = problem.equations.bulk.V.tabulate_dof_coordinates()[self._nodes]
@@ -97,6 +116,7 @@ class ResultsWriter:
         u, dofs = problem.equations.bulk.u.x.array, problem.equations.bulk.space.dofs
         cell_data = {name: pad(field.evaluate()) for name, field in self._fields.items()}
         data = {"displacement": pad(u[dofs[self._nodes]])}
+        data |= {name: pad(field.evaluate()) for name, field in self._nodal.items()}
         bodies = partial(_piece, self._X, self._cells, CELLS, data, cell_data)
         pieces: list[Callable[[], Any]] = []
         for contact in problem.equations.contacts:

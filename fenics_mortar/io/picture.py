@@ -130,7 +130,9 @@ def _check(path: Any, scale: Any, units: Any, limits: Any, ax: Any, *, first: bo
     if units is not None and not (
         isinstance(units, (tuple, list)) and [type(unit) for unit in units] == [str, str]
     ):
-        raise ValueError(f"units={units!r}: expected those of length and stress, as ('mm', 'MPa')")
+        raise ValueError(
+            f"units={units!r}: expected those of length and stress, such as ('mm', 'MPa')"
+        )
     if limits is not None:
         fits = isinstance(limits, (tuple, list, np.ndarray)) and len(limits) == 2
         if not fits or not np.isfinite(np.asarray(limits, float)).all() or limits[0] >= limits[1]:

@@ -33,7 +33,14 @@ def owned_cells(problem: ContactProblem) -> Indices:
 
 
 def pad(values: Array) -> Array:
-    """Pad (n, a) with zeros to (n, 3), and (n, a, b) to 3 x 3 in rows of 9, as VTK does (local)."""
+    """Pad ``values`` with zeros to three dimensions, in their unit, as VTK expects them (local).
+
+    Args:
+        values: Scalars (n,), vectors (n, a) or tensors (n, a, b) with a and b up to 3 [any unit].
+
+    Returns:
+        Scalars unchanged, vectors (n, 3), tensors row by row, shape (n, 9).
+    """
     rank = values.ndim - 1
     padded = np.zeros((len(values), *rank * (3,)))
     padded[tuple(slice(size) for size in values.shape)] = values

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.la.condensed import CondensedSystem, obstacle_to_condensation
-from fenics_mortar.la.options import DIRECT, FEW, ITERATIVE, MANY, SMALL, Solver
+from fenics_mortar.la.options import FEW, ITERATIVE, MANY, SMALL, Solver
 from fenics_mortar.la.saddle import SaddleSystem
 from fenics_mortar.la.system import LinearSystem
 
@@ -55,7 +55,7 @@ def system_of(
     if automatic and (with_itself or not for_multigrid):
         solver = "direct"
     small = solver == "direct" and form is CondensedSystem and _is_small(bulk, prefix, options)
-    defaults: dict[str, Any] = (SMALL if small else DIRECT) if solver == "direct" else ITERATIVE
+    defaults: dict[str, Any] = (SMALL if small else {}) if solver == "direct" else ITERATIVE
 
     def create() -> LinearSystem:
         system = form(bulk, contacts, prefix, defaults | (options or {}))

@@ -70,7 +70,7 @@ class FactoredBulk:
         return PETSc.Mat().createAIJ(sizes, csr=csr, comm=self._bulk.comm)
 
     def at_contact(self, answers: PETSc.Mat) -> Array:
-        """Owned rows of ``answers`` at contact dofs, zero elsewhere, shape (size, k) (local)."""
+        """Owned rows of ``answers`` [length] at contact dofs, else 0, shape (size, k) (local)."""
         values = np.zeros((self._dofs.size, answers.getSize()[1]))
         values[self._numbers] = answers.getDenseArray()[self._local]
         return values
@@ -103,7 +103,7 @@ class Compliance(FactoredBulk):
         self._answers = np.empty((0, dofs.size))
 
     def by_forces(self, forces: Array) -> Array:
-        """Displacements of the contact dofs, (size,) [length], zero on ranks > 0 (local)."""
+        """Displacements (size,) [length] by ``forces`` (size,); 0 on ranks > 0 (local)."""
         return self.A @ forces if self._bulk.comm.rank == 0 else np.zeros_like(forces)
 
     def by_prescribed(self, change: Array, rounding: float) -> Array:

@@ -31,13 +31,13 @@ class ContactDofs(SomeRows):
         self.free_globals: Indices = np.where(self.free, self._rows, -1)
 
     def gather(self, values: Array) -> Array:
-        """Values of a local array of all dofs at the contact dofs, shape (size,) (collective)."""
+        """``values`` (local dofs,) [any unit] at the contact dofs, shape (size,) (collective)."""
         result = np.zeros(self.size)
         for surface in self._surfaces:
             result[self.number(surface.dofs)] = surface.gather(values)
         return result
 
     def put(self, values: Array, target: Array) -> None:
-        """Write ``values`` (size,) into a local array of all dofs (local)."""
+        """Write ``values`` (size,) into ``target`` (local dofs,) (local)."""
         for surface in self._surfaces:
             target[surface.local_dofs] = values[self.number(surface.dofs[surface.owned])]

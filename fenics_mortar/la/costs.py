@@ -35,11 +35,11 @@ class Costs:
     per_entry: float = 24.0
 
     def factors(self, unknowns: int, iterations: int) -> float:
-        """Seconds of ``iterations`` iterations, with a factorization in each."""
+        """Time of ``iterations`` iterations with a factorization in each [s] (local)."""
         return 1e-6 * unknowns * (self.first + iterations * self.iteration)
 
     def compliance(self, unknowns: int, contact_dofs: int) -> float:
-        """Seconds of the compliance of the contact dofs."""
+        """Time to compute the compliance of the contact dofs [s] (local)."""
         return 1e-6 * (self.once * unknowns + self.dense * contact_dofs**3)
 
     def fits(self, unknowns: int, contact_dofs: int) -> bool:

@@ -29,7 +29,7 @@ def factored(K: PETSc.Mat, prefix: str, rest: Indices | None = None) -> PETSc.PC
     Args:
         K: The matrix.
         prefix: Prefix of PETSc's options.
-        rest: Rows and columns of the Schur complement, equal on all ranks; see
+        rest: Rows and columns of the Schur complement, shape (n,), equal on all ranks; see
             ``sparse.schur_complement``.
 
     Raises:
@@ -97,5 +97,5 @@ def factored_bulk(
 
 
 def portions(count: int) -> list[Indices]:
-    """The numbers below ``count`` in groups of at most ``COLUMNS``."""
+    """The numbers below ``count`` in groups of shape (n,), n up to ``COLUMNS`` (local)."""
     return [np.arange(i, min(i + COLUMNS, count)) for i in range(0, count, COLUMNS)]

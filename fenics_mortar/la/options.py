@@ -53,6 +53,21 @@ COMPLIANCE = "compliance_"
 _added: set[tuple[str, str]] = set()
 
 
+def with_defaults(prefix: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Options together with ``DIRECT``, or alone where they choose no factorization (local).
+
+    A ``pc_type`` of the user other than "lu" and "cholesky" does not fit MUMPS and "preonly";
+    beside it PETSc's own defaults hold.
+
+    Args:
+        prefix: Prefix of the options; those in PETSc's database come first.
+        options: Values by name.
+    """
+    kind = options.get("pc_type", DIRECT["pc_type"])
+    kind = PETSc.Options(prefix).getString("pc_type", str(kind))
+    return {**DIRECT, **options} if kind in ("lu", "cholesky") else dict(options)
+
+
 @contextmanager
 def options_added(
     prefix: str, options: dict[str, Any], used: set[str] | None = None

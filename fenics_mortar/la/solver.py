@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from fenics_mortar.la.multigrid import TouchingBodies
-from fenics_mortar.la.options import COMPLIANCE, DIRECT, SMALL, options_added
+from fenics_mortar.la.options import COMPLIANCE, DIRECT, SMALL, options_added, with_defaults
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, raise_together
@@ -40,7 +40,8 @@ class LinearSolver:
     Args:
         comm: Communicator.
         prefix: Prefix of PETSc's options.
-        options: Options by name, without the prefix; those of the database come first.
+        options: Options by name, without the prefix; those of the database come first. Missing
+            ones are those of MUMPS, see ``options.with_defaults``.
         preconditioner: Makes the preconditioner of ``pc_type python``.
 
     Attributes:
@@ -67,7 +68,7 @@ class LinearSolver:
         self.given: set[str] = set()
         self._used: set[str] = set()
         self._first = True
-        self._create({**DIRECT, **options})
+        self._create(with_defaults(prefix, options))
 
     def _create(self, options: dict[str, Any]) -> None:
         self._options = options
@@ -118,16 +119,17 @@ class LinearSolver:
     def solve(self, matrix: PETSc.Mat, rhs: Array, *, transpose: bool = False) -> Array:
         """Solve and check the solution.
 
-        A direct solution whose residual is above rounding is refined once: pivots of a saddle point
-        are chosen for sparsity, too, and cost digits. Factors are kept while the matrix stays.
+        A direct solution whose residual is above rounding is refined once: MUMPS also chooses the
+        pivots of a saddle point for sparsity, which costs digits. Factors are kept while the matrix
+        stays.
 
         Args:
             matrix: A.
-            rhs: The right-hand side, the part of this rank's rows in either case.
+            rhs: Right-hand side, shape (owned rows,) in either case [unit of the system].
             transpose: Whether to solve with A^T.
 
         Returns:
-            The part of the solution of this rank's rows.
+            The solution, shape (owned rows,) [unit of the system].
 
         Raises:
             MortarError: On all ranks, if no solution was found.

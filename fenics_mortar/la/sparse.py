@@ -107,7 +107,7 @@ class SomeRows:
         self.local: Indices = self._rows[start:end] - first
 
     def number(self, rows: Indices) -> Indices:
-        """Numbers in the small matrix of ``rows`` of the subset; -1 stays -1."""
+        """Numbers of ``rows`` (n,) in the small matrix, shape (n,); -1 stays -1 (local)."""
         return np.where(rows >= 0, np.searchsorted(self._rows, rows), -1)
 
     def renumbered(self, blocks: Iterable[Block]) -> list[Block]:
@@ -172,7 +172,7 @@ def flatten(blocks: Iterable[Block]) -> tuple[npt.NDArray, npt.NDArray, npt.NDAr
 def leave(factor: PETSc.Mat, rows: Indices) -> None:
     """Exclude rows and columns from a factorization by MUMPS before it is computed (collective).
 
-    The rows are replicated; PETSc returns their Schur complement on rank 0 only.
+    The ``rows``, shape (n,), are replicated; PETSc returns their Schur complement on rank 0 only.
     """
     mine = rows if factor.comm.rank == 0 else rows[:0]
     places = PETSc.IS().createGeneral(mine.astype(PETSc.IntType), factor.comm)

@@ -82,7 +82,7 @@ class Strip:
 
 
 def near(bulk: Bulk, surfaces: Sequence[Surface], layers: int) -> Indices:
-    """Local numbers of the owned dofs within ``layers`` of cells of the surfaces (collective)."""
+    """Owned dofs, shape (n,), within ``layers`` of cells of the surfaces (collective)."""
     dofs = [np.empty(0, np.int64), *(s.local_dofs.ravel() + bulk.first for s in surfaces)]
     found = PETSc.IS().createGeneral(
         np.unique(np.concatenate(dofs)).astype(PETSc.IntType), PETSc.COMM_SELF

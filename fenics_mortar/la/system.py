@@ -95,7 +95,10 @@ class LinearSystem(ABC):
         """Increment dd and new multipliers of a Newton iteration, as one vector (collective).
 
         Args:
-            distance: Prescribed values minus the present ones, at the prescribed dofs [length].
+            distance: Prescribed values minus the present ones, shape (prescribed dofs,) [length].
+
+        Returns:
+            Increment [length] and multipliers [stress], shape (owned rows,).
         """
 
     @abstractmethod
@@ -125,7 +128,7 @@ class LinearSystem(ABC):
     # Vectors
 
     def local(self, contact: Interface, place: Indices) -> Indices:
-        """Local numbers of the owned multipliers of a contact with the numbers ``place``."""
+        """Local numbers of a contact's owned multipliers, shape (n,) as ``place`` (local)."""
         return place[contact.slave.owned] - self._first_multiplier
 
     def numbered(self) -> Iterator[tuple[Interface, Indices]]:
@@ -133,7 +136,7 @@ class LinearSystem(ABC):
         return zip(self.contacts, self.places, strict=True)
 
     def collect(self, nodal: Iterable[Array]) -> Array:
-        """Values of the owned multipliers, shape (num_multipliers, ...) (local).
+        """Values [any unit] of the owned multipliers, shape (num_multipliers, ...) (local).
 
         Args:
             nodal: Values of each contact, shape (slave nodes, ...), replicated.
@@ -146,11 +149,14 @@ class LinearSystem(ABC):
         return mine
 
     def join(self, u: Array, z: Iterable[Array]) -> Array:
-        """Vector of owned values of ``u`` and of ``z`` (slave nodes, 2) of each contact (local)."""
+        """Vector (owned rows,) of ``u`` [length] and ``z`` (slave nodes, 2) [stress] (local)."""
         return np.concatenate([u[: self.bulk.num_owned], self.collect(z).ravel()])
 
     def split(self, x: Array) -> tuple[Array, list[Array]]:
-        """Inverse of ``join``; returns replicated values of multipliers (collective)."""
+        """Split ``x``, shape (owned rows,), into u [length] and z [stress] (collective).
+
+        Values z of each contact, shape (slave nodes, 2), are replicated; inverse of ``join``.
+        """
         mine, z = x[self.bulk.num_owned :].reshape(-1, 2), []
         for contact, _, owned, local in self._numbered:
             values = np.zeros((contact.slave.num_nodes, 2))

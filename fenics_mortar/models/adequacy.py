@@ -169,7 +169,7 @@ class AdequacyCheck:
         )
 
     def take(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
-        """Restore ``data``, the result of ``kept``, as far as a file contains it (collective)."""
+        """Restore ``data`` as far as a file contains it (collective); see ``kept`` for shapes."""
         contacts = [c for c in problem.equations.contacts if isinstance(c, Contact)]
         for i, contact in enumerate(contacts):
             if data.get(f"slips{i}", np.empty(0)).shape == (contact.slave.num_nodes,):
@@ -238,7 +238,7 @@ class AdequacyCheck:
             errors = estimate(problem, stick, rough)
             problem.restore(kept)
             demand = shear_demand(stick)
-            known = f"sticking needs a friction of {demand:.2g}, up to {number:.2g} is possible"
+            known = f"sticking needs mu = {demand:.2g}; friction up to {number:.2g} is possible"
             yield Assumption("frictionless", known, errors)
 
     def _count_all_slip(self, problem: ContactProblem) -> None:

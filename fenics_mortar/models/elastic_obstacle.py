@@ -82,7 +82,7 @@ class ElasticObstacle:
         *,
         bcs: Sequence[Any] = (),
     ) -> None:
-        check_kind("obstacle", obstacle, Obstacle, "a rigid obstacle, as Circle(...)")
+        check_kind("obstacle", obstacle, Obstacle, "a rigid obstacle, such as Circle(...)")
         check_kind("u", u, fem.Function, "a function of dolfinx")
         check_kind("data", data, MeshData, "the MeshData of the mesh of the obstacle")
         with together(data.mesh.comm, "ElasticObstacle"):

@@ -138,13 +138,14 @@ class ModelHierarchy:
         return None
 
     def kept(self) -> dict[str, Array]:
-        """Progress as numbers for a file; nan for missing values (local).
+        """Arrays of numbers for a file, nan for missing values; units as stated (local).
 
-        ``hierarchy``: insufficient models (inf: all), whether intermediate models are skipped,
-        whether the last solve used a cheaper model, model error at which the error of the mesh was
-        estimated, error of the mesh; ``hierarchy_checked``: deviations, then errors, of the last
-        checked state; ``hierarchy_places``: for each contact of the present model, the
-        place of its obstacle in frozen operators.
+        ``hierarchy``, shape (5,): insufficient models (inf: all), whether intermediate models are
+        skipped, whether the last solve used a cheaper model, model error at which the error of
+        the mesh was estimated [1], error of the mesh [1]. ``hierarchy_checked``, shape (n,):
+        deviations, then errors, of the last checked state [1]. ``hierarchy_places``, shape
+        (contacts, 3): place of the obstacle in frozen operators of each contact of the present
+        model [length, length, radian].
         """
         before, errors = self._checked
         checked = np.concatenate([before, [errors.get(name, np.nan) for name in QUANTITIES]])
@@ -159,7 +160,7 @@ class ModelHierarchy:
         return {"hierarchy": numbers, "hierarchy_checked": checked, "hierarchy_places": places}
 
     def take(self, data: Mapping[str, Array]) -> None:
-        """Restore the result of ``kept``, with the problem at the same state (collective).
+        """Restore ``data``, see ``kept`` for shapes, at the same state (collective).
 
         Slip counts from the partners in the operators of the model used.
         """
@@ -259,7 +260,7 @@ def linearized(residual: Any, u: Any) -> Any:
 
 
 def deviations(model: Model) -> Array:
-    """Deviations of a solved model from its assumptions, shape (n,) (collective)."""
+    """Deviations of a solved model from its assumptions, shape (n,) [1] (collective)."""
     found: list[float] = []
     if model.is_linear:
         rotation, strain = largest_strain(model.problem)

@@ -44,7 +44,7 @@ def contacts_of(problem: ContactProblem, elastic: ElasticObstacle) -> list[Conta
 
 
 def largest(lengths: Sequence[Array]) -> float:
-    """Largest absolute length of several arrays [length] (local)."""
+    """Largest absolute value of ``lengths``, arrays of any shape [length] (local)."""
     return max((float(np.abs(length).max(initial=0.0)) for length in lengths), default=0.0)
 
 

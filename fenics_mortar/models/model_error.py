@@ -48,7 +48,10 @@ class Snapshot:
     """Quantities of a solution, for comparison with another one on the same mesh.
 
     Attributes:
-        u: Owned dofs [length].
+        u: Displacement, shape (owned dofs,) [length].
+
+    Returns:
+        The rest, shape (owned dofs,) [length].
         force: Total force on each slave, shape (pairs, 2) [stress length].
         peak: Largest pressure of each pair, shape (pairs,) [stress].
     """
@@ -194,7 +197,7 @@ def strained(problem: ContactProblem, u: Array) -> Array:
 
 
 def relative(difference: Any, size: Any) -> float:
-    """Difference over size; 0 if both vanish, inf if only the size does (local)."""
+    """Difference over size [1]; 0 if both vanish, inf if only the size does (local)."""
     return float(difference / size) if size > 0.0 else float(np.inf if difference > 0.0 else 0.0)
 
 
@@ -213,7 +216,7 @@ def largest_strain(problem: ContactProblem) -> tuple[float, float]:
 
 
 def shear_demand(problem: ContactProblem) -> float:
-    """Largest mean |z_tau| / z_n of all pairs with a sticking law (local)."""
+    """Largest mean |z_tau| / z_n of all pairs with a sticking law [1] (local)."""
     demands = [
         relative(np.abs(c.shear_force).sum(), float(np.abs(c.operators.weight * c.pressure).sum()))
         for c in problem.equations.contacts

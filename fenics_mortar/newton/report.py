@@ -49,7 +49,8 @@ class NewtonReport(Markdown):
         notes: Messages on all deviations from plain Newton steps.
         certificate: Measured defects of a converged state, a ``Certificate``.
         adequacy: Estimated errors of the model's assumptions, an ``AdequacyReport``, if requested.
-        force: Reference force of the residuals [stress length].
+        force: Reference force of the residuals, the largest norm of the nodal forces in the
+            iteration; not the contact force, see ``PairView.total_force`` [stress length].
         allowed: Residual at which the last iteration converges [stress length].
         converged: Whether the solve converged.
         reason: Outcome in words.
@@ -136,7 +137,8 @@ class NewtonReport(Markdown):
         """Reference force and allowed residual, in words."""
         if not self.force > 0.0:
             return ""
-        return f"; force {self.force:.3e}, allowed residual / force {self.allowed / self.force:.1e}"
+        scale = f"reference force {self.force:.3e} (norm of the nodal forces)"
+        return f"; {scale}, allowed residual / force {self.allowed / self.force:.1e}"
 
     def __str__(self) -> str:
         """The table."""

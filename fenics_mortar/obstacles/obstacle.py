@@ -41,7 +41,7 @@ class Obstacle(ABC):
         load: Driving force (x, y) and moment about the pivot, nan for prescribed motions, shape
             (3,) [stress length, stress length, stress length^2].
         reaction: Contact force and moment on the obstacle after the last solve, shape (3,), units
-            as ``load``.
+            as ``load``; with axisymmetry the axial force [force] alone.
     """
 
     def __init__(self, name: str, pivot: npt.ArrayLike = (0.0, 0.0)) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
+from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.state import State
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
@@ -50,6 +51,37 @@ def why_path_ends(problem: ContactProblem) -> str:
         problem.restore(start)
 
 
+def why_path_turns(problem: ContactProblem) -> str:
+    """Describe where the path turns in a step that failed; "" if it does not (collective).
+
+    The equations are linearized at the last equilibrium. Not if bodies float: they are moved
+    rigidly before a solve.
+
+    Args:
+        problem: At the last equilibrium, with the loads of the step; its state is restored.
+    """
+    start, equations = problem.state(), problem.equations
+    if equations.floating.bodies:
+        return ""
+    try:
+        for contact in equations.contacts:
+            contact.start_step()
+        equations.evaluate(start=False)
+        linearized = LinearizedContact(
+            equations.bulk, equations.floating, equations.system, equations.motions
+        )
+        if not linearized.applies:
+            return ""
+        equations.bulk.assemble_tangent()
+        return linearized.describe_turn()
+    except RaisedElsewhereError:
+        raise
+    except MortarError:
+        return ""
+    finally:
+        problem.restore(start)
+
+
 def _slipping_off(problem: ContactProblem) -> Iterator[str]:
     """Describe pairs whose overlap vanishes under a force (local)."""
     for contact in problem.equations.contacts:
@@ -63,8 +95,8 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
             force = float(np.hypot(*contact.total_force))
             yield (
                 f"'{contact.slave.name}' and '{contact.master.name}' slip off each other at "
-                f"{place(o.x[j])}: their overlap vanishes, it is {overlap:.1e}, with a force of "
-                f"{force:.3g} in it that nothing carries beyond"
+                f"{place(o.x[j])}: their overlap has shrunk to {overlap:.1e} and still transfers a "
+                f"force of {force:.3g}; no equilibrium lies beyond"
             )
 
 
@@ -121,8 +153,8 @@ def _slid_away(problem: ContactProblem, before: State) -> str:
         if farthest > RIGID.overlap:
             return (
                 "no contact forces at the nodes balance the loads on "
-                f"{equations.floating.name_of(body.label)}, which was supported by friction: it "
-                f"slid by {farthest:.2f} facets in one step, where only inertia would stop it; "
+                f"{equations.floating.name_of(body.label)}, which friction supported before: it "
+                f"slid by {farthest:.2f} facets in one step, and only inertia would stop it; "
                 "finer facets may support more"
             )
     return ""
@@ -155,7 +187,7 @@ def _deadlock(problem: ContactProblem, start: State) -> str:
     return (
         f"{len(sliding)} nodes slide, and each of the {2 ** len(sliding)} combinations of stick "
         f"and slip violates the law of friction, at best only at {where}: no state nearby is in "
-        "equilibrium; with so much friction bodies accelerate"
+        "equilibrium, and bodies would accelerate; friction is too large for a static solution"
     )
 
 

@@ -53,28 +53,39 @@ class Dynamics:
     """Motion of the bodies of a contact problem; all methods are collective.
 
     The problem becomes that of the end of a time step: its residual, multipliers, results and
-    checkpoints (``save_state``, ``state``) include inertia. No body needs
-    support by contact any more: inertia makes its equations regular. A static solution before is a
-    start at rest.
+    checkpoints (``save_state``, ``state``) include inertia. Bodies need no supports, since inertia
+    balances their loads. If the problem was solved before, the motion starts at rest from there.
 
     Args:
         problem: The problem, with the residual f_int - f_ext of statics.
-        density: Mass per area of the mesh, a number or a UFL expression; times a thickness or
-            2 pi R where the residual has them.
-        scheme: "conserving", "massless" or "generalized_alpha"; see the module.
+        density: Mass per area of the mesh [stress time^2 / length^2], a number or a UFL
+            expression; times a thickness or 2 pi R where the residual has them.
+        scheme: "conserving" (slave nodes without mass, no gain of energy in impacts), "massless"
+            (the same without the correction of the energy, exact angular momentum) or
+            "generalized_alpha" (all nodes have mass).
         rho_inf: Spectral radius at infinite frequency, from 0 (most dissipation) to 1 (none).
             Default: 0.8 for "generalized_alpha", else 1.
         velocity: The ``Velocity`` that the residual contains, for damping.
-        energy: UFL form of the strain energy, for the report.
+        energy: UFL form of the strain energy, such as ``psi * dx``, for the report.
 
     Attributes:
         problem: The problem.
-        velocity: Velocity, a function of the space of ``u``; set it before the first step.
+        velocity: Velocity, a function of the space of ``u`` [length / time]; set it before the
+            first step.
 
     Raises:
         ValueError: If an argument is not allowed.
-        MortarError: On all ranks, if masses are not positive, or slave nodes shall have no mass and
-            a body has fewer than two layers of nodes behind them.
+        MortarError: On all ranks, if masses are not positive, or slave nodes are massless and a
+            body has fewer than two layers of nodes behind them.
+
+    Example:
+        The block "upper" falls on another one with the velocity 1::
+
+            motion = fm.Dynamics(problem, density=1.0, energy=psi * dx)
+            cells = blocks.cell_tags.find(blocks.bodies["upper"])
+            motion.velocity.interpolate(lambda x: np.stack([0 * x[0], 0 * x[1] - 1.0]), cells)
+            record = motion.run(0.5, fm.SteppingOptions(step=0.01))
+            print(record)
     """
 
     def __init__(
@@ -299,10 +310,10 @@ def _check(
     if velocity is not None:
         check_kind("velocity", velocity, Velocity, "a Velocity(u)")
     if energy is not None:
-        check_kind("energy", energy, ufl.Form, "a UFL form, as psi * dx")
+        check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
         if energy.arguments():
-            raise ValueError("energy has a test function: expected a form without, as psi * dx")
+            raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
     if problem.adequacy is not None:
         raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
     if problem.equations.bulk.inertia is not None:
-        raise ValueError("problem has inertia already, of another Dynamics: set up a new problem")
+        raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")

@@ -81,7 +81,8 @@ class DynamicsReport(Markdown):
     def table(self) -> str:
         """Markdown table, one row per step."""
         lines = [
-            "| step | time | iterations | active | cuts | error | kinetic | strain | friction |",
+            "| step | time | iterations | active | cuts | error | kinetic energy | "
+            "strain energy | work of friction |",
             "|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
         ]
         friction = 0.0

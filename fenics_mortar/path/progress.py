@@ -47,7 +47,7 @@ class Progress:
         self._time = start
 
     def accept(self, time: float, report: NewtonReport) -> None:
-        """Tell that the step to ``time`` was accepted."""
+        """Log the accepted step to ``time``."""
         self._num_steps += 1
         self._log(f"step {self._num_steps}, time {time:.6g}: {report.reason}", report)
         if self._bar is not None:
@@ -57,7 +57,7 @@ class Progress:
         self._time = time
 
     def cut(self, time: float, reason: str, report: NewtonReport) -> None:
-        """Tell that the step to ``time`` failed."""
+        """Log the failed step to ``time``."""
         self._num_cuts += 1
         self._log(f"time {time:.6g}: cut, {reason}", report)
 

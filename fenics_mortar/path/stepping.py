@@ -17,7 +17,7 @@ from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.equations.undo import Before, as_interruption
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
-from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends
+from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends, why_path_turns
 from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.progress import Progress, check_bar
 from fenics_mortar.path.report import PathReport, PathStep
@@ -56,9 +56,9 @@ def follow_path(
     Args:
         problem: The problem, solved or unloaded at ``start``.
         set_loads: Sets loads and prescribed values for a time; called again for an earlier time
-            after a failure.
+            after a failure. It is called on all ranks and has to set equal values.
         options: Options of the steps.
-        start: Time of the present state.
+        start: Time of the present state, in units of the path parameter.
         stop: Final time.
         on_step: Called with time and report after each accepted step, for example to write results.
         progress: Whether rank 0 draws a bar in the terminal, by the package tqdm.
@@ -119,8 +119,9 @@ def follow_path(
                 problem.restore(accepted)
                 shown.cut(time + step, str(failure), failure.report)
                 if step <= options.smallest:
+                    turns = why_path_turns(problem)
                     load(min(time + MIN_FRACTION * options.step, stop))
-                    path.dead_end = why_path_ends(problem)
+                    path.dead_end = why_path_ends(problem) or turns
                     load(time)
                     words = _last_words(time, step, path.dead_end, failure)
                     raise NotConvergedError(words, path) from failure
@@ -145,7 +146,7 @@ def _check_path(set_loads: Any, options: Any, start: Any, stop: Any, on_step: An
     """Refuse arguments of ``follow_path`` (local)."""
     if not callable(set_loads):
         raise ValueError(f"set_loads={set_loads!r}: expected a function of the time")
-    expected = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
     check_kind("options", options, SteppingOptions, expected)
     for name, value in (("start", start), ("stop", stop)):
         check_number(name, value, "a finite number", np.isfinite)

@@ -46,44 +46,44 @@ class GeneralizedAlpha:
 
     @property
     def inertia_shift(self) -> float:
-        """The parameter am."""
+        """Weight am of the old inertia [1]."""
         return (2.0 * self.rho - 1.0) / (self.rho + 1.0)
 
     @property
     def force_shift(self) -> float:
-        """The parameter af."""
+        """Weight af of the old forces [1]."""
         return self.rho / (self.rho + 1.0)
 
     @property
     def gamma(self) -> float:
-        """Newmark's gamma for second order."""
+        """Newmark's gamma for second order [1]."""
         return 0.5 + self.force_shift - self.inertia_shift
 
     @property
     def beta(self) -> float:
-        """Newmark's beta for the largest dissipation of high frequencies."""
+        """Newmark's beta for the largest dissipation of high frequencies [1]."""
         return 0.25 * (0.5 + self.gamma) ** 2
 
     def average(self, u: Array, rates: Rates, dt: float) -> Line:
         """A at the end of the step.
 
         Args:
-            u: Displacement at the start of the step.
-            rates: Rates there.
+            u: Displacement at the start of the step, shape (owned dofs,) [length].
+            rates: Rates at the start of the step.
             dt: The step [time].
         """
         start = u + dt * rates.velocity + dt**2 * (0.5 - self.beta) * rates.average
         return Line(1.0 / (self.beta * dt**2), start)
 
     def velocity(self, u: Array, rates: Rates, dt: float) -> Line:
-        """V at the end of the step; arguments as for ``average``."""
+        """V at the end of the step [length / time]; arguments: see ``average``."""
         a = self.average(u, rates, dt)
         factor = self.gamma * dt * a.factor
         rest = rates.velocity + (1.0 - self.gamma) * dt * rates.average
         return Line(factor, a.origin - rest / factor)
 
     def acceleration(self, u: Array, rates: Rates, dt: float) -> Line:
-        """W at the end of the step; arguments as for ``average``."""
+        """W at the end of the step [length / time^2]; arguments: see ``average``."""
         am, af, a = self.inertia_shift, self.force_shift, self.average(u, rates, dt)
         factor = (1.0 - am) / (1.0 - af) * a.factor
         rest = (am * rates.average - af * rates.acceleration) / (1.0 - af)

@@ -45,7 +45,7 @@ class Work(NamedTuple):
 
     @property
     def defect(self) -> float:
-        """Work of the pressures over the largest of all contributions, dimensionless.
+        """Work of the pressures over the largest of all contributions [1].
 
         Under dead loads and fixed supports ``bulk`` and ``supports`` vanish but for the work of
         contact. Therefore ``largest`` is part of the comparison: in sliding the ratio is the

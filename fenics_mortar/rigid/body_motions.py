@@ -68,7 +68,7 @@ class BodyMotions:
     # Nodes
 
     def labels_of(self, surface: Surface) -> Array:
-        """Bodies of the nodes of a surface, shape (nodes,) (collective the first time)."""
+        """Numbers of the bodies of a surface's nodes, (nodes,) [1] (collective the first time)."""
         if id(surface) not in self._surface_labels:
             self._surface_labels[id(surface)] = surface.gather(self.bulk.space.spread(self.labels))[
                 :, 0
@@ -84,7 +84,7 @@ class BodyMotions:
         return self.labels[: self.bulk.space.num_nodes] == body.label
 
     def motions(self, body: FloatingBody) -> tuple[Indices, Array]:
-        """Dofs of the owned nodes of a body (nodes, 2), its motions there (motions, 2 nodes)."""
+        """Dofs of a body's owned nodes (nodes, 2), its motions there (motions, 2 nodes) [1]."""
         x = self.bulk.positions()[: self.bulk.space.num_nodes][self._nodes_of(body)]
         return self.dofs_of(body), body.displacement(x).reshape(len(body.motions), -1)
 
@@ -118,7 +118,7 @@ class BodyMotions:
         self.bulk.u.x.array[self.bulk.space.dofs[mine]] += arm @ turn.T + np.array([x, y])
 
     def rigid_fraction(self, body: FloatingBody, change: Array) -> Array:
-        """Rigid part of a displacement (owned dofs,) of a body, shape (motions,) [length]."""
+        """Rigid part of ``change`` (owned dofs,) of a body, shape (motions,) [length]."""
         dofs, motions = self.motions(body)
         answer = motions @ change[dofs].ravel()
         products = self.bulk.comm.allreduce(np.column_stack([motions @ motions.T, answer]))
@@ -127,7 +127,7 @@ class BodyMotions:
     # Forces
 
     def resultant(self, body: FloatingBody, total: Array) -> Array:
-        """Resultant of forces (owned dofs,) along a body's motions, (motions,) [stress length]."""
+        """Resultant of ``total`` (owned dofs,) along motions, (motions,) [stress length]."""
         dofs, motions = self.motions(body)
         return self.bulk.comm.allreduce(-motions @ total[dofs].ravel())
 
@@ -170,7 +170,12 @@ class BodyMotions:
     # Words
 
     def name_of(self, label: int, labels: Indices | None = None) -> str:
-        """Name of a body from the cell tags or its position; ``labels``: instead of its own."""
+        """Name of a body from the cell tags or its position (collective).
+
+        Args:
+            label: Number of the body.
+            labels: Bodies of the local nodes, shape (nodes,); those of this object by default.
+        """
         bulk, labels = self.bulk, self.labels if labels is None else labels
         first = compat.dofmap(bulk.V)[:, 0]
         for data in self._data:

@@ -65,7 +65,7 @@ def solve_bordered(
         comm: Communicator.
 
     Returns:
-        x, shape (n,), and q, shape (m,), equal on all ranks.
+        x, shape (n,), and q, shape (m,), equal on all ranks [units of the system].
 
     Raises:
         MortarError: On all ranks, if A or the small dense system is singular.

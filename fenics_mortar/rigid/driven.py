@@ -43,7 +43,7 @@ class DrivenObstacles(ObstacleMotions):
         self._start: Array = np.zeros(self.scales.shape)
 
     def residual(self) -> Array:
-        """f_q plus springs minus push for driven motions, else 0, (obstacles, 3) (collective)."""
+        """f_q plus springs minus push, else 0, (obstacles, 3) [stress length] (collective)."""
         if not self.obstacles:
             return self._none
         return np.where(self.driven, self.forces() + self._spring_forces() - self.push(), 0.0)

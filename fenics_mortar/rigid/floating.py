@@ -68,7 +68,7 @@ class FloatingBodies(BodyMotions):
 
     @property
     def touched(self) -> list[Flags]:
-        """Active sets of the contacts, without ties, at the start of ``settle``."""
+        """Active sets of contacts at the start of ``settle``, (slave nodes,) each; no ties."""
         return self._settling.touched
 
     @property
@@ -125,7 +125,7 @@ class FloatingBodies(BodyMotions):
         """Sentence on the tangent springs of loose bodies; "" if there are none."""
         names = self.names(loose)
         return (
-            f"a spring in the tangent regularizes {names}, which contact supports in part"
+            f"a spring in the tangent regularizes {names}, which contact supports only in part"
             if names
             else ""
         )

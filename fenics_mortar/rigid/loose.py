@@ -16,7 +16,7 @@ from fenics_mortar.utils.rounding import SUM_ROUNDING
 
 
 def loose_motions(motions: ObstacleMotions) -> list[Array]:
-    """Loose motions of each obstacle, an orthonormal basis of shape (n, 3) each (local)."""
+    """Loose motions of each obstacle, an orthonormal basis of shape (n, 3) [1] each (local)."""
     found = []
     for number, driven in enumerate(motions.driven):
         basis = np.eye(3)[driven]

@@ -50,7 +50,7 @@ class ObstacleMotions:
 
     @property
     def places(self) -> Array:
-        """Positions (x, y, angle) of all obstacles, shape (obstacles, 3)."""
+        """Places (x, y, angle) of obstacles, shape (obstacles, 3) [length, length, radian]."""
         return self._of_all("place")
 
     @places.setter
@@ -59,11 +59,11 @@ class ObstacleMotions:
             obstacle.place = where.copy()
 
     def motions_of(self, places: Array) -> Array:
-        """Motions x, y, turn of (x, y, angle), shape (obstacles, 3) [length]."""
+        """Motions x, y, turn [length] of ``places``, shape (obstacles, 3)."""
         return places * self.scales
 
     def move(self, change: Array) -> None:
-        """Add motions, shape (obstacles, 3) [length]."""
+        """Add ``change`` to the motions, shape (obstacles, 3) [length] (local)."""
         if not self.obstacles:
             return
         self.places = self.places + change / self.scales
@@ -103,14 +103,18 @@ class ObstacleMotions:
 
     def record(self) -> list[str]:
         """Set the ``reaction`` of each obstacle; return a sentence for each (collective)."""
-        lines = []
+        lines, is_axial = [], self._is_axisymmetric()
         for obstacle, force in zip(self.obstacles, -self.forces() * self.scales, strict=True):
-            obstacle.reaction = force
-            lines.append(
-                f"obstacle '{obstacle.name}', moved by {place(obstacle.place)} and turned by "
-                f"{obstacle.place[2]:.4g}: contact force {place(force)}, moment {force[2]:.4g}"
-            )
+            obstacle.reaction = force * [0.0, 1.0, 0.0] if is_axial else force
+            load = f"contact force {place(force)}, moment {force[2]:.4g}"
+            load = f"axial contact force {force[1]:.4g}" if is_axial else load
+            lines.append(f"obstacle '{obstacle.name}'{_moved(obstacle.place)}: {load}")
         return lines
+
+    def _is_axisymmetric(self) -> bool:
+        """Whether bodies are of revolution: radial forces and moments vanish around the axis."""
+        thicknesses = [contact.slave.thickness for _, contact in self.pairs]
+        return any(t is not None and t.by_x != 0.0 for t in thicknesses)
 
     def contacts_of(self, number: int) -> list[Contact]:
         """The contacts of one obstacle."""
@@ -132,8 +136,15 @@ def slip_by_motions(contact: Contact, nodes: npt.NDArray[np.bool_]) -> Array:
     return contact.partners.derivative_by_motions(contact.on_obstacle)[nodes]
 
 
+def _moved(where: Array) -> str:
+    """Words for the place of an obstacle, shape (3,); none at the initial position."""
+    words = [f"moved by {place(where)}"] if where[:2].any() else []
+    words += [f"turned by {where[2]:.4g}"] if where[2] else []
+    return ", " + " and ".join(words) if words else ""
+
+
 def in_words(motion: Array) -> str:
-    """A motion x, y, turn in words."""
+    """Words for a ``motion`` x, y, turn, shape (3,) [length] (local)."""
     x, y, turn = motion / np.abs(motion).max()
     if abs(turn) < 0.1:
         return f"move along {place((x + 0.0, y + 0.0))}"

@@ -42,9 +42,12 @@ def closest_below(wanted: Array, rows: Array, room: Array) -> Array:
     A least-distance problem, solved by nonnegative least squares (Lawson & Hanson 1974, ch. 23).
 
     Args:
-        wanted: Shape (n,).
-        rows: Shape (m, n).
-        room: Shape (m,).
+        wanted: Shape (n,) [length].
+        rows: Shape (m, n) [1].
+        room: Shape (m,) [length].
+
+    Returns:
+        The vector, shape (n,) [length].
     """
     excess = rows @ wanted - room
     if not (excess > 0.0).any():

@@ -35,11 +35,11 @@ class Springs(Value):
     anchor: Array
 
     def forces(self, at: Array) -> Array:
-        """Forces of the springs at the positions ``at`` [stress length] (local)."""
+        """Forces of the springs at ``at``, of the shape of ``anchor`` [stress length] (local)."""
         return self.stiffness * (at - self.anchor)
 
     def energy(self, at: Array) -> float:
-        """Energy of the springs at the positions ``at`` [stress length^2] (local)."""
+        """Energy of the springs at ``at``, of the shape of ``anchor`` [stress length^2] (local)."""
         return 0.5 * float((self.forces(at) * (at - self.anchor)).sum())
 
 
@@ -75,7 +75,7 @@ def tangent_stiffness(drive: Array, force: float) -> float:
 
 
 def unresisted(responses: Array) -> Array:
-    """Orthonormal combinations of motions that contact does not resist, (k, motions) (local).
+    """Orthonormal combinations of motions that contact does not resist, (k, motions) [1] (local).
 
     Args:
         responses: Changes of gaps and slips due to each motion, shape (motions, n), replicated.

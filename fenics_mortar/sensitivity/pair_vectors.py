@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
@@ -69,14 +70,26 @@ def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
     return np.zeros_like(contact.z) if z is None else z[i]
 
 
+def interface_of(equations: ContactEquations, i: int) -> Interface:
+    """Contact or tie of the pair with number ``i`` (local).
+
+    Raises:
+        ValueError: If there is no such pair.
+    """
+    count = len(equations.contacts)
+    if not isinstance(i, (int, np.integer)) or not 0 <= i < count:
+        raise ValueError(f"pair {i!r}: expected a number from 0 to {count - 1}, in order of pairs")
+    return equations.contacts[i]
+
+
 def contact_of(equations: ContactEquations, i: int) -> Contact:
     """Contact of the pair with number ``i`` (local).
 
     Raises:
-        ValueError: If it is a tie.
+        ValueError: If there is no such pair, or it is a tie.
         MortarError: If derivatives by the state of its law are not implemented.
     """
-    contact = equations.contacts[i]
+    contact = interface_of(equations, i)
     if not isinstance(contact, Contact):
         raise ValueError(f"pair {i} is tied: expected a contact")
     check_law(contact)
@@ -84,16 +97,17 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
 
 def check_law(contact: Any) -> None:
-    """Raise if the law of a contact has a memory, or an adhesion of more than the gap (local).
+    """Raise if a law has an adhesion of more than the gap, or shear of open nodes (local).
 
     Raises:
-        MortarError: For such a law: its memory has no derivatives yet.
+        MortarError: For such a law.
     """
     law = contact.pair.law if isinstance(contact, Contact) else None
-    if law is not None and (law.memory or law.bridges_gap or law.pulls_by_node):
+    if law is not None and (law.bridges_gap or law.pulls_by_node):
         raise MortarError(
-            f"{law!r} has memory, or an adhesion that depends on more than the gap, which have "
-            "no sensitivities: expected a law with tangential, closing_gap and adhesion alone"
+            f"{law!r} has an adhesion that depends on more than the gap, or shear at open nodes "
+            "(adhesion_at, bridges_gap), which have no sensitivities: expected a law with "
+            "tangential, closing_gap, remember and adhesion alone"
         )
 
 

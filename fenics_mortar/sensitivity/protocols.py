@@ -73,7 +73,7 @@ def as_list(given: Any) -> list[Any]:
     Raises:
         ValueError: If the list is empty.
     """
-    found = list(given) if isinstance(given, Sequence) else [given]
+    found = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
     if not found:
         raise ValueError("an empty list: expected at least one control and one quantity")
     return found

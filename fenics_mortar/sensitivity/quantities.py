@@ -32,7 +32,13 @@ from fenics_mortar.sensitivity.controls import (
     Offset,
     history_of,
 )
-from fenics_mortar.sensitivity.pair_vectors import add_pair, check_exact, contact_of, zeros
+from fenics_mortar.sensitivity.pair_vectors import (
+    add_pair,
+    check_exact,
+    contact_of,
+    interface_of,
+    zeros,
+)
 from fenics_mortar.sensitivity.partials.fields import ByFields, moment, moment_gradient
 from fenics_mortar.sensitivity.partials.gap import gap_back
 from fenics_mortar.sensitivity.partials.maps import PairVector
@@ -61,11 +67,11 @@ class PairQuantity(ContactQuantity):
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
         """See ``ContactQuantity``."""
-        return self._of(problem.equations.contacts[self.pair])
+        return self._of(interface_of(problem.equations, self.pair))
 
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
         """See ``ContactQuantity``."""
-        contact = problem.equations.contacts[self.pair]
+        contact = interface_of(problem.equations, self.pair)
         return self._vector(problem, self._by_state(contact))
 
     def _by_state(self, contact: Interface) -> PairVector:
@@ -81,7 +87,7 @@ class PairQuantity(ContactQuantity):
 
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
         """See ``ContactQuantity``."""
-        contact = problem.equations.contacts[self.pair]
+        contact = interface_of(problem.equations, self.pair)
         by_slip = self._by_fields(contact).slip
         if by_slip is None:
             return None
@@ -94,7 +100,7 @@ class PairQuantity(ContactQuantity):
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
         """See ``ContactQuantity``; offsets and shapes of obstacles."""
-        contact = problem.equations.contacts[self.pair]
+        contact = interface_of(problem.equations, self.pair)
         by = self._by_fields(contact)
         if isinstance(control, (Offset, Interference)) and control.pair == self.pair:
             if by.gap is None:

@@ -24,6 +24,7 @@ from fenics_mortar.sensitivity.history import History
 from fenics_mortar.sensitivity.kinks import Kink, find_kinks
 from fenics_mortar.sensitivity.linear_vectors import Term, combine
 from fenics_mortar.sensitivity.linearization import linearize
+from fenics_mortar.sensitivity.memory import Memories, StepMemory
 from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import (
@@ -75,9 +76,9 @@ def tangent_linear(
     Args:
         objective: See ``gradient``.
         controls: See ``gradient``.
-        directions: Direction of the control, or a list with that of each control: numbers in the
-            shape of its derivative, a function of the space of a function; or a function of the
-            number of the step that returns one of these.
+        directions: Direction of the control, or for a list of controls a list with that of each:
+            numbers in the shape of its derivative, a function of the space of a function; or a
+            function of the number of the step that returns one of these.
         path: See ``gradient``.
         over_steps: See ``gradient``.
 
@@ -88,12 +89,20 @@ def tangent_linear(
     Raises:
         ValueError: If an argument is of another type or shape, or nothing depends on a control.
         MortarError: See ``gradient``.
+
+    Example:
+        Change of the shear force if mu grows by 0.01, on a path as in ``RecordedPath``::
+
+            mu = fm.sensitivity.LawParameter(0, "mu")
+            shear = fm.sensitivity.TotalForce(0, (1.0, 0.0))
+            change = fm.tangent_linear(shear, mu, 0.01, path).derivative
     """
     path = recorded(path)
     problem = path.problem
     with together(problem.comm, "tangent_linear"):
         quantities, made = quantities_of(problem, objective), controls_of(problem, controls)
-        given = as_list(directions) if len(made) > 1 or _is_list(directions) else [directions]
+        as_they_are = not (isinstance(controls, Sequence) or _is_list(directions))
+        given = [directions] if as_they_are else as_list(directions)
         if len(given) != len(made):
             raise ValueError(f"{len(given)} directions: expected {len(made)}, one per control")
         along = [
@@ -146,6 +155,7 @@ def _forwards(
     derivatives = np.zeros((len(path.steps), len(quantities)))
     states: list[LinearVector] = []
     kinks: list[Kink] = []
+    dh: Memories = {}
     for number, directions in enumerate(along):
         path.go_to(number)
         before = state_before(path, number)
@@ -155,7 +165,10 @@ def _forwards(
         terms: list[Term] = [(-1.0, c.jvp(problem, dm, before)) for c, dm in pairs]
         if states and isinstance(before, History):
             terms.append((-1.0, before.jvp(earlier)))
+        memory = StepMemory(problem, before)
+        terms.append((-1.0, memory.rows_along(dh)))
         states.append(linearize(problem).solve(combine(terms)))
+        dh = memory.along(dh, states[-1], earlier, [memory.along_control(c, dm) for c, dm in pairs])
         for i, quantity in enumerate(quantities):
             change = quantity.gradient(problem, before).dot(states[-1], problem.comm)
             by_before = quantity.by_before(problem, before) if states[:-1] else None

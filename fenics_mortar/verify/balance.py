@@ -78,5 +78,5 @@ def action_and_reaction(contact: Interface) -> dict[str, Any]:
 
 
 def positive_or_one(value: float) -> float:
-    """Return ``value``, or one if it is not positive: a divisor where nothing can be compared."""
+    """Divisor of a ratio: ``value``, or one if it is not positive [unit of value] (local)."""
     return value if value > 0.0 else 1.0

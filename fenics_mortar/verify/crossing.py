@@ -189,7 +189,7 @@ class Crossings:
         self._left, self._restored = self.accepted.x, None
 
     def restore(self, accepted: Standing, u: Array) -> None:
-        """Restore the start of a step at the displacement ``u``, a local array."""
+        """Restore the start of a step at the displacement ``u``, shape (local dofs,) [length]."""
         self.accepted, self._restored = accepted, u
 
     def leave(self) -> None:

@@ -186,8 +186,8 @@ class PairCertificate:
         return (
             f"{self.pair}: the gradient of the obstacle's distance is turned by "
             f"{np.degrees(np.arcsin(min(self.gradient, 1.0))):.1f} degrees from difference "
-            f"quotients, most at {self.gradient_at}: contact forces act along it; check the "
-            "function of the obstacle"
+            f"quotients at {self.gradient_at}, the direction of the contact forces with it; "
+            "correct the function of the obstacle"
         )
 
     def _resultant_outside(self) -> str:
@@ -195,7 +195,7 @@ class PairCertificate:
         return (
             f"{self.pair}: the resultant of the pressures acts at {self.outside_at}, "
             f"{self.outside:.2f} facets outside of the part of the slave that the master covers: "
-            "more load may be borne here than by finer facets"
+            "this mesh may bear more load than a finer one"
         )
 
     def _remarks_on_corners(self) -> Iterator[str]:

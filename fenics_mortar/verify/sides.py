@@ -63,7 +63,8 @@ class Sides:
     def sum_of_both(self, values: Array) -> Array:
         """Sum of values (cells, sides, q, c) of the one or two cells of a facet (collective).
 
-        The q points of each side lie symmetrically between its first and its last node.
+        The q points of each side lie symmetrically between its first and its last node. The
+        result has the shape of ``values`` [unit of values].
         """
         backward = (self._ends[..., 0] > self._ends[..., 1])[..., None, None]
         one_way = np.where(backward, values[:, :, ::-1], values)

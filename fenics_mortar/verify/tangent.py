@@ -53,6 +53,10 @@ class TangentCheck(Markdown):
     steps: Array
     remainders: dict[str, Array]
 
+    def __str__(self) -> str:
+        """The table."""
+        return self.table()
+
     @property
     def slopes(self) -> dict[str, float]:
         """Slope per block, from remainders above roundoff; inf if all are roundoff."""
@@ -86,7 +90,7 @@ def check_tangent(
 
     Args:
         problem: A ``ContactProblem``.
-        steps: Step sizes over the shortest slave facet, shape (s,).
+        steps: Step sizes over the shortest slave facet, shape (s,) [1].
         seed: Seed of the random direction, drawn by global dof: it depends on the number of ranks.
         print_table: Whether rank 0 prints the table.
 

@@ -119,7 +119,7 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
 
 
 def own_frame(obstacle: Obstacle, x: Array, place: Array) -> Array:
-    """Points ``x`` (n, 2) in space, transformed to the frame of an obstacle at ``place`` (3,)."""
+    """Points ``x`` (n, 2) [length] in the frame of an obstacle at ``place`` (3,), shape (n, 2)."""
     c, s = np.cos(place[2]), np.sin(place[2])
     return (x - obstacle.pivot - place[:2]) @ np.array([[c, -s], [s, c]]) + obstacle.pivot
 

@@ -16,6 +16,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.bulk.axis import radial_dofs_on_axis
 from meshes.mapped_grids import Grid, build, sector
 
 comm = MPI.COMM_WORLD
@@ -260,9 +261,10 @@ def test_an_obstacle_pushed_along_the_axis_feels_the_total_force():
     sphere = fm.Circle((0.0, 2.05), 1.0, name="sphere")
     sphere.push(y=-3.0)
     problem = pressed_by(sphere, data, fm.Frictionless()).problem
-    problem.solve()
+    report = problem.solve()
     assert problem.contacts[0].total_force[1] == pytest.approx(-3.0, rel=1e-9)
-    assert sphere.reaction[1] == pytest.approx(3.0, rel=1e-9)
+    assert sphere.reaction == pytest.approx([0.0, 3.0, 0.0], rel=1e-9)  # all around the axis
+    assert any(note.endswith("axial contact force 3") for note in report.notes)
     sphere.push(x=0.0)
     with pytest.raises(fm.MortarError, match="sphere.*moves along its axis only"):
         problem.solve()
@@ -321,3 +323,28 @@ def test_refused(options, error):
 def test_a_free_axis_is_refused():
     with pytest.raises(fm.MortarError, match="nodes on the axis may move away"):
         pressed_cylinders(axis_is_held=False)
+
+
+def test_radial_dofs_on_the_axis():
+    """Dofs of x at x = 0, not at y = 0."""
+    space = pressed_cylinders().problem.equations.bulk.space
+    X = space.V.tabulate_dof_coordinates()[: space.num_nodes]
+    dofs = space.owned_dofs[np.abs(X[:, 0]) < 1e-12, 0]
+    assert set(radial_dofs_on_axis(space)) == set(dofs)
+    counts = MPI.COMM_WORLD.allreduce(np.array([dofs.size, (np.abs(X[:, 1]) < 1e-12).sum()]))
+    assert counts.all() and counts[0] != counts[1]
+
+
+def test_a_residual_without_the_radius_is_refused():
+    """Its bodies would be plane under the forces of bodies of revolution."""
+    data = cylinders((3, 4))
+    V = fm.vector_space(data.mesh, 1)
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    pairs = [fm.ContactPair(data, "upper/bottom", "lower/top")]
+    bcs = [on_axis(V, data, ["upper/left", "lower/left"])]
+    given = {"bcs": bcs, "geometry": "axisymmetric", "petsc_options_prefix": "plane_"}
+    density, dx = ufl.inner(ufl.grad(u), ufl.grad(v)), ufl.dx(metadata={"quadrature_degree": 2})
+    with pytest.raises(ValueError, match="does not contain the radius.*2 \\* pi \\* X"):
+        fm.ContactProblem(density * dx, u, pairs, **given)
+    radius = ufl.SpatialCoordinate(data.mesh)[0]
+    fm.ContactProblem(radius * density * dx, u, pairs, **given)

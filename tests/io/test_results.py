@@ -130,6 +130,41 @@ def test_bulk_files_hold_displacement_and_fields_of_every_step(shared_path, cell
             assert area > 0.8 * 0.5 * np.prod(np.ptp(corners, axis=0))  # no bow tie
 
 
+@pytest.mark.parametrize("cell", CELLS)
+def test_functions_of_lagrange_spaces_are_written_at_nodes(shared_path, cell):
+    """Also parts of mixed functions; at midpoints of edges linear functions are averages."""
+    scene = pressed(cell, degree=2)
+    mesh = scene.data.mesh
+    scalar = fem.Function(compat.scalar_space(mesh, 2))
+    scalar.interpolate(lambda x: x[0] ** 2 + x[0] * x[1])
+    mixed = fem.Function(fm.mixed_space(mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1)))
+    mixed.sub(0).interpolate(lambda x: np.stack([x[0] * x[1], x[1] ** 2]))
+    mixed.sub(1).interpolate(lambda x: 3 * x[0] - x[1])
+    constant = fem.Function(compat.scalar_space(mesh, 0, "DG"))
+    fields = {"s": scalar, "v": mixed.sub(0), "p": mixed.sub(1), "c": constant}
+    with ResultsWriter(shared_path / "series", scene.problem, fields) as results:
+        results.write(0.0)
+        scalar.x.array[:] *= 2.0
+        results.write(1.0)
+    for factor, files in zip((1.0, 2.0), steps(shared_path / "series.pvd").values()):
+        for file in files:
+            found = meshio.read(file)
+            assert set(found.point_data) == {"displacement", "s", "v", "p"}
+            assert set(found.cell_data) == {"c"}
+            x, y = found.points[:, 0], found.points[:, 1]
+            near = {"rtol": 0, "atol": 1e-12}
+            assert np.allclose(found.point_data["s"], factor * (x**2 + x * y), **near)
+            assert np.allclose(found.point_data["p"], 3 * x - y, **near)
+            right = np.stack([x * y, y**2, 0 * x], axis=1)
+            assert np.allclose(found.point_data["v"], right, **near)
+
+
+def test_name_of_a_nodal_field_is_checked(shared_path):
+    scene = pressed()
+    with pytest.raises(fm.MortarError, match="other than 'displacement'"):
+        ResultsWriter(shared_path / "series", scene.problem, {"displacement": scene.u})
+
+
 def values_in_cells(V, expression):
     """Values of a scalar in the owned cells, by interpolation."""
     function = fem.Function(V)

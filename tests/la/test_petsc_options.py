@@ -54,6 +54,15 @@ def test_options_that_petsc_uses_are_not_told_of():
     assert not any("PETSc" in note for note in problem.solve().notes)
 
 
+@pytest.mark.parametrize("preconditioner", ["ilu", "jacobi"])
+@pytest.mark.serial
+def test_preconditioner_needs_no_options_that_undo_those_of_mumps(preconditioner):
+    options = {"pc_type": preconditioner, "ksp_rtol": 1e-10, "ksp_max_it": 2000}
+    report = solved_with(options, algorithm="condensed").solve()
+    assert f"gmres with {preconditioner}" in report.solver
+    assert not any("PETSc" in note for note in report.notes)
+
+
 @pytest.mark.parametrize(
     "options, words",
     [

@@ -17,6 +17,7 @@ class Root:
 
     def __init__(self, x=1.0, factor=1.0, changes=()):
         self.x, self.factor, self.changes = x, factor, list(changes)
+        self.remedies = self
 
     def evaluate(self, *, start):
         changed = self.changes.pop(0) if self.changes else 0
@@ -225,7 +226,10 @@ def test_table_is_short_and_gives_residuals_relative_to_the_force():
     assert line == "|" + "---:|" * 7
     assert rows[1] == "| 1 | 1.0e-01 | 1.0e-01 | 0.5 | 7 | 2 | 0.750 |"
     assert rows[3:5] == ["", "- iteration 1: a spring"]
-    end = "converged in 2 iterations; force 2.000e+00, allowed residual / force 2.0e-10"
+    end = (
+        "converged in 2 iterations; reference force 2.000e+00 (norm of the nodal forces), "
+        "allowed residual / force 2.0e-10"
+    )
     assert rows[-1] == end
     plain = replace(record(), iterations=record().iterations[::2], notes=[])
     assert str(plain).startswith("| it | residual / force | gap | active | changed | seconds |")

@@ -248,3 +248,36 @@ def test_wrong_arguments_are_refused():
         fm.tangent_linear(FORCE, push, 1.0, problem)
     with pytest.raises(ValueError, match="over_steps returned"):
         fm.gradient(FORCE, push, problem, over_steps=lambda values: (0.0, 1.0))
+
+
+def test_gradient_prints_a_line_for_each_control():
+    scene = blocks(fm.Coulomb(0.3), places=SLIDE)
+    path = scene.solve()
+    mu = sensitivity.LawParameter(0, "mu")
+    gradient = fm.gradient(FORCE, [mu, scene.controls["E"]], path)
+    lines = str(gradient).splitlines()
+    assert lines[0] == f"objective {gradient.value:.6g}" and len(lines) == 3
+    assert lines[1].startswith("by control 0, mu of pair 0: ")
+    assert float(lines[1].rpartition(": ")[2]) == pytest.approx(float(gradient[mu]), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "objective, control, words",
+    [
+        ("force", "E", "objective 'force'"),
+        (sensitivity.TotalForce(2, (1.0, 0.0)), "E", "pair 2: expected a number from 0 to 0"),
+        (FORCE, sensitivity.Offset(1), "pair 1: expected a number from 0 to 0"),
+    ],
+)
+def test_objective_or_pair_that_is_none_is_refused(objective, control, words):
+    scene = blocks()
+    scene.solve()
+    with pytest.raises(ValueError, match=words):
+        fm.gradient(objective, scene.controls.get(control, control), scene.problem)
+
+
+def test_direction_of_a_list_with_one_control_is_a_list():
+    scene = blocks(fm.Coulomb(0.3), places=SLIDE)
+    path, mu = scene.solve(), sensitivity.LawParameter(0, "mu")
+    both = [fm.tangent_linear(FORCE, *given, path) for given in ((mu, 1.0), ([mu], [1.0]))]
+    assert both[0].derivative == both[1].derivative != 0.0

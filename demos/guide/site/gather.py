@@ -20,7 +20,6 @@ from typing import Any
 import jupytext
 
 import fenics_mortar
-from fenics_mortar.contact.laws import Nodal, Row
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.state import State
@@ -47,7 +46,7 @@ GROUPS = {
     "further": ("Further names", ()),
 }
 # Classes that users meet and do not make.
-MET = (Iteration, Nodal, Row, InterfaceState, PairView, State, PathStep, OperatorMatrices)
+MET = (Iteration, InterfaceState, PairView, State, PathStep, OperatorMatrices)
 OF_CLASSES = ("   :members:", "   :inherited-members: ABC, BaseException, Exception, tuple")
 STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
 
@@ -64,7 +63,7 @@ def pages_of_files() -> dict[str, str]:
         "demos/studies/README.md": "studies/index.md",
         "demos/studies": "studies/index.md",
     }
-    for name in ("installation", "features", "limits"):
+    for name in ("installation", "features", "laws", "limits"):
         pages[f"demos/guide/{name}.md"] = f"{name}.md"
     for file in sorted((ROOT / "demos" / "studies").glob("*/*.md")):
         study = file.parent.name
@@ -243,28 +242,33 @@ class Gathered:
     def _write_modules(self) -> None:
         """A page for each folder of the package, with all modules and their functions."""
         package = ROOT / "fenics_mortar"
-        folders = sorted(path.parent for path in package.glob("*/__init__.py"))
+        folders = sorted(path.parent for path in package.glob("*/**/__init__.py"))
         out = self._folder / "modules"
         out.mkdir()
+        names: list[str] = []
         for folder in folders:
-            dotted = f"fenics_mortar.{folder.name}"
+            name = ".".join(folder.relative_to(package).parts)
+            dotted = f"fenics_mortar.{name}"
             about = ["```{eval-rst}", f".. automodule:: {dotted}", "   :no-members:", "```", ""]
-            lines = [f"# {folder.name}", "", *about]
-            for module in sorted(folder.rglob("*.py")):
+            lines = [f"# {name}", "", *about]
+            for module in sorted(folder.glob("*.py")):
                 if module.stem != "__init__":
-                    name = ".".join(module.relative_to(folder).with_suffix("").parts)
-                    lines += [f"## {name}", "", *automodule(f"{dotted}.{name}")]
-            (out / f"{folder.name}.md").write_text("\n".join(lines))
-        names = "\n".join(f"modules/{folder.name}" for folder in folders)
+                    lines += [f"## {module.stem}", "", *automodule(f"{dotted}.{module.stem}")]
+            (out / f"{name}.md").write_text("\n".join(lines))
+            names.append(f"modules/{name}")
         path = self._folder / "modules.md"
-        path.write_text(path.read_text().replace("<names>", names))
+        path.write_text(path.read_text().replace("<names>", "\n".join(names)))
 
 
 def in_reference() -> dict[str, Any]:
     """All that the reference describes, by full names."""
     package = fenics_mortar
     public = {f"fenics_mortar.{name}": getattr(package, name) for name in package.__all__}
-    return public | {f"{cls.__module__}.{cls.__qualname__}": cls for cls in MET}
+    known = set(map(id, public.values()))
+    of_modules = [getattr(module, name) for module in (package.laws, package.sensitivity)
+                  for name in module.__all__]  # fmt: skip
+    met = [*(thing for thing in of_modules if id(thing) not in known), *MET]
+    return public | {f"{cls.__module__}.{cls.__qualname__}": cls for cls in met}
 
 
 def group_of(thing: Any) -> str:
@@ -287,6 +291,7 @@ def automodule(module: str) -> list[str]:
     elsewhere = {full.rpartition(".")[2]: full for full, thing in in_reference().items()
                  if thing.__module__ == module}  # fmt: skip
     lines = ["```{eval-rst}", f".. automodule:: {module}", "   :members:"]
+    lines += ["   :ignore-module-all:"]
     if not elsewhere:
         return [*lines, "```", ""]
     links = ", ".join(f"{{py:obj}}`{name} <{full}>`" for name, full in elsewhere.items())

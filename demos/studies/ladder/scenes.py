@@ -55,7 +55,7 @@ FULL = Rung("full")
 # What the automatic climb and the verdicts allow, in the norm of energy.
 TOLERANCE = 0.02
 RUNGS = (
-    Rung("rigid tool", rigid=True),
+    Rung("rigid obstacle", rigid=True),
     Rung("linear bulk, small sliding", strain="linear", sliding="small"),
     Rung("linear bulk", strain="linear"),
     Rung("small sliding", sliding="small"),
@@ -76,7 +76,7 @@ class Scene:
         unit: Its unit.
         soft, tool: The bodies, for a load and a number of cells in the place of one along a side.
         slave, master: The surfaces.
-        circle: Radius and centre of the rigid tool, for a load.
+        circle: Radius and centre of the rigid obstacle, for a load.
         grip: Boundary of the tool that is moved; "" if nothing is.
         fixed: Boundaries and components of the soft body that are fixed.
         symmetry: The same of the tool.

@@ -30,13 +30,16 @@ def scalar_space(mesh: dmesh.Mesh, degree: int, family: str = "Lagrange") -> fem
 
 @quiet_compiler()
 def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
-    """Create the Lagrange space of plane vectors (collective).
+    """Create the Lagrange space of plane vectors, as for a displacement (collective).
 
-    ``VectorFunctionSpace`` was removed in 0.8; the shape went into the element.
+    Args:
+        mesh: The mesh, such as ``data.mesh``.
+        degree: 1 or 2 for contact. On curved cells of order 2 take 2.
 
     Raises:
         ValueError: If ``mesh`` or ``degree`` is not valid.
     """
+    # ``VectorFunctionSpace`` was removed in 0.8; the shape went into the element.
     check_kind("mesh", mesh, dmesh.Mesh, "a mesh of dolfinx, e.g. the attribute mesh of MeshData")
     expected = "a whole number, at least 1"
     check_number("degree", degree, expected, lambda number: number >= 1, whole=True)
@@ -47,13 +50,13 @@ def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
 
 @quiet_compiler()
 def mixed_space(mesh: dmesh.Mesh, *parts: tuple[Any, ...]) -> fem.FunctionSpace:
-    """Create a space of several unknowns.
-
-    Collective. ``ufl.MixedElement`` was replaced by ``basix.ufl.mixed_element`` in 0.7.
+    """Create a space of several unknowns (collective).
 
     Args:
         mesh: The mesh.
-        parts: Family, degree and, for vectors, the shape of each unknown.
+        parts: Family, degree and, for vectors, the shape of each unknown. One of them is the
+            displacement, ``("Lagrange", 2, (2,))`` for example; ``ContactProblem(displacement=i)``
+            if it is not the first.
 
     Raises:
         ValueError: If ``mesh`` is not a mesh or no part is given.
