@@ -343,8 +343,8 @@ def test_a_residual_without_the_radius_is_refused():
     pairs = [fm.ContactPair(data, "upper/bottom", "lower/top")]
     bcs = [on_axis(V, data, ["upper/left", "lower/left"])]
     given = {"bcs": bcs, "geometry": "axisymmetric", "petsc_options_prefix": "plane_"}
-    plane = ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 2})
+    work, dx = ufl.inner(ufl.grad(u), ufl.grad(v)), ufl.dx(metadata={"quadrature_degree": 2})
     with pytest.raises(ValueError, match="does not contain the radius.*2 \\* pi \\* X"):
-        fm.ContactProblem(plane, u, pairs, **given)
+        fm.ContactProblem(work * dx, u, pairs, **given)
     radius = ufl.SpatialCoordinate(data.mesh)[0]
-    fm.ContactProblem(radius * plane, u, pairs, **given)
+    fm.ContactProblem(radius * work * dx, u, pairs, **given)
