@@ -202,3 +202,17 @@ def check_cells(bulk: Bulk) -> None:
     count, where = bulk.cells.flat()
     if count:
         raise MeshError(f"{count} cells have no area, one at {where}")
+
+
+def refuse_inertia(bulk: Bulk, what: str) -> None:
+    """Refuse bodies with inertia (local, equal on all ranks).
+
+    Args:
+        bulk: The bodies.
+        what: What does not support them.
+
+    Raises:
+        MortarError: If they have.
+    """
+    if bulk.inertia is not None:
+        raise MortarError(f"{what} does not support inertia: expected a static problem")

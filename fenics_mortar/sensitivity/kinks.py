@@ -119,7 +119,7 @@ def _distances(contact: Contact) -> dict[Change, Array]:
         "cover": _where(undecided, np.zeros(active.size)),
     }
     if isinstance(law, Friction):
-        limit = np.asarray(contact.law_calls.friction_limit(law, now.z_n, now.operators.x))
+        limit = np.asarray(now.friction_limit(now.z_n))
         limited = active & (limit > 0.0) & np.isfinite(limit)
         shear = np.abs(now.z_tau) / np.where(limited, limit, 1.0)
         found["slides"] = _where(limited & now.sticking, np.abs(1.0 - shear))

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.obstacles.points import check_vector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.combined import Combined, ContactQuantity
 from fenics_mortar.sensitivity.controls import (
@@ -35,6 +36,7 @@ from fenics_mortar.sensitivity.controls import (
 from fenics_mortar.sensitivity.pair_vectors import (
     add_pair,
     check_exact,
+    check_pair,
     contact_of,
     interface_of,
     zeros,
@@ -55,7 +57,7 @@ class PairQuantity(ContactQuantity):
     """
 
     def __init__(self, pair: int) -> None:
-        self.pair = pair
+        self.pair = check_pair(pair)
 
     @abstractmethod
     def _of(self, contact: Any) -> float:
@@ -138,7 +140,7 @@ class TotalForce(PairQuantity):
 
     def __init__(self, pair: int, direction: npt.ArrayLike) -> None:
         super().__init__(pair)
-        self.direction = np.asarray(direction, float)
+        self.direction = check_vector("direction", direction)
 
     def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
@@ -160,7 +162,7 @@ class Moment(PairQuantity):
 
     def __init__(self, pair: int, about: npt.ArrayLike = (0.0, 0.0)) -> None:
         super().__init__(pair)
-        self.about = np.asarray(about, float)
+        self.about = check_vector("about", about)
 
     def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
@@ -250,6 +252,18 @@ class PeakPressure(PairQuantity):
         return ByFields(weight=by_weight, z_n=by_mean * weight * p ** (self.power - 1.0))
 
 
+def _checked_nodes(nodes: Any) -> Indices:
+    """Numbers of slave nodes as an array (local).
+
+    Raises:
+        ValueError: If they are no numbers from 0 on.
+    """
+    numbers = np.asarray(nodes)
+    if numbers.dtype.kind not in "iu" or numbers.ndim != 1 or not numbers.size or numbers.min() < 0:
+        raise ValueError(f"nodes={nodes!r}: expected numbers of slave nodes, from 0 on")
+    return numbers.astype(np.int64)
+
+
 class MeanGap(PairQuantity):
     """Mean gap of nodes, the sum of their weighted gaps over that of their weights [length].
 
@@ -260,11 +274,15 @@ class MeanGap(PairQuantity):
 
     def __init__(self, pair: int, nodes: Indices | None = None) -> None:
         super().__init__(pair)
-        self.nodes = nodes
+        self.nodes = None if nodes is None else _checked_nodes(nodes)
 
     def _counts(self, contact: Contact) -> Array:
         counts = contact.covered.astype(float)
         if self.nodes is not None:
+            if self.nodes.max() >= counts.size:
+                raise ValueError(
+                    f"nodes: pair {self.pair} has the slave nodes 0 to {counts.size - 1}"
+                )
             chosen = np.zeros_like(counts)
             chosen[self.nodes] = 1.0
             counts = counts * chosen
