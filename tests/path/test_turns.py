@@ -52,12 +52,13 @@ def test_end_of_a_path_that_turns_is_named():
     Pressed, it would move further into it, since the strip gives way along itself.
     """
     problem, set_push = pushed_spiral()
-    steps = fm.SteppingOptions(0.25, smallest=1e-3)
+    fm.follow_path(problem, set_push, fm.SteppingOptions(0.25), stop=0.75)
+    steps = fm.SteppingOptions(1 / 32, smallest=1 / 128)
     words = "the path of equilibria, linearized at the last one, turns where the node at"
     with pytest.raises(fm.NotConvergedError, match=words) as error:
-        fm.follow_path(problem, set_push, steps)
+        fm.follow_path(problem, set_push, steps, start=0.75)
     assert words in error.value.report.dead_end
     before = problem.state()
-    set_push(error.value.report.steps[-1].time - 1e-3)
+    set_push(error.value.report.steps[-1].time - 1e-2)
     assert why_path_turns(problem) == ""
     assert np.array_equal(problem.state().u, before.u)
