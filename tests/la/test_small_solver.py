@@ -101,3 +101,14 @@ def test_a_pivot_of_a_pair_that_fails_is_left_to_mumps():
     few = solver(SMALL)
     assert np.allclose(A @ few.solve(matrix_in_pairs(A), b), b, rtol=1e-13)
     assert "without pivoting failed" in few.remark
+
+
+@pytest.mark.parametrize("size, solves", [(100, "petsc"), (130, "mumps")])
+def test_factors_with_long_rows_are_for_mumps(size, solves):
+    random = np.random.default_rng(2)
+    few, b = solver(SMALL), random.random(size)
+    A = random.random((size, size)) + size * np.eye(size)
+    for _ in range(2):
+        assert np.allclose(A @ few.solve(matrix_in_pairs(A), b), b, rtol=1e-13)
+        assert few.ksp.getPC().getFactorSolverType() == solves
+    assert not few.remark
