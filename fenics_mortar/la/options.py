@@ -44,9 +44,9 @@ ITERATIVE = {
 # over iterative (two blocks): 1.0 with 10,000 unknowns, 1.5 with 41,000, 1.9 with 161,000.
 MANY = 100_000
 # Number of unknowns up to which ``SMALL`` factors a condensed system. Milliseconds of the processor
-# for factors and a solution, ``SMALL`` and MUMPS: 0.5 and 2.3 with 1,300 unknowns, 3.5 and 6.2 with
-# 3,100, 26 and 27 with 10,500.
-FEW = 8_000
+# for factors and a solution, ``SMALL`` in blocks and MUMPS: 0.5 and 1.9 with 1,300 unknowns, 2.6
+# and 5.4 with 3,100, 18 and 25 with 11,000, 50 and 53 with 20,800, 83 and 70 with 27,600.
+FEW = 20_000
 # Options with this prefix belong to another solver, see ``la.factored``.
 COMPLIANCE = "compliance_"
 # Prefixes and names of options set in PETSc's database by ``options_added`` at present.

@@ -97,6 +97,7 @@ class LinearSolver:
         """Read PETSc's options and make vectors at the next solve (local)."""
         self._reads_options = True
         self._vectors: list[PETSc.Vec] = []
+        self._in_blocks: PETSc.Mat | None = None
 
     def _reset(self) -> None:
         self.ksp.reset()
@@ -163,7 +164,7 @@ class LinearSolver:
         rhs, solution, defect, correction = self._vectors
         rhs.array[:] = values
         solution.set(0.0)
-        self.ksp.setOperators(matrix)
+        self.ksp.setOperators(matrix, matrix if self._pivots else self._blocks_of(matrix))
         try:
             self._run(rhs, solution, transpose)
         except MortarError as error:
@@ -183,6 +184,23 @@ class LinearSolver:
         return solution, (
             f", {self._describe(reason)}, relative residual {relative:.1e} (allowed {allowed:g})"
         )
+
+    def _blocks_of(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """The matrix stored in blocks of the two dofs of a node, if its rows come in such pairs.
+
+        PETSc's factors in blocks take two thirds of the time, their analysis the half.
+        """
+        if matrix.getBlockSize() != 2:
+            return matrix
+        if self._in_blocks is None:
+            starts, *_ = matrix.getRowIJ()
+            pairs = np.diff(starts).reshape(-1, 2)
+            room = np.minimum(pairs.sum(axis=1), len(pairs))  # at most; PETSc drops the rest
+            self._in_blocks = PETSc.Mat().createBAIJ(
+                matrix.getSize(), 2, nnz=room.astype(PETSc.IntType), comm=self._comm
+            )
+        matrix.convert(PETSc.Mat.Type.BAIJ, self._in_blocks)
+        return self._in_blocks
 
     def _call(self, rhs: PETSc.Vec, solution: PETSc.Vec, transpose: bool) -> None:
         """Call PETSc's solver."""

@@ -41,7 +41,7 @@ def check_dynamics(
     if problem.adequacy is not None:
         raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
     if problem.equations.bulk.inertia is not None:
-        raise ValueError("problem has inertia already, of another Dynamics: set up a new problem")
+        raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
 
 
 def check_alike(
@@ -95,9 +95,9 @@ def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
 def _check_energy(energy: Any, mesh: Any) -> None:
     if energy is None:
         return
-    check_kind("energy", energy, ufl.Form, "a UFL form, as psi * dx")
+    check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
     if energy.arguments():
-        raise ValueError("energy has a test function: expected a form without, as psi * dx")
+        raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
     if any(integral.ufl_domain() != mesh for integral in energy.integrals()):
         raise ValueError("energy belongs to another mesh than the problem")
 

@@ -126,7 +126,7 @@ def check_run(
     """Refuse arguments of ``Dynamics.run`` (local)."""
     expected = f"a time from the present one, {time:.6g}, on"
     check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
-    expected = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
     check_kind("options", options, SteppingOptions, expected)
     if tolerance is not None:
         check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)

@@ -7,7 +7,8 @@ objective f(J_1, ..., J_N), w_k = df/dJ_k,
     A_k^T y_k = w_k dJ_k/ds_k + w_{k+1} dJ_{k+1}/ds_k - (dR_{k+1}/ds_k)^T y_{k+1},
     df/dm = sum_k [w_k dJ_k/dm - (dR_k/dm)^T y_k],             A_k = dR_k/ds_k.
 
-One solve with the transposed tangent per step gives the derivatives by all controls. dR_{k+1}/ds_k
+Memories of laws are carried along with the states, see ``memory``. One solve with the transposed
+tangent per step gives the derivatives by all controls. dR_{k+1}/ds_k
 is the history: partners, slip and shear of the accepted state; without friction it vanishes, and
 steps without weight are left out.
 """
@@ -30,6 +31,7 @@ from fenics_mortar.sensitivity.history import History
 from fenics_mortar.sensitivity.kinks import Kink, find_kinks, nearest
 from fenics_mortar.sensitivity.linear_vectors import Term, combine
 from fenics_mortar.sensitivity.linearization import linearize
+from fenics_mortar.sensitivity.memory import Memories, StepMemory
 from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
 from fenics_mortar.sensitivity.path_record import RecordedPath, path_of_state
 from fenics_mortar.sensitivity.protocols import (
@@ -176,23 +178,29 @@ def _backwards(
     by_step: list[list[Array]] = [[] for _ in controls]
     kinks: list[Kink] = []
     carried: list[Term] = []
+    by_memory: Memories = {}
     for number in reversed(range(len(path.steps))):
-        if not carried and not weights[number].any():
+        if not carried and not by_memory and not weights[number].any():
             for parts, control in zip(by_step, controls, strict=True):
                 parts.insert(0, np.zeros_like(control.get(problem)))
             continue
         path.go_to(number)
         before = state_before(path, number)
         kinks[:0] = find_kinks(problem, number)
+        memory = StepMemory(problem, before)
         weighted = [(w, q) for w, q in zip(weights[number], quantities, strict=True) if w]
-        rhs = combine([*((w, q.gradient(problem, before)) for w, q in weighted), *carried])
+        of_quantities = [(w, q.gradient(problem, before)) for w, q in weighted]
+        rhs = combine([*of_quantities, *carried, (1.0, memory.state_back(by_memory))])
         y = linearize(problem).solve(rhs, transpose=True)
         for parts, control in zip(by_step, controls, strict=True):
-            change = -control.vjp(problem, y, before)
+            change = memory.control_back(control, by_memory) - control.vjp(problem, y, before)
             for weight, quantity in weighted:
                 change = change + weight * explicit(problem, quantity, control, before)
             parts.insert(0, change)
-        carried = _carried(problem, weighted, y, before) if number else []
+        if number:
+            carried = _carried(problem, weighted, y, before)
+            carried += [(1.0, memory.before_back(by_memory))] if by_memory else []
+            by_memory = memory.memory_back(by_memory, y)
     return by_step, kinks
 
 

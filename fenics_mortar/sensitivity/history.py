@@ -33,7 +33,7 @@ class History:
 
     Rows and units are those of ``equations.linearized``. Only rows of multipliers of pairs with
     friction depend on the state before: through their partners, and through the shear of redundant
-    sticks. Sets are fixed.
+    sticks. Sets are fixed, and the memory of laws, see ``memory``.
 
     Args:
         problem: The problem, at the end of a step, with operators of the linearization ``EXACT``.
@@ -46,8 +46,8 @@ class History:
 
     Raises:
         MortarError: On all ranks, if slip does not count from that state, as after a rigid move of
-            a body or of an obstacle before the solve; if operators lack derivatives; or if a law
-            has memory.
+            a body or of an obstacle before the solve; if operators lack derivatives; or for laws
+            without sensitivities, see ``check_law``.
     """
 
     def __init__(self, problem: ContactProblem, before: State) -> None:

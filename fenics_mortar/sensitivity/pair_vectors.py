@@ -108,16 +108,17 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
 
 def check_law(contact: Any) -> None:
-    """Raise if the law of a contact has a memory, or an adhesion of more than the gap (local).
+    """Raise if a law has an adhesion of more than the gap, or shear of open nodes (local).
 
     Raises:
-        MortarError: For such a law: its memory has no derivatives yet.
+        MortarError: For such a law.
     """
     law = contact.pair.law if isinstance(contact, Contact) else None
-    if law is not None and (law.memory or law.bridges_gap or law.pulls_by_node):
+    if law is not None and (law.bridges_gap or law.pulls_by_node):
         raise MortarError(
-            f"{law!r} has memory, or an adhesion that depends on more than the gap, which have "
-            "no sensitivities: expected a law with tangential, closing_gap and adhesion alone"
+            f"{law!r} has an adhesion that depends on more than the gap, or shear at open nodes "
+            "(adhesion_at, bridges_gap), which have no sensitivities: expected a law with "
+            "tangential, closing_gap, remember and adhesion alone"
         )
 
 

@@ -111,7 +111,7 @@ class RecordedPath:
 
     Raises:
         ValueError: If ``problem`` is of another type.
-        MortarError: If the problem has inertia, or a law has memory; see ``check_law``.
+        MortarError: If the problem has inertia, or a law no sensitivities; see ``check_law``.
     """
 
     def __init__(self, problem: ContactProblem, *, also: Sequence[Any] = ()) -> None:

@@ -24,6 +24,7 @@ from fenics_mortar.sensitivity.history import History
 from fenics_mortar.sensitivity.kinks import Kink, find_kinks
 from fenics_mortar.sensitivity.linear_vectors import Term, combine
 from fenics_mortar.sensitivity.linearization import linearize
+from fenics_mortar.sensitivity.memory import Memories, StepMemory
 from fenics_mortar.sensitivity.over_steps import OverSteps, evaluate, last, state_before
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import (
@@ -154,6 +155,7 @@ def _forwards(
     derivatives = np.zeros((len(path.steps), len(quantities)))
     states: list[LinearVector] = []
     kinks: list[Kink] = []
+    dh: Memories = {}
     for number, directions in enumerate(along):
         path.go_to(number)
         before = state_before(path, number)
@@ -163,7 +165,10 @@ def _forwards(
         terms: list[Term] = [(-1.0, c.jvp(problem, dm, before)) for c, dm in pairs]
         if states and isinstance(before, History):
             terms.append((-1.0, before.jvp(earlier)))
+        memory = StepMemory(problem, before)
+        terms.append((-1.0, memory.rows_along(dh)))
         states.append(linearize(problem).solve(combine(terms)))
+        dh = memory.along(dh, states[-1], earlier, [memory.along_control(c, dm) for c, dm in pairs])
         for i, quantity in enumerate(quantities):
             change = quantity.gradient(problem, before).dot(states[-1], problem.comm)
             by_before = quantity.by_before(problem, before) if states[:-1] else None

@@ -16,6 +16,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.bulk.axis import radial_dofs_on_axis
 from meshes.mapped_grids import Grid, build, sector
 
 comm = MPI.COMM_WORLD
@@ -322,6 +323,16 @@ def test_refused(options, error):
 def test_a_free_axis_is_refused():
     with pytest.raises(fm.MortarError, match="nodes on the axis may move away"):
         pressed_cylinders(axis_is_held=False)
+
+
+def test_radial_dofs_on_the_axis():
+    """Dofs of x at x = 0, not at y = 0."""
+    space = pressed_cylinders().problem.equations.bulk.space
+    X = space.V.tabulate_dof_coordinates()[: space.num_nodes]
+    dofs = space.owned_dofs[np.abs(X[:, 0]) < 1e-12, 0]
+    assert set(radial_dofs_on_axis(space)) == set(dofs)
+    counts = MPI.COMM_WORLD.allreduce(np.array([dofs.size, (np.abs(X[:, 1]) < 1e-12).sum()]))
+    assert counts.all() and counts[0] != counts[1]
 
 
 def test_a_residual_without_the_radius_is_refused():

@@ -10,7 +10,7 @@ fixed, and so is the law's memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -65,20 +65,56 @@ def rows_by_parameter(contact: Contact, name: str, direction: Array) -> Array:
     """
     law, f = contact.pair.law, contact.now
     value, direction = parameter(contact, name), np.asarray(direction, float)
+    memory = f.nodal.memory
 
     def residuals(changed: Any) -> Array:
         if name in law.varying:
-            return _residuals(law, f, {**contact.parameters, name: changed})
-        return _residuals(_with_parameter(law, name, changed), f, contact.parameters)
+            return _residuals(law, f, {**contact.parameters, name: changed}, memory)
+        return _residuals(with_parameter(law, name, changed), f, contact.parameters, memory)
 
+    return _rows_of(contact, name, value, direction, residuals)
+
+
+def rows_by_memory(contact: Contact, name: str) -> Array:
+    """Derivative of the rows of each node by its memory at the start of the step (collective).
+
+    Args:
+        contact: The contact, evaluated.
+        name: Name in ``Law.memory``.
+
+    Returns:
+        Shape (slave nodes, 2) [stress length over the unit of the memory].
+
+    Raises:
+        ValueError: On all ranks, if the law cannot be differentiated.
+    """
+    law, f, memory = contact.pair.law, contact.now, contact.now.nodal.memory
+    value = np.asarray(memory[name])
+    return _rows_of(
+        contact, name, value, np.ones_like(value),
+        lambda changed: _residuals(law, f, contact.parameters, {**memory, name: changed}),
+    )  # fmt: skip
+
+
+def _rows_of(
+    contact: Contact,
+    name: str,
+    value: Array,
+    direction: Array,
+    residuals: Callable[[Any], Array],
+) -> Array:
+    """Change of the rows with ``residuals`` of a changed value (collective)."""
+    law, f = contact.pair.law, contact.now
     words = f"the derivative of {law!r} by '{name}'"
+    stress, gap = np.abs(f.state.z).max(initial=0.0), np.abs(f.mean_gap).max(initial=0.0)
     changes = call_together(
         contact.slave.comm,
         words,
-        lambda: _differentiate(
-            f"{law!r}: the complex step by '{name}'", value, direction, residuals
+        lambda: differentiate(
+            f"{law!r}: the complex step by '{name}'", value, direction, residuals,
+            (stress, stress, gap),
         ),
-    )
+    )  # fmt: skip
     follows_law = contact.follows_law & (law.bridges_gap | ~f.attracted)
     applies = follows_law & ~f.state.redundant, f.attracted, f.covered
     rows = np.zeros_like(f.state.z)
@@ -98,18 +134,20 @@ def parameter_by_rows(contact: Contact, name: str, rows: Array) -> Array:
     return gradient.reshape(value.shape)
 
 
-def _with_parameter(law: Law, name: str, value: Any) -> Law:
+def with_parameter(law: Law, name: str, value: Any) -> Law:
     """Copy of the law with another value of a parameter (local)."""
     other = copy(law)
     setattr(other, name, value if np.ndim(value) else np.asarray(value).item())
     return other
 
 
-def _residuals(law: Law, f: ContactFields, fields: dict[str, Any]) -> Array:
+def _residuals(
+    law: Law, f: ContactFields, fields: Mapping[str, Any], memory: Mapping[str, Any]
+) -> Array:
     """Tangential residual, adhesion and closing gap, complex, (3, slave nodes) (local)."""
     given = f.of_geometry if isinstance(f, LawFields) else f.nodal
     numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
-    node = replace(given, fields=fields, **numbers)
+    node = replace(given, fields=fields, memory=memory, **numbers)
     found = np.zeros((3, len(f.state.z)), complex)
     if law.has_layer:
         node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
@@ -122,10 +160,16 @@ def _residuals(law: Law, f: ContactFields, fields: dict[str, Any]) -> Array:
     return found
 
 
-def _differentiate(
-    words: str, value: Array, direction: Array, function: Callable[[Any], Array]
+def differentiate(
+    words: str,
+    value: Array,
+    direction: Array,
+    function: Callable[[Any], Array],
+    terms: Any = 0.0,
 ) -> Array:
     """Derivative by complex step, compared with difference quotients (local).
+
+    ``terms``: size of what the rows of the result are sums of, for their rounding, (rows,).
 
     Raises:
         ValueError: If they contradict each other; ``words`` say what was differentiated.
@@ -142,7 +186,7 @@ def _differentiate(
     for sign in (step, -step):
         moved = np.real(function(value + sign * direction))
         errors.append(np.abs((moved - start) / sign - derivative))
-    rounding = 10.0 * EPSILON * np.abs(start).max(axis=1) / step
+    rounding = 10.0 * EPSILON * np.maximum(np.abs(start).max(axis=1), terms) / step
     allowed = ALIKE * np.abs(derivative).max(axis=1) + rounding
     if (np.minimum(*errors) > allowed[:, None]).any():
         raise ValueError(

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: MIT
+"""Derivatives through the memory of laws: wear, rates and states, over several steps."""
+
+import pytest
+from taylor_scenes import SLIDE, blocks, check
+
+from demos.laws import NormalCompliance, RateAndState, Stribeck, Worn
+from fenics_mortar import sensitivity
+from fenics_mortar.sensitivity import FrictionWork, PressureIntegral, TotalForce
+
+
+class Wearing(Worn):
+    parameters = ("mu", "wear")
+
+
+class Creeping(RateAndState):
+    parameters = ("mu", "L")
+
+
+class Compliant(NormalCompliance):
+    parameters = ("mu", "k")
+
+
+class Falling(Stribeck):
+    parameters = ("static", "kinetic")
+
+
+OBJECTIVE = TotalForce(0, (1.0, 0.3)) + 0.1 * PressureIntegral(0, 2) + FrictionWork(0)
+
+
+def timed(scene):
+    """Steps of length 0.5."""
+    move, problem = scene.move, scene.problem
+
+    def later(place):
+        problem.time = problem.time + 0.5
+        move(place)
+
+    scene.move = later
+    return scene
+
+
+@pytest.mark.parametrize(
+    "law, sizes",
+    [
+        (Wearing(0.3, 0.05), {"mu": 0.1, "wear": 0.01}),
+        (Wearing(0.0, 0.05), {"wear": 0.01}),
+        (Creeping(0.4, 0.02, 0.01, 0.02, 0.05), {"mu": 0.1, "L": 0.01}),
+        (Compliant(2e3, 2.0, 0.3), {"mu": 0.1, "k": 100.0}),
+        (Falling(0.4, 0.2, 0.05), {"static": 0.1, "kinetic": 0.1}),
+    ],
+    ids=["wear", "wear without friction", "rate and state", "layer", "Stribeck"],
+)
+def test_laws_of_the_demos(law, sizes):
+    scene = timed(blocks(law, places=SLIDE))
+    for name in law.parameters:
+        scene.controls[name] = sensitivity.LawParameter(0, name)
+    scene.controls["offset"] = sensitivity.Offset(0)
+    names = ["E", "offset", *sizes]
+    check(scene, OBJECTIVE, names, [30.0, 0.003, *sizes.values()], step=2e-4)
