@@ -12,7 +12,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.instant import Instant
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.law_calls import raise_noted
-from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.errors import MortarError, check_same
 
 
 def begin_step(contacts: Sequence[Interface]) -> None:
@@ -46,9 +46,18 @@ def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant |
 
     Raises:
         Exception: Any error of a law, on all ranks.
+        MortarError: On all ranks, if a law remembers other numbers on another rank.
     """
     found = [_instant_of(c) if isinstance(c, Contact) else None for c in contacts]
     raise_noted(comm, contacts)
+    remembered = [
+        (f"{name} of {contact.pair.law!r}", values)
+        for contact, instant in zip(contacts, found, strict=True)
+        if instant is not None
+        for name, values in instant.memory.items()
+    ]
+    if remembered:
+        check_same(comm, remembered)
     return found
 
 

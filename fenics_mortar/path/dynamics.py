@@ -29,6 +29,7 @@ from fenics_mortar.equations.undo import undone_if_interrupted
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_input import (
     SCHEMES,
+    check_alike,
     check_dynamics,
     check_rates,
     check_step,
@@ -104,8 +105,7 @@ class Dynamics:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         with together(problem.comm, "Dynamics"):
             check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
-        given = {"scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None}
-        check_same_words(problem.comm, "Dynamics", given)
+        check_alike(problem, density, scheme, rho_inf, velocity, energy)
         self.problem, equations = problem, problem.equations
         self._scheme = GeneralizedAlpha(SCHEMES[scheme] if rho_inf is None else float(rho_inf))
         slaves = [c.slave.nodes for c in equations.contacts if not isinstance(c, Tie)]
@@ -136,7 +136,8 @@ class Dynamics:
             MortarError: On all ranks, if an obstacle is driven by forces: it has no mass.
             ValueError: If ``dt`` is not positive, or too short for the present time.
         """
-        check_step(dt, self.time)
+        with together(self.problem.comm, "step"):
+            check_step(dt, self.time)
         with undone_if_interrupted(self.problem.equations, None):
             self._begin()
             return self._advance(dt, forces_of(self.problem))[0]

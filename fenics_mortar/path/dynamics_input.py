@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import ufl
-from ufl.algorithms import extract_arguments
+from ufl.algorithms.analysis import extract_arguments, extract_constants
 from ufl.domain import extract_domains
 
 from fenics_mortar.bulk.inertia import Rates
@@ -16,7 +16,7 @@ from fenics_mortar.bulk.velocity import Origin, Velocity
 from fenics_mortar.equations.state import State
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
-from fenics_mortar.utils.errors import MortarError
+from fenics_mortar.utils.errors import MortarError, check_same, check_same_words
 
 # Default spectral radius at infinite frequency by scheme: none of the energy is dissipated, or what
 # an impact excites and the step does not resolve.
@@ -42,6 +42,24 @@ def check_dynamics(
         raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
     if problem.equations.bulk.inertia is not None:
         raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
+
+
+def check_alike(
+    problem: ContactProblem, density: Any, scheme: str, rho_inf: Any, velocity: Any, energy: Any
+) -> None:
+    """Refuse arguments of ``Dynamics`` that differ between ranks (collective).
+
+    Raises:
+        MortarError: On all ranks.
+    """
+    is_number = not isinstance(density, ufl.core.expr.Expr)
+    given = {
+        "scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None,
+        "energy": energy is not None, "density": density if is_number else "a UFL expression",
+    }  # fmt: skip
+    check_same_words(problem.comm, "Dynamics", given)
+    constants = [] if is_number else extract_constants(density)
+    check_same(problem.comm, [("a constant of density", c.value) for c in constants])
 
 
 def _check_density(density: Any, mesh: Any) -> None:

@@ -10,7 +10,7 @@ from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.controls import Before, history_of
 from fenics_mortar.sensitivity.pair_vectors import add_pair, at_pair, check_exact, zeros
-from fenics_mortar.sensitivity.partials.positions import Positions
+from fenics_mortar.sensitivity.partials.positions import Positions, check_positions
 from fenics_mortar.utils.arrays import Array
 
 
@@ -33,6 +33,7 @@ class ContactPositions:
         self._history = history_of(problem, before)
         self._pairs = []
         for contact in self._equations.contacts:
+            check_positions(contact)
             check_exact(contact)
             self._pairs.append(Positions(contact))
 

@@ -24,6 +24,7 @@ from fenics_mortar.sensitivity.form_controls import FormControl
 from fenics_mortar.sensitivity.form_quantity import FormQuantity
 from fenics_mortar.sensitivity.nodal_positions import NodalPositions
 from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.errors import check_same_words
 
 
 class Quantity(Protocol):
@@ -82,11 +83,17 @@ def as_list(given: Any) -> list[Any]:
 def check_dependence(
     problem: ContactProblem, quantities: Sequence[Quantity], controls: Sequence[Control]
 ) -> None:
-    """Refuse controls that nothing depends on (collective).
+    """Refuse controls that nothing depends on, or that differ between ranks (collective).
 
     Raises:
         ValueError: On all ranks.
+        MortarError: On all ranks, if number or kind of quantities or controls differ.
     """
+    given = {
+        "quantities": [type(quantity).__name__ for quantity in quantities],
+        "controls": [f"{type(control).__name__} {control.name}" for control in controls],
+    }
+    check_same_words(problem.comm, "gradient", given)
     for control in controls:
         occurs = getattr(control, "occurs", True)
         asked = (getattr(quantity, "depends_on", lambda _: False) for quantity in quantities)

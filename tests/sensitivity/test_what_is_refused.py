@@ -4,7 +4,10 @@
 import numpy as np
 import pytest
 from refusal import refused, refused_words
+from scenes import internal, neo_hookean
 from small_scenes import small_blocks
+
+from dolfinx import fem
 
 import fenics_mortar as fm
 from demos.laws import Stribeck
@@ -106,3 +109,20 @@ def test_an_interruption_in_compiled_code_is_one():
     with pytest.raises(KeyboardInterrupt):
         fm.gradient(FORCE, MU, problem, over_steps=interrupted)
     assert fm.gradient(FORCE, MU, problem).value > 0.0
+
+
+def test_nodal_positions_of_ties_are_refused_in_words():
+    """An AttributeError before."""
+    data = small_blocks().data
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [
+        fm.dirichlet(V, data, "lower/bottom", (0.0, 0.0)),
+        fm.dirichlet(V, data, "upper/top", (0.0, -0.01)),
+    ]
+    tie = fm.TiedPair(data, "upper/bottom", "lower/top")
+    residual = internal(u, neo_hookean(u, 100.0, 0.3))
+    problem = fm.ContactProblem(residual, u, [tie], bcs=bcs, petsc_options_prefix="tied_")
+    problem.solve()
+    with refused(fm.MortarError, "TiedPair.* nodal positions as controls need contact"):
+        fm.gradient(FORCE, sensitivity.NodalPositions(), problem)
