@@ -90,8 +90,11 @@ if comm.rank == 0:
     figure = Figure((6, 3.2), layout="constrained")
     axes = figure.add_subplot(xlabel="displacement [mm]", ylabel="shear force [N/mm]")
     for number, curve in enumerate(curves, 1):
-        axes.plot(slides, -curve[:, 0], color="#c8102e", alpha=number / len(curves), lw=1)
-    axes.plot(slides, -measured[:, 0], "ko", ms=4)
+        label = "iterates, the last one darkest" if number == len(curves) else None
+        alpha = 0.2 + 0.8 * number / len(curves)
+        axes.plot(slides, -curve[:, 0], color="#c8102e", alpha=alpha, lw=1, label=label)
+    axes.plot(slides, -measured[:, 0], "ko", ms=4, label="measured")
+    axes.legend(frameon=False)
     figure.savefig("results/identify.png", dpi=150)
 # -
 

@@ -28,22 +28,23 @@ comm = MPI.COMM_WORLD
 length, span, radius = 10.0, 7.0, 1.0  # of half the beam, of half the supports
 # -
 
-# A mesh of dolfinx; its surfaces are known by tags.
+# A mesh of dolfinx, with names for the tags of its surfaces.
 
 # +
 corners = [(0.0, 0.0), (length, 1.0)]
 domain = mesh.create_rectangle(comm, corners, (60, 6), mesh.CellType.quadrilateral)
-middle, bottom, top = 1, 2, 3
+names = {"middle": 1, "bottom": 2, "top": 3}
 places = {
-    middle: lambda x: np.isclose(x[0], 0.0),
-    bottom: lambda x: np.isclose(x[1], 0.0),
-    top: lambda x: np.isclose(x[1], 1.0),
+    1: lambda x: np.isclose(x[0], 0.0),
+    2: lambda x: np.isclose(x[1], 0.0),
+    3: lambda x: np.isclose(x[1], 1.0),
 }
 found = {tag: mesh.locate_entities_boundary(domain, 1, at) for tag, at in places.items()}
 facets = np.concatenate(list(found.values()))
 tags = np.repeat(list(found), [len(f) for f in found.values()]).astype(np.int32)
 order = np.argsort(facets)
-data = fm.MeshData(domain, None, mesh.meshtags(domain, 1, facets[order], tags[order]))
+facet_tags = mesh.meshtags(domain, 1, facets[order], tags[order])
+data = fm.MeshData(domain, None, facet_tags, boundaries=names)
 
 V = fm.vector_space(domain, 2)
 u, v = fem.Function(V), ufl.TestFunction(V)
@@ -60,8 +61,8 @@ residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
 
 support = fm.Circle((span, -radius), radius, name="support")
 punch = fm.Circle((0.0, 1.0 + radius), radius, name="punch")
-pairs = [fm.ContactPair(data, bottom, support), fm.ContactPair(data, top, punch)]
-bcs = [fm.dirichlet(V, data, middle, 0.0, component=0)]
+pairs = [fm.ContactPair(data, "bottom", support), fm.ContactPair(data, "top", punch)]
+bcs = [fm.dirichlet(V, data, "middle", 0.0, component=0)]
 problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="rollers_")
 
 # ## By force, then by displacement

@@ -17,6 +17,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.bulk.checks import refuse_inertia
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.pair import ContactPair
 from fenics_mortar.contact.tied_pair import TiedPair
@@ -36,7 +37,6 @@ from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import MortarError
 from fenics_mortar.verify.certificate import Certificate
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
@@ -223,7 +223,8 @@ class ContactProblem:
                 keep the values of the last iterate; slip still counts from the last accepted
                 state. Before the next solve reset ``u``, or ``restore`` a value of ``state``.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
-                if input differs between ranks, or if the mesh was moved after set-up.
+                if input differs between ranks, if the mesh was moved after set-up, or if bodies
+                have inertia: ``Dynamics`` solves for their time steps.
             BaseException: Any other exception, such as KeyboardInterrupt or an error of a user's
                 law; displacement and multipliers are then restored to their values before the call.
         """
@@ -288,7 +289,9 @@ class ContactProblem:
 
         Raises:
             ValueError: If a contact pair has no such attribute.
+            MortarError: If bodies have inertia.
         """
+        refuse_inertia(self.equations.bulk, "variant()")
         pairs = [
             p.with_options(**pair_options) if isinstance(p, ContactPair) else copy(p)
             for p in (contact.pair for contact in self.equations.contacts)
@@ -333,8 +336,7 @@ class ContactProblem:
             MortarError: On all ranks, if the residual has integrals that are not supported, or
                 bodies have inertia.
         """
-        if self.equations.bulk.inertia is not None:
-            raise MortarError("estimate() does not support inertia: expected a static problem")
+        refuse_inertia(self.equations.bulk, "estimate()")
         self._renew_if_interrupted()
         if self._estimator is None:
             self._estimator = Estimator(self.equations.bulk)

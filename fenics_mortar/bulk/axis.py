@@ -5,12 +5,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 
 import ufl
 from ufl.algorithms.analysis import extract_type
 
 from fenics_mortar.mesh.space import DisplacementSpace
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.errors import MeshError, MortarError, count_places
 from fenics_mortar.utils.rounding import ROUNDING
@@ -50,19 +53,83 @@ def check_axis(space: DisplacementSpace, prescribed: Flags) -> None:
 
 
 def check_radius(residual: Any, u: Any, space: DisplacementSpace) -> None:
-    """Refuse residuals of plane bodies in axisymmetric problems (local).
+    """Refuse a residual of plane bodies with axisymmetry (local, equal on all ranks).
+
+    Args:
+        residual: UFL form.
+        u: Displacement or mixed function.
+        space: The displacement's space; without effect unless it is axisymmetric.
 
     Raises:
-        ValueError: If the radius cannot be in the residual, which has neither a
-            ``SpatialCoordinate`` nor a function beside ``u``.
+        ValueError: If integrals over cells depend neither on the coordinates nor on a function that
+            could be the radius.
     """
-    if not space.is_axisymmetric or set(residual.coefficients()) - {u}:
-        return
-    if not extract_type(residual, ufl.classes.SpatialCoordinate):
+    if "cell" in _without_radius(residual, u, space):
         raise ValueError(
-            "the residual does not contain the radius: with geometry='axisymmetric' multiply its "
-            "measures by 2 * pi * X[0], X = ufl.SpatialCoordinate(mesh), and add the hoop strain"
+            "the residual does not contain the radius in integrals over cells: with "
+            "geometry='axisymmetric' multiply its measures by 2 * pi * X[0], X = "
+            "ufl.SpatialCoordinate(mesh), and add the hoop strain"
         )
+
+
+def remark_on_radius(residual: Any, u: Any, space: DisplacementSpace) -> str:
+    """Remark on boundary integrals without the radius, "" if there are none (local).
+
+    Arguments as for ``check_radius``.
+    """
+    if not _without_radius(residual, u, space) - {"cell"}:
+        return ""
+    return (
+        "the residual has boundary integrals without the radius: with geometry='axisymmetric' a "
+        "traction needs the factor 2 pi X[0]"
+    )
+
+
+class HeldAxis:
+    """Check of the values prescribed on the axis; the constructor is collective.
+
+    Args:
+        space: The displacement's space; without effect unless it is axisymmetric.
+        u: Displacement or mixed function.
+        bcs: Dirichlet conditions.
+    """
+
+    def __init__(self, space: DisplacementSpace, u: Any, bcs: list[Any]) -> None:
+        self._space, self._u, self._bcs = space, u, bcs
+        self._dofs = radial_dofs_on_axis(space)
+
+    def check(self) -> None:
+        """Refuse radial motions of the axis (collective).
+
+        Raises:
+            MortarError: On all ranks, if a radial component on the axis is prescribed otherwise
+                than by zero.
+        """
+        if not self._space.is_axisymmetric:
+            return
+        values = np.zeros_like(self._u.x.array)
+        compat.set_prescribed(values, self._bcs)
+        moved = np.abs(values[self._dofs])
+        largest = self._space.V.mesh.comm.allreduce(float(moved.max(initial=0.0)), MPI.MAX)
+        _, rounding = _nodes(self._space)
+        if largest > rounding:
+            raise MortarError(
+                f"nodes on the axis are moved away from it by {largest:.3g}: expected 0 for their "
+                "radial component"
+            )
+
+
+def _without_radius(residual: Any, u: Any, space: DisplacementSpace) -> set[str]:
+    """Types of the integrals that cannot be weighted by the radius."""
+    if not space.is_axisymmetric:
+        return set()
+    integrals = [(part.integral_type(), part.integrand()) for part in residual.integrals()]
+    return {
+        kind
+        for kind, integrand in integrals
+        if not extract_type(integrand, ufl.geometry.SpatialCoordinate)
+        and not extract_type(integrand, ufl.Coefficient) - {u}
+    }
 
 
 def radial_dofs_on_axis(space: DisplacementSpace) -> Indices:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 import ufl
+from ufl.constantvalue import ScalarValue
+from ufl.corealg.traversal import unique_pre_traversal
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
@@ -21,6 +23,9 @@ from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MeshError, MortarError, SurfaceError, place
+
+# Integrals of UFL in words.
+_DOMAINS = {"cell": "cells", "exterior_facet": "the boundary", "interior_facet": "inner facets"}
 
 
 def check_space(V: Any, pairs: Sequence[ContactPair | TiedPair]) -> None:
@@ -153,6 +158,18 @@ def check_jacobian(jacobian: Any, u: Any) -> None:
     _check_form("jacobian", jacobian, 2, u, expected)
 
 
+def _check_numbers(name: str, form: Any) -> None:
+    """Refuse forms that contain the number nan or infinity, which no compiler of forms takes."""
+    for integral in form.integrals():
+        for part in unique_pre_traversal(integral.integrand()):
+            if isinstance(part, ScalarValue) and not np.isfinite(part.value()):
+                raise ValueError(
+                    f"the {name} contains the number {part.value()} in an integral over "
+                    f"{_DOMAINS.get(integral.integral_type(), integral.integral_type())}: "
+                    "expected finite numbers"
+                )
+
+
 def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None:
     """Refuse forms without exactly ``count`` arguments of the space of ``u`` (local)."""
     check_kind(name, form, ufl.Form, "a UFL form")
@@ -162,6 +179,7 @@ def _check_form(name: str, form: Any, count: int, u: Any, expected: str) -> None
         raise ValueError(f"the {name} has test functions of several spaces: {error}") from error
     if len(arguments) != count:
         raise ValueError(expected)
+    _check_numbers(name, form)
     V = u.function_space
     for argument in arguments:
         space = argument.ufl_function_space()
@@ -184,3 +202,17 @@ def check_cells(bulk: Bulk) -> None:
     count, where = bulk.cells.flat()
     if count:
         raise MeshError(f"{count} cells have no area, one at {where}")
+
+
+def refuse_inertia(bulk: Bulk, what: str) -> None:
+    """Refuse bodies with inertia (local, equal on all ranks).
+
+    Args:
+        bulk: The bodies.
+        what: What does not support them.
+
+    Raises:
+        MortarError: If they have.
+    """
+    if bulk.inertia is not None:
+        raise MortarError(f"{what} does not support inertia: expected a static problem")

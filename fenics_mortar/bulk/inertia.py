@@ -62,6 +62,7 @@ class Inertia:
         velocity: Velocity, a function of the whole space; may be set.
         factor: c [1 / time^2].
         origin: o, array of all local dofs [length].
+        moving: Whether a time step is being solved; c and o belong to no step otherwise.
 
     Raises:
         MortarError: On all ranks, if a mass is not positive, or the body is too thin.
@@ -80,7 +81,7 @@ class Inertia:
         self._input, self._output = self.M.createVecs()
         self._solver: PETSc.KSP | None = None
         self.velocity = fem.Function(space.whole, name="velocity")
-        self.factor = 0.0
+        self.factor, self.moving = 0.0, False
         zero = np.zeros_like(self.velocity.x.array)
         self.origin: Array = zero
         self._rates = Rates(zero, zero, zero)

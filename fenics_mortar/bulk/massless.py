@@ -28,10 +28,8 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import MortarError, place
-from fenics_mortar.utils.rounding import EPSILON, ROUNDING, SAME_PLACE
+from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING, SAME_PLACE
 
-# Largest number of Newton's iterations for s: it starts close to the solution.
-MAX_ITERATIONS = 20
 # Pairs of the fields 1, x and y whose products are the moments of a body.
 MOMENTS = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
 # Weights of points at offsets; None if there are too few points.
@@ -76,7 +74,7 @@ def _scales(space: DisplacementSpace, M: PETSc.Mat, moved: PETSc.Mat) -> Array |
         powers = np.array([fields[a] * fields[b] for a, b in MOMENTS])
         wanted = _moments(M, fields, fields, comm)
         factors = np.zeros(len(MOMENTS))
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(MAX_STEPS):
             scaled = (1.0 + factors @ powers) * fields
             missing = wanted - _moments(moved, scaled, scaled, comm)
             if np.abs(missing).max() <= EPSILON * len(X) * np.abs(wanted).max():

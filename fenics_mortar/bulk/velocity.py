@@ -10,6 +10,10 @@ from dolfinx import fem
 from fenics_mortar.utils.arrays import Array
 
 
+class Origin(fem.Function):
+    """Where a ``Velocity`` is zero, a type of its own to be found in a residual."""
+
+
 class Velocity:
     """Velocity at the end of a time step, linear in the displacement u there.
 
@@ -22,13 +26,15 @@ class Velocity:
 
     Attributes:
         expression: factor (u - origin), a UFL expression [length / time].
+        u: The displacement, or the mixed function.
         factor: Constant of dolfinx [1 / time].
         origin: Function of the space of ``u`` [length].
     """
 
     def __init__(self, u: Any) -> None:
+        self.u = u
         self.factor = fem.Constant(u.function_space.mesh, 0.0)
-        self.origin = fem.Function(u.function_space, name="velocity_origin")
+        self.origin = Origin(u.function_space, name="velocity_origin")
         self.expression = self.factor * (u - self.origin)
 
     def set(self, factor: float, origin: Array) -> None:

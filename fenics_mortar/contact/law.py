@@ -56,6 +56,26 @@ KINK = 1e-8
 STICK = 0
 
 
+def check_names(law: Law) -> None:
+    """Refuse names of memory, fields and parameters that are none (local).
+
+    Raises:
+        ValueError: If they are no tuple or list of different names, or a field or parameter is no
+            attribute of the law.
+    """
+    for what in ("memory", "fields", "parameters"):
+        given = getattr(law, what)
+        several = isinstance(given, (tuple, list))
+        if not several or not all(isinstance(name, str) and name.isidentifier() for name in given):
+            expected = "expected a tuple of names, as ('depth',)"
+            raise ValueError(f"{what} of {type(law).__name__} is {given!r}: {expected}")
+        if len(set(given)) < len(given):
+            raise ValueError(f"{what} of {type(law).__name__} has a name twice: {given!r}")
+        missing = [name for name in given if what != "memory" and not hasattr(law, name)]
+        if missing:
+            raise ValueError(f"{type(law).__name__} has no attribute {missing[0]!r} of its {what}")
+
+
 def varies(value: Any) -> bool:
     """Whether a parameter of a law is an array or a function of the position, no number."""
     return isinstance(value, np.ndarray) or callable(value)

@@ -63,6 +63,7 @@ import numpy as np
 from fenics_mortar.contact.law import KINK, STICK, Frictionless, Law, Stick, varies
 from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row, magnitude, row_of
 from fenics_mortar.utils.arguments import check_choice, check_number
+from fenics_mortar.utils.errors import in_words
 
 __all__ = [
     "Coulomb",
@@ -184,7 +185,9 @@ class Coulomb(Friction):
             raise ValueError(f"mu={values.min():g} at a slave node: expected zero or more")
 
     def __repr__(self) -> str:
-        """The coefficient."""
+        """The coefficient; all numbers of a derived law."""
+        if type(self) is not Coulomb:
+            return in_words(self)
         mu = type(self.mu).__name__ if varies(self.mu) else f"{self.mu:g}"
         return f"Coulomb({mu})"
 
@@ -233,8 +236,8 @@ class Tresca(Friction):
         check_number("stress", self.stress, expected, lambda stress: 0.0 <= stress < np.inf)
 
     def __repr__(self) -> str:
-        """The friction limit."""
-        return f"Tresca({self.stress:g})"
+        """The friction limit; all numbers of a derived law."""
+        return f"Tresca({self.stress:g})" if type(self) is Tresca else in_words(self)
 
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
         """Constant; see ``Friction.limit``."""

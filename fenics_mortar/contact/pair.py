@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from fenics_mortar.contact.discretization import Discretization, as_discretization
+from fenics_mortar.contact.law import check_names
 from fenics_mortar.contact.laws import Frictionless, Law
 from fenics_mortar.mesh.data import MeshData, Names, joined_names
 from fenics_mortar.obstacles.obstacle import Obstacle
@@ -112,6 +113,7 @@ class ContactPair:
         if self.initial_gap is not None:
             check_number("initial_gap", self.initial_gap, "a length, or None", np.isfinite)
         check_kind("law", self.law, Law, "an instance of Frictionless, Coulomb, Tresca or Law")
+        check_names(self.law)
         self.law.check()
         if self.master is None and self.discretization.integration != "segments":
             raise ValueError(

@@ -53,10 +53,11 @@ class PairView:
     def nodes(self) -> Indices:
         """Global numbers of the slave nodes in the displacement's space, shape (slave nodes,).
 
-        Values of a function of this space V at the slave nodes of a rank::
+        Values of a function of this space V at the slave nodes that a rank owns::
 
-            local = V.dofmap.index_map.global_to_local(contact.nodes)  # -1 on other ranks
-            values = u.x.array.reshape(-1, 2)[local[local >= 0]]
+            first, end = V.dofmap.index_map.local_range
+            mine = (first <= contact.nodes) & (contact.nodes < end)
+            values = u.x.array.reshape(-1, 2)[contact.nodes[mine] - first]
         """
         return self._interface.slave.nodes.copy()
 

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Displacements of the bodies by nodal forces; floating bodies are on weak springs."""
+"""Compliance of all bodies, floating ones on weak springs.
+
+The compliance of a floating body is that of the elastic body on springs; a low-rank correction then
+weakens the springs on its rigid motions. With weak springs from the start the stiffness would not
+be positive definite for a body that is unstable under its loads, such as an inverted pendulum.
+"""
 
 from __future__ import annotations
 

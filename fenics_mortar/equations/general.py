@@ -10,7 +10,6 @@ guess and model are chosen by ``problem`` and ``solver``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 from mpi4py import MPI
@@ -26,17 +25,17 @@ from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact
+from fenics_mortar.equations.remedies import Remedies
 from fenics_mortar.equations.residual import Residual
 from fenics_mortar.equations.set_history import SetHistory
 from fenics_mortar.equations.springs import CombinedSprings
 from fenics_mortar.equations.state import State, check_state
 from fenics_mortar.interface.mortar import Linearization
 from fenics_mortar.la.system import LinearSystem
-from fenics_mortar.newton.loop import UNSETTLED, Status, Step, forcing
+from fenics_mortar.newton.loop import Status, Step, forcing
 from fenics_mortar.newton.options import NewtonOptions
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
@@ -65,8 +64,6 @@ class Increment(NamedTuple):
 class ContactEquations:
     """Bodies, contacts and driven obstacles together; all methods are collective.
 
-    More than 20 methods: the protocols of Newton's method, damping, springs and load paths.
-
     Args:
         bulk: Bulk residual and tangent.
         contacts: The pairs bound to the mesh.
@@ -78,6 +75,7 @@ class ContactEquations:
         motions: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
         residual: Residual of the last evaluated state, and its forces.
+        remedies: Remedies of Newton's method where sets or bodies do not settle.
         springs: Anchored springs on bodies and obstacles if Newton's method fails.
         crossings: Detection of crossed surfaces.
         interrupted: Whether an interruption may have left incomplete matrices.
@@ -113,6 +111,11 @@ class ContactEquations:
             self.floating, self.motions, self.stiffest, self.residual.forces
         )
         self._history = SetHistory(contacts)
+        self.remedies = Remedies(
+            self.floating, self.residual, self._history, self._take_linearized_sets
+        )
+        lengths = [float(contact.slave.lengths.min()) for contact in contacts]
+        self._shortest_facet: float = min(lengths, default=0.0)
         self._loose: list[FloatingBody] = []
 
     def add_inertia(self, inertia: Inertia) -> None:
@@ -200,7 +203,8 @@ class ContactEquations:
 
     def advance(self) -> Step:
         """One Newton iteration: linearize, solve, apply; a step that is too long is shortened."""
-        self._settle_sets()
+        if self.floating.bodies:
+            self.remedies.settle_sets()
         self.linearize()
         increment = self.solve_linear()
         return self.apply(increment)
@@ -243,11 +247,6 @@ class ContactEquations:
         self.bulk.free_garbage()
         return self.step(size, part, increment.remark)
 
-    def _settle_sets(self) -> None:
-        """Take the active set of the linearized problem if bodies float and it does not settle."""
-        if self.floating.bodies and not self.floating.anchored and self._history.is_unsettled:
-            self._take_linearized_sets()
-
     def _take_linearized_sets(self) -> bool:
         """Take the sets of the linearized problem; return whether they were found."""
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
@@ -269,37 +268,6 @@ class ContactEquations:
         displacement = max(self.bulk.largest(self.bulk.u.x.array), moved)
         size = max(displacement, 1e-8 * self._shortest_facet, 1e-300)
         return Step(increment / size, part, note)
-
-    @cached_property
-    def _shortest_facet(self) -> float:
-        """Shortest slave facet, zero without contacts [length]."""
-        return min((float(c.slave.lengths.min()) for c in self.contacts), default=0.0)
-
-    def drifts(self) -> str:
-        """Describe bodies that are moved by small residual forces only; "" if there are none.
-
-        Contact forces act along averaged normals of facets. Their error drives smooth bodies
-        without friction, which may have no equilibrium near by.
-        """
-        if (
-            self.floating.anchored
-            or self._history.residuals[-1] > RIGID.slight * self.residual.force
-        ):
-            return ""
-        names = self.floating.names(self.floating.loose() or self.floating.bodies)
-        return f"only a slight force is left, which moves {names}" if names else ""
-
-    def merge_sets(self, period: int) -> str:
-        """Leave a cycle of sets by merging them; see ``SetHistory.merge``.
-
-        Where sets change without a period, or again in a cycle, those of the linearized problem are
-        taken. Thin plates, for example, bend by more than their gap if a node opens. If bodies
-        float, ``advance`` has taken these sets before.
-        """
-        again, words = self._history.has_merged, self._history.merge(period)
-        if (again or period == UNSETTLED) and not self.floating.bodies:
-            words += "; that of the linearized problem is taken" * self._take_linearized_sets()
-        return words
 
     # States
 

@@ -16,10 +16,11 @@ from mpi4py import MPI
 
 import numpy as np
 
+from fenics_mortar.bulk.axis import HeldAxis, remark_on_radius
 from fenics_mortar.bulk.checks import have_common_facet
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.laws import Law
+from fenics_mortar.contact.law import Law, check_names
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.interface.integrals import evaluate_normals
 from fenics_mortar.newton.options import NewtonOptions
@@ -53,6 +54,8 @@ class Inputs:
         self._bulk, self._contacts, self._obstacles = bulk, contacts, obstacles
         self._as_bound = [_options(contact.pair) for contact in contacts]
         self._conflicts = Conflicts(bulk)
+        self._axis = HeldAxis(bulk.space, bulk.u, bulk.bcs)
+        self._on_radius = remark_on_radius(bulk.residual, bulk.u, bulk.space)
 
     def check(self, newton: Any, **flags: Any) -> list[str]:
         """Refuse invalid values; return remarks on questionable ones (collective).
@@ -66,6 +69,7 @@ class Inputs:
         """
         comm = self._bulk.comm
         with together(comm, "what was set of the problem"):
+            _check_motion(self._bulk)
             check_kind("newton", newton, NewtonOptions, "an instance of NewtonOptions")
             for name, flag in flags.items():
                 check_flag(name, flag)
@@ -82,7 +86,9 @@ class Inputs:
         words = {**dict(self._words(newton)), **flags}
         check_same_words(comm, "what was set of the problem", words)
         self._check_distances()
-        return self._conflicts.describe()
+        self._axis.check()
+        remarks, self._on_radius = [self._on_radius], ""
+        return [*filter(None, remarks), *self._conflicts.describe()]
 
     def _numbers(self) -> Iterator[tuple[str, Any]]:
         """Arrays that have to be equal on all ranks, by name."""
@@ -119,6 +125,15 @@ class Inputs:
             low, high = comm.allreduce(total, MPI.MIN), comm.allreduce(total, MPI.MAX)
             if high - low > ROUNDING * comm.allreduce(size, MPI.MAX):
                 raise MortarError(f"the distance of '{obstacle.name}' is not the same on all ranks")
+
+
+def _check_motion(bulk: Bulk) -> None:
+    """Refuse solves of bodies in motion that are no time steps (local)."""
+    if bulk.inertia is not None and not bulk.inertia.moving:
+        raise MortarError(
+            "bodies have inertia: expected Dynamics.step or Dynamics.run, since solve() and "
+            "follow_path find states at rest"
+        )
 
 
 class Conflicts:
@@ -199,6 +214,7 @@ def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:
         expected = "an instance of Frictionless, Coulomb, Tresca or Law"
         check_kind(f"law of {pair!r}", pair.law, Law, expected)
         check_number("contact.c_n", contact.c_n, "a positive number", lambda c: 0.0 < c < np.inf)
+        check_names(pair.law)
         pair.law.check()
 
 

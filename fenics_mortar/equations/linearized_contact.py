@@ -9,10 +9,6 @@ reduces it to the multipliers, see ``rigid.complementarity``. The next Newton st
 set and branches of this solution. If no body floats it is the one that a load path leads to from
 the accepted state, see ``rigid.load_path``: with friction there may be others.
 
-The compliance of a floating body is that of the elastic body on springs; a low-rank correction then
-weakens the springs on its rigid motions. With weak springs from the start the stiffness would not
-be positive definite for a body that is unstable under its loads, such as an inverted pendulum.
-
 The compliance needs one linear solve for each multiplier component of all nodes that may touch.
 Therefore this is done only if the active set does not settle.
 """
@@ -35,8 +31,9 @@ from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
-from fenics_mortar.rigid.load_path import follow_loads
+from fenics_mortar.rigid.load_path import Turn, follow_loads
 from fenics_mortar.rigid.options import RIGID
+from fenics_mortar.utils import errors
 from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.rounding import SOLVED
 
@@ -111,7 +108,25 @@ class LinearizedContact:
         """
         if self._floating.bodies:
             return solve_friction(problem)
-        return follow_loads(problem, *self._accepted(problem.slope, nodes))
+        found = follow_loads(problem, *self._accepted(problem.slope, nodes))
+        return found if isinstance(found, Sets) else None
+
+    def describe_turn(self) -> str:
+        """Describe where the path from the accepted state turns; "" if it does not."""
+        problem, nodes = self._problem()
+        problem, comm = self._with_elastic_sticks(problem, nodes), self._bulk.comm
+        start = self._accepted(problem.slope, nodes)
+        found = comm.bcast(follow_loads(problem, *start) if comm.rank == 0 else None)
+        if not isinstance(found, Turn) or found.node < 0:
+            return ""
+        contacts = np.repeat(np.arange(len(nodes)), [j.size for j in nodes])
+        contact = self._contacts[contacts[found.node]]
+        where = errors.place(contact.operators.x[np.concatenate(nodes)[found.node]])
+        return (
+            f"the path of equilibria, linearized at the last one, turns where the node at {where} "
+            f"of '{contact.pair.slave_name}' opens, closes, sticks or slides: it would have to go "
+            "on with smaller loads"
+        )
 
     def _accepted(self, slope: Array, nodes: Sequence[Indices]) -> tuple[Sets, Array]:
         """Sets, scaled multipliers and gaps of ``nodes`` at the accepted state (local)."""

@@ -59,6 +59,7 @@ class ReducedEquations:
 
     def __init__(self, general: ContactEquations, prefix: str) -> None:
         self._general, self._bulk, self._system = general, general.bulk, general.system
+        self.remedies = general.remedies
         self._comm: MPI.Comm = self._bulk.comm
         self._dofs = ContactDofs(general.contacts, self._bulk)
         self._compliance = self._factor(prefix)
@@ -261,17 +262,9 @@ class ReducedEquations:
             self._bulk.u.x.array[: self._bulk.num_owned] += self._compliance.solve(rest).array_r
         self._bulk.u.x.scatter_forward()
 
-    def merge_sets(self, period: int) -> str:
-        """See ``ContactEquations``."""
-        return self._general.merge_sets(period)
-
     def seconds(self) -> dict[str, float]:
         """See ``ContactEquations``."""
         return self._general.seconds()
-
-    def drifts(self) -> str:
-        """See ``Equations``."""
-        return self._general.drifts()
 
     def diagnose(self) -> str:
         """See ``ContactEquations``; computes the displacement inside the bodies first."""

@@ -176,7 +176,7 @@ class Solver:
             if e.newton.tentative or not loose:
                 raise
             failed = error
-            if e.drifts():
+            if e.remedies.drifts():
                 try:
                     return solve_with_weak_springs(e, e.newton, error, max_fraction=RIGID.slight)
                 except NotConvergedError as with_springs:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NoReturn
 
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.la.options import drop_added_options
@@ -59,10 +59,15 @@ def undone_if_interrupted(equations: ContactEquations, adequacy: Any) -> Iterato
         raise
     except BaseException as error:
         before.take_back(renew=True)
-        told = as_interruption(error)
-        if told is error:
-            raise
-        raise told from error
+        raise_told(error)
+
+
+def raise_told(error: BaseException) -> NoReturn:
+    """Raise an error, or the interruption that caused it; see ``as_interruption``."""
+    told = as_interruption(error)
+    if told is error:
+        raise error
+    raise told from error
 
 
 def as_interruption(error: BaseException) -> BaseException:

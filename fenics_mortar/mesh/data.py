@@ -25,8 +25,8 @@ Names = str | int | Sequence[str | int]
 class MeshData:
     """A plane mesh with tagged bodies and boundaries.
 
-    Created by :func:`read_gmsh`, or by hand from any dolfinx mesh and its tags; the dictionaries
-    may then be empty and boundaries be given by their integer tags.
+    Created by :func:`read_gmsh`, :func:`mesh_from_arrays`, or by hand from any dolfinx mesh and its
+    tags. Names are for convenience: a boundary without a name is given by its integer tag.
 
     Attributes:
         mesh: The mesh, possibly of several disconnected bodies.
@@ -49,8 +49,9 @@ class MeshData:
         >>> facets = np.hstack([low, high])
         >>> tags = np.repeat(np.int32([1, 2]), [low.size, high.size])
         >>> order = np.argsort(facets)
-        >>> data = MeshData(mesh, None, meshtags(mesh, 1, facets[order], tags[order]))
-        >>> data.boundary_facets([1, 2]).size
+        >>> facet_tags = meshtags(mesh, 1, facets[order], tags[order])
+        >>> data = MeshData(mesh, None, facet_tags, boundaries={"bottom": 1, "top": 2})
+        >>> data.boundary_facets(["bottom", "top"]).size
         4
     """
 

@@ -94,6 +94,11 @@ def mesh_from_arrays(
     with together(comm, "mesh_from_arrays"):
         if comm.rank == rank:
             mine = _checked(points, cells, bodies, boundaries)
+    return distributed(comm, rank, mine)
+
+
+def distributed(comm: MPI.Comm, rank: int, mine: Given | None) -> MeshData:
+    """Create the distributed mesh from the arrays of rank ``rank`` (collective)."""
     tagged = comm.bcast(mine and mine.tagged, root=rank)
     name, degree, _, order = KINDS[tagged.num_nodes]
     x = np.empty((0, 2)) if mine is None else mine.points
@@ -106,7 +111,7 @@ def mesh_from_arrays(
 
 
 @dataclass(frozen=True)
-class _Tagged:
+class Tagged:
     """Names, tags and facets, which all ranks need.
 
     Attributes:
@@ -126,15 +131,15 @@ class _Tagged:
 
 
 @dataclass(frozen=True)
-class _Given:
+class Given:
     """Checked arrays: positions (n, 2) [length], cells (m, k) as given, and the rest."""
 
     points: Array
     cells: Indices
-    tagged: _Tagged
+    tagged: Tagged
 
 
-def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> _Given:
+def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> Given:
     """Check the arrays (local).
 
     Raises:
@@ -151,8 +156,8 @@ def _checked(points: Any, cells: Any, bodies: Any, boundaries: Any) -> _Given:
         {name: tag for tag, name in enumerate(some, 1)} for some in (bodies, boundaries)
     )
     num_nodes = nodes.shape[1]
-    tagged = _Tagged(num_nodes, tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
-    return _Given(x, nodes, tagged)
+    tagged = Tagged(num_nodes, tag_of_body, tag_of_boundary, body_of_cell, facets, tags)
+    return Given(x, nodes, tagged)
 
 
 def _points(points: Any) -> Array:
@@ -273,7 +278,7 @@ def _input_cells(mesh: dmesh.Mesh) -> Indices:
     return np.asarray(mesh.topology.original_cell_index, np.int64)
 
 
-def _tags_of_facets(mesh: dmesh.Mesh, tagged: _Tagged) -> npt.NDArray[np.int32]:
+def _tags_of_facets(mesh: dmesh.Mesh, tagged: Tagged) -> npt.NDArray[np.int32]:
     """Tag of each local facet, 0 without boundary (local)."""
     topology = mesh.topology
     topology.create_connectivity(1, 0)

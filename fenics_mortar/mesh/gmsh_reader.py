@@ -17,6 +17,8 @@ from mpi4py import MPI
 import numpy as np
 
 from fenics_mortar.mesh.data import MeshData
+from fenics_mortar.mesh.from_arrays import distributed
+from fenics_mortar.mesh.msh_file import MshFile, read_msh
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.errors import MeshError, check_same_words, place, raise_together, together
@@ -74,14 +76,20 @@ def read_gmsh(source: str | Path | Any, comm: MPI.Comm, *, rank: int = 0) -> Mes
             except MeshError as exception:
                 error = exception
         raise_together(comm, error)
-        bodies, boundaries = comm.bcast(names, root=rank)
+        file = model.given(*names) if names and isinstance(model, MshFile) else None
+        (bodies, boundaries), in_arrays = comm.bcast((names, file is not None), root=rank)
+        if in_arrays:
+            return distributed(comm, rank, file)
         mesh, cell_tags, facet_tags = compat.model_to_mesh(model, comm, rank)
     return MeshData(mesh, cell_tags, facet_tags, bodies, boundaries)
 
 
 @contextmanager
 def _gmsh_model(source: str | Path | Any) -> Iterator[Any]:
-    """Context with the gmsh model of ``source``, itself a model or a path (local)."""
+    """Context with the gmsh model of ``source``, itself a model or a path (local).
+
+    Files that gmsh writes today are read without it, those of other formats by it.
+    """
     if hasattr(source, "getPhysicalGroups"):
         yield source
         return
@@ -89,6 +97,10 @@ def _gmsh_model(source: str | Path | Any) -> Iterator[Any]:
         raise MeshError(f"source is {source!r}; expected the path of a .msh file or gmsh.model")
     if not Path(source).is_file():
         raise MeshError(f"no file '{source}' (current folder {Path.cwd()})")
+    file = read_msh(Path(source))
+    if file is not None:
+        yield file
+        return
     try:
         import gmsh
     except (ImportError, OSError) as exception:

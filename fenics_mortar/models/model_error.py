@@ -49,9 +49,6 @@ class Snapshot:
 
     Attributes:
         u: Displacement, shape (owned dofs,) [length].
-
-    Returns:
-        The rest, shape (owned dofs,) [length].
         force: Total force on each slave, shape (pairs, 2) [stress length].
         peak: Largest pressure of each pair, shape (pairs,) [stress].
     """
@@ -174,7 +171,10 @@ def strained(problem: ContactProblem, u: Array) -> Array:
 
     Args:
         problem: The problem with its bodies.
-        u: Owned dofs [length].
+        u: Displacement, shape (owned dofs,) [length].
+
+    Returns:
+        The rest, shape (owned dofs,) [length].
     """
     space, rest = problem.equations.bulk.space, u.copy()
     if space.is_axisymmetric:

@@ -42,8 +42,8 @@ class Damped:
 
     def __init__(self, equations: Stateful, options: NewtonOptions) -> None:
         self._equations, self._options = equations, options
-        self.merge_sets, self.seconds = equations.merge_sets, equations.seconds
-        self.diagnose, self.drifts = equations.diagnose, equations.drifts
+        self.remedies = equations.remedies
+        self.seconds, self.diagnose = equations.seconds, equations.diagnose
         self._residual = 0.0
 
     def advance(self) -> Step:

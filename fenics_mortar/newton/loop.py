@@ -59,20 +59,28 @@ class Step(NamedTuple):
     note: str = ""
 
 
-class Equations(Protocol):
-    """Nonlinear equations: ``evaluate`` measures the present state, ``advance`` updates it."""
-
-    def evaluate(self, *, start: bool) -> Status:
-        """Evaluate residual and sets at the present state (collective)."""
-
-    def advance(self) -> Step:
-        """Solve one linear system and update the state (collective)."""
+class Remedies(Protocol):
+    """Remedies of equations whose sets do not settle; all methods are collective."""
 
     def drifts(self) -> str:
         """Message on bodies that drift along free motions under small forces; "" if none do."""
 
     def merge_sets(self, period: int) -> str:
         """Break a cycle of the sets for one iteration; return a note."""
+
+
+class Equations(Protocol):
+    """Nonlinear equations: ``evaluate`` measures the present state, ``advance`` updates it."""
+
+    @property
+    def remedies(self) -> Remedies:
+        """Remedies where sets do not settle."""
+
+    def evaluate(self, *, start: bool) -> Status:
+        """Evaluate residual and sets at the present state (collective)."""
+
+    def advance(self) -> Step:
+        """Solve one linear system and update the state (collective)."""
 
     def seconds(self) -> dict[str, float]:
         """Wall time since the last call, by phase [s]."""
@@ -141,13 +149,13 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         if number == 1 and not _is_near(residuals, options.max_remaining):
             raise _failure(equations, report, "the first iteration hardly reduced the residual")
         if number and not status.num_changed and _stagnates(residuals):
-            drifting = equations.drifts()
+            drifting = equations.remedies.drifts()
             if drifting:
                 raise _failure(equations, report, drifting)
         sets = [*sets, status.sets] if status.num_changed else [status.sets]
         period = UNSETTLED if _is_stuck(sets, residuals) else period_of(sets)
         if period:
-            note = f"iteration {number}: {equations.merge_sets(period)}"
+            note = f"iteration {number}: {equations.remedies.merge_sets(period)}"
             report.notes[:] = once([*report.notes, note])
             sets = []
     failed = "; ".join(_failed_tests(status, step, report.force, options))

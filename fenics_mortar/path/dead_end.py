@@ -18,6 +18,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
+from fenics_mortar.equations.linearized_contact import LinearizedContact
 from fenics_mortar.equations.state import State
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.problem import ContactProblem
@@ -42,6 +43,37 @@ def why_path_ends(problem: ContactProblem) -> str:
     start = problem.state()
     try:
         return "; ".join(_slipping_off(problem)) or _deadlock(problem, start)
+    except RaisedElsewhereError:
+        raise
+    except MortarError:
+        return ""
+    finally:
+        problem.restore(start)
+
+
+def why_path_turns(problem: ContactProblem) -> str:
+    """Describe where the path turns in a step that failed; "" if it does not (collective).
+
+    The equations are linearized at the last equilibrium. Not if bodies float: they are moved
+    rigidly before a solve.
+
+    Args:
+        problem: At the last equilibrium, with the loads of the step; its state is restored.
+    """
+    start, equations = problem.state(), problem.equations
+    if equations.floating.bodies:
+        return ""
+    try:
+        for contact in equations.contacts:
+            contact.start_step()
+        equations.evaluate(start=False)
+        linearized = LinearizedContact(
+            equations.bulk, equations.floating, equations.system, equations.motions
+        )
+        if not linearized.applies:
+            return ""
+        equations.bulk.assemble_tangent()
+        return linearized.describe_turn()
     except RaisedElsewhereError:
         raise
     except MortarError:

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-import ufl
 from dolfinx import fem
 
 from fenics_mortar.bulk.inertia import Inertia
@@ -26,7 +25,15 @@ from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.state import State
+from fenics_mortar.equations.undo import undone_if_interrupted
 from fenics_mortar.newton.report import NewtonReport
+from fenics_mortar.path.dynamics_input import (
+    SCHEMES,
+    check_dynamics,
+    check_rates,
+    check_step,
+    rates_of,
+)
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies
 from fenics_mortar.path.energy_return import return_energy
 from fenics_mortar.path.motion import Motion, check_run
@@ -35,7 +42,7 @@ from fenics_mortar.path.time_scheme import GeneralizedAlpha
 from fenics_mortar.path.work import Forces, Work, forces_of, work_of
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils import compat
-from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
+from fenics_mortar.utils.arguments import check_kind, check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MortarError,
@@ -43,10 +50,6 @@ from fenics_mortar.utils.errors import (
     together,
 )
 from fenics_mortar.utils.rounding import TINY
-
-# Default spectral radius at infinite frequency by scheme: none of the energy is dissipated, or what
-# an impact excites and the step does not resolve.
-SCHEMES = {"conserving": 1.0, "massless": 1.0, "generalized_alpha": 0.8}
 
 
 class Dynamics:
@@ -100,7 +103,7 @@ class Dynamics:
     ) -> None:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         with together(problem.comm, "Dynamics"):
-            _check(problem, density, scheme, rho_inf, velocity, energy)
+            check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
         given = {"scheme": scheme, "rho_inf": rho_inf, "velocity": velocity is not None}
         check_same_words(problem.comm, "Dynamics", given)
         self.problem, equations = problem, problem.equations
@@ -131,11 +134,12 @@ class Dynamics:
             NotConvergedError: On all ranks, as ``ContactProblem.solve``; state, velocity and time
                 are then those before the step.
             MortarError: On all ranks, if an obstacle is driven by forces: it has no mass.
-            ValueError: If ``dt`` is not positive.
+            ValueError: If ``dt`` is not positive, or too short for the present time.
         """
-        check_number("dt", dt, "a positive number", lambda dt: 0.0 < dt < np.inf)
-        self._begin()
-        return self._advance(dt, forces_of(self.problem))[0]
+        check_step(dt, self.time)
+        with undone_if_interrupted(self.problem.equations, None):
+            self._begin()
+            return self._advance(dt, forces_of(self.problem))[0]
 
     def _advance(self, dt: float, forces: Forces) -> tuple[NewtonReport, Forces, Work]:
         """Take a step; see ``step``.
@@ -149,21 +153,24 @@ class Dynamics:
         """
         problem, inertia = self.problem, self._inertia
         self._refuse_driven_obstacles()
+        check_step(dt, inertia.rates.time)
         start_clock(problem.equations.contacts, inertia.rates.time)
         before, rates = problem.state(), inertia.rates
         problem.time = rates.time + dt
-        lines = [
-            line(before.u, rates, dt)
-            for line in (self._scheme.velocity, self._scheme.acceleration, self._scheme.average)
-        ]
+        bulk, end = problem.equations.bulk, before.u.copy()
+        compat.set_prescribed(end, bulk.bcs)
+        lines = self._scheme.lines(before.u, rates, dt, bulk.prescribed, end)
         inertia.factor, inertia.origin = lines[1]
         if self._rate is not None:
             self._rate.set(*lines[0])
+        inertia.moving = True
         try:
             report = problem.solve(predict=False)
         except BaseException:
             problem.restore(before)
             raise
+        finally:
+            inertia.moving = False
         u = problem.equations.bulk.u.x.array
         inertia.rates = replace(
             rates,
@@ -182,6 +189,7 @@ class Dynamics:
     def _begin(self) -> None:
         """Set the inertia forces of the present state; at the start find the accelerations."""
         inertia, bulk = self._inertia, self.problem.equations.bulk
+        check_rates(self.problem)
         if inertia.rates.begun:
             inertia.take(inertia.rates, bulk.u.x.array)
             return
@@ -256,11 +264,10 @@ class Dynamics:
             before: State at the start of the step.
             dt: The step [time].
         """
-        assert before.rates is not None
-        inertia, rates = self._inertia, self._inertia.rates
-        speeds = [inertia.product(v, v) for v in (rates.velocity, before.rates.velocity)]
+        inertia, rates, earlier = self._inertia, self._inertia.rates, rates_of(before)
+        speeds = [inertia.product(v, v) for v in (rates.velocity, earlier.velocity)]
         self._largest_speed = max(self._largest_speed, float(np.sqrt(max(*speeds, 0.0))))
-        change = rates.acceleration - before.rates.acceleration
+        change = rates.acceleration - earlier.acceleration
         size = float(np.sqrt(max(inertia.product(change, change), 0.0)))
         return dt * size / 12.0 / max(self._largest_speed, TINY)
 
@@ -284,6 +291,7 @@ class Dynamics:
                 middle of the next step, which is constant to rounding; that of the present time
                 varies by terms of second order.
         """
+        check_number("dt", dt, "a finite number", np.isfinite)
         rates, half = self._inertia.rates, 0.5 * dt
         v = rates.velocity
         return self._inertia.momentum(self._positions() + half * v, v + half * rates.acceleration)
@@ -294,26 +302,3 @@ class Dynamics:
         x = bulk.u.x.array.copy()
         x[bulk.space.dofs] = bulk.positions()
         return x
-
-
-def _check(
-    problem: ContactProblem, density: Any, scheme: Any, rho_inf: Any, velocity: Any, energy: Any
-) -> None:
-    """Refuse arguments of ``Dynamics`` (local)."""
-    check_choice("scheme", scheme, SCHEMES)
-    if rho_inf is not None:
-        check_number("rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0)
-    if not isinstance(density, ufl.core.expr.Expr):
-        check_number("density", density, "a positive number", lambda rho: 0.0 < rho < np.inf)
-    elif density.ufl_shape:
-        raise ValueError(f"density has the shape {density.ufl_shape}: expected a scalar")
-    if velocity is not None:
-        check_kind("velocity", velocity, Velocity, "a Velocity(u)")
-    if energy is not None:
-        check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
-        if energy.arguments():
-            raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
-    if problem.adequacy is not None:
-        raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
-    if problem.equations.bulk.inertia is not None:
-        raise ValueError("problem has inertia already, of another Dynamics: set up a new problem")

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import Before
+from fenics_mortar.equations.undo import Before, raise_told
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
 from fenics_mortar.path.options import SteppingOptions
@@ -88,9 +88,9 @@ class Motion:
                     raise NotConvergedError(f"{words}; {failure}", report) from failure
                 size = max(options.cut * dt, options.smallest)
                 continue
-            except BaseException:
+            except BaseException as interruption:
                 before.take_back(renew=True)
-                raise
+                raise_told(interruption)
             forces = after
             done = TimeStep(bodies.time, newton, report.failures, error, work, bodies.energies())
             report.steps.append(done)
@@ -126,7 +126,7 @@ def check_run(
     """Refuse arguments of ``Dynamics.run`` (local)."""
     expected = f"a time from the present one, {time:.6g}, on"
     check_number("stop", stop, expected, lambda stop: time <= stop < np.inf)
-    expected = "an instance of SteppingOptions, as SteppingOptions(step=0.1)"
+    expected = "an instance of SteppingOptions, such as SteppingOptions(step=0.1)"
     check_kind("options", options, SteppingOptions, expected)
     if tolerance is not None:
         check_number("tolerance", tolerance, "a positive number", lambda t: 0.0 < t < np.inf)

@@ -17,7 +17,7 @@ from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.equations.undo import Before, as_interruption
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
-from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends
+from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends, why_path_turns
 from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.progress import Progress, check_bar
 from fenics_mortar.path.report import PathReport, PathStep
@@ -119,8 +119,9 @@ def follow_path(
                 problem.restore(accepted)
                 shown.cut(time + step, str(failure), failure.report)
                 if step <= options.smallest:
+                    turns = why_path_turns(problem)
                     load(min(time + MIN_FRACTION * options.step, stop))
-                    path.dead_end = why_path_ends(problem)
+                    path.dead_end = why_path_ends(problem) or turns
                     load(time)
                     words = _last_words(time, step, path.dead_end, failure)
                     raise NotConvergedError(words, path) from failure

@@ -19,8 +19,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from fenics_mortar.bulk.inertia import Rates
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Flags
 
 
 class Line(NamedTuple):
@@ -32,6 +34,17 @@ class Line(NamedTuple):
     def __call__(self, u: Array) -> Array:
         """Its value at the displacement ``u``."""
         return self.factor * (u - self.origin)
+
+    def as_line(self, other: Line, dofs: Flags, u: Array) -> Line:
+        """The line with the values of another one at some dofs, whose displacement is known.
+
+        Args:
+            other: The other line.
+            dofs: Marks of these dofs, shape (dofs,), bool.
+            u: Displacement at the end of the step at these dofs, shape (dofs,) [length].
+        """
+        origin = u - other(u) / self.factor
+        return Line(self.factor, np.where(dofs, origin, self.origin))
 
 
 @dataclass(frozen=True)
@@ -63,6 +76,34 @@ class GeneralizedAlpha:
     def beta(self) -> float:
         """Newmark's beta for the largest dissipation of high frequencies [1]."""
         return 0.25 * (0.5 + self.gamma) ** 2
+
+    def lines(
+        self, u: Array, rates: Rates, dt: float, prescribed: Flags, end: Array
+    ) -> tuple[Line, Line, Line]:
+        """Velocity, acceleration and its average at the end of the step.
+
+        Rates of prescribed motions follow from these alone. Those of rho = 1 would alternate for
+        good after a jump of the velocity, or with a start that does not fit: they are those of rho
+        = 0, of second order as well, which forget in three steps. Energies balance to that order
+        where prescribed motions accelerate.
+
+        Args:
+            u: Displacement at the start of the step.
+            rates: Rates there.
+            dt: The step [time].
+            prescribed: Marks of the prescribed dofs.
+            end: Displacement of these at the end of the step.
+        """
+        damped = GeneralizedAlpha(0.0)
+        of_all, of_prescribed = (
+            [line(u, rates, dt) for line in (s.velocity, s.acceleration, s.average)]
+            for s in (self, damped)
+        )
+        velocity, acceleration, average = (
+            line.as_line(other, prescribed, end)
+            for line, other in zip(of_all, of_prescribed, strict=True)
+        )
+        return velocity, acceleration, average
 
     def average(self, u: Array, rates: Rates, dt: float) -> Line:
         """A at the end of the step.

@@ -68,7 +68,7 @@ def solve_friction(problem: FrictionProblem) -> Sets | None:
 
 
 def as_complementarity(problem: FrictionProblem) -> tuple[Array, Array]:
-    """M and q of the unknowns (z_n, b+, b-, s); the last three of nodes with friction only."""
+    """M (n, n) and q (n,) of (z_n, b+, b-, s) [unit of rows]; the last three with friction."""
     n = problem.slope.size
     rough = np.flatnonzero(problem.slope > 0.0)
     m = rough.size
@@ -92,7 +92,7 @@ def as_complementarity(problem: FrictionProblem) -> tuple[Array, Array]:
 def sets_of(
     problem: FrictionProblem, M: Array, q: Array, basic: npt.NDArray[np.bool_]
 ) -> Sets | None:
-    """Sets and multipliers of the basic unknowns; ``None`` if they are not unique (local)."""
+    """Sets and multipliers for ``M`` (n, n) and ``q`` (n,); ``None`` if not unique (local)."""
     n = problem.slope.size
     rough = np.flatnonzero(problem.slope > 0.0)
     m = rough.size
@@ -146,7 +146,7 @@ def lemke(M: Array, q: Array) -> npt.NDArray[np.bool_] | None:
 
 
 def exchange(table: Array, row: int, column: int) -> Array:
-    """Pivot: exchange a basic and a nonbasic variable, in place; return the table."""
+    """Exchange a basic and a nonbasic variable in ``table``, shape (m, n) [any unit]; return it."""
     pivot = table[row, column]
     line, rest = table[row] / -pivot, table[:, column].copy()
     line[column] = 1.0 / pivot

@@ -18,6 +18,8 @@ it has no solution there is no equilibrium next to the accepted state (Klarbring
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -35,7 +37,19 @@ from fenics_mortar.utils.rounding import MAX_STEPS, SOLVED, SUM_ROUNDING
 Flags = npt.NDArray[np.bool_]
 
 
-def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | None:
+class Turn(NamedTuple):
+    """Where a path turns.
+
+    Attributes:
+        part: Part s of the loads up to there [1].
+        node: Number of the node whose gap or slip would have to change its branch, -1 if unknown.
+    """
+
+    part: float
+    node: int
+
+
+def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | Turn:
     """Solve the linearized problem along the path from the accepted state (local).
 
     Zeros at the start are numbers up to ``SOLVED`` times the largest change; they are replaced by
@@ -47,7 +61,7 @@ def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | No
         gap: Its gaps, zero or positive, shape (n,) [length].
 
     Returns:
-        Sets and multipliers; ``None`` if the path turns before the present loads.
+        Sets and multipliers, or where the path turns before the present loads.
     """
     M, q = as_complementarity(problem)
     z, w = _unknowns(problem, start, gap)
@@ -60,11 +74,14 @@ def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | No
     z, w = np.where(z > z_zero, z, 0.0), np.where(w > w_zero, w, 0.0)
     basic = _basic_of_rates(M, q - (w - M @ z), z, w)
     if basic is None:
-        return None
+        return Turn(0.0, -1)
     random = np.random.default_rng(0).uniform(1.0, 2.0, q.size)
     shift = np.where(basic, 0.0, random * w_zero) - M @ np.where(basic, random * z_zero, 0.0)
     end = _follow(M, w - M @ z + shift, q + shift, basic)
-    return None if end is None else sets_of(problem, M, q, end)
+    if isinstance(end, Turn):
+        nodes = np.append(np.arange(n), np.tile(np.flatnonzero(problem.slope > 0.0), 3))
+        return end._replace(node=int(nodes[end.node]) if end.node >= 0 else -1)
+    return sets_of(problem, M, q, end) or Turn(1.0, -1)
 
 
 def _unknowns(problem: FrictionProblem, start: Sets, gap: Array) -> tuple[Array, Array]:
@@ -95,8 +112,11 @@ def _basic_of_rates(M: Array, rate: Array, z: Array, w: Array) -> Flags | None:
     return basic
 
 
-def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | None:
-    """Basic z at s = 1, from those at s = 0; ``None`` if s would have to decrease (local)."""
+def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | Turn:
+    """Basic z at s = 1, from those at s = 0, or where s would have to decrease (local).
+
+    The node of the turn is the number of its unknown in z.
+    """
     n = q.size
     # Tableau: basic = table @ (nonbasic, 1). Numbers: w_i is i, z_i is n + i, s is 2 n.
     w, z, s = np.arange(n), np.arange(n, 2 * n), 2 * n
@@ -105,13 +125,13 @@ def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | None:
     try:
         table = np.asfortranarray(np.linalg.solve(np.where(basic, -M, np.eye(n)), given))
     except np.linalg.LinAlgError:
-        return None
+        return Turn(0.0, -1)
     at, column = -1, n
     for _ in range(MAX_STEPS * n):
         falls = table[:, column]
         now, grows = (table[at, -1], falls[at]) if at >= 0 else (0.0, 1.0)
         if not grows > 0.0:
-            return None
+            return Turn(float(now), int(columns[column]) % n)
         falling = np.flatnonzero(falls < -SUM_ROUNDING * np.abs(falls).max())
         ways = np.maximum(table[falling, -1], 0.0) / -falls[falling]
         if now + grows * ways.min(initial=np.inf) >= 1.0:
@@ -123,4 +143,4 @@ def _follow(M: Array, q_0: Array, q: Array, basic: Flags) -> Flags | None:
         left, rows[row], columns[column] = rows[row], columns[column], rows[row]
         at = int(np.flatnonzero(rows == s)[0])
         column = int(np.flatnonzero(columns == (left + n) % s)[0])
-    return None
+    return Turn(float(now), -1)

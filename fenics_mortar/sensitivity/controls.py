@@ -21,6 +21,7 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.history import History, has_history
 from fenics_mortar.sensitivity.pair_vectors import (
     check_exact,
+    check_pair,
     contact_of,
     from_rows,
     rows_at,
@@ -29,7 +30,7 @@ from fenics_mortar.sensitivity.pair_vectors import (
 from fenics_mortar.sensitivity.partials.gap import offset_by_rows, rows_by_offset
 from fenics_mortar.sensitivity.partials.law import parameter, parameter_by_rows, rows_by_parameter
 from fenics_mortar.sensitivity.partials.shape import rows_by_shape, shape_by_rows
-from fenics_mortar.utils.arguments import check_choice
+from fenics_mortar.utils.arguments import check_choice, check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
@@ -79,7 +80,7 @@ class LawParameter(Control):
     """
 
     def __init__(self, pair: int, name: str) -> None:
-        self.pair, self.parameter = pair, name
+        self.pair, self.parameter = check_pair(pair), name
         self.name = f"{name} of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
@@ -114,7 +115,7 @@ class Offset(Control):
     """
 
     def __init__(self, pair: int) -> None:
-        self.pair, self.name = pair, f"offset of pair {pair}"
+        self.pair, self.name = check_pair(pair), f"offset of pair {pair}"
 
     def get(self, problem: ContactProblem) -> Array:
         """See ``Control``: shape (slave nodes,) [length]."""
@@ -145,7 +146,7 @@ class Interference(Control):
     """
 
     def __init__(self, pair: int) -> None:
-        self.pair, self.name = pair, f"interference of pair {pair}"
+        self.pair, self.name = check_pair(pair), f"interference of pair {pair}"
         self._offset = Offset(pair)
 
     def get(self, problem: ContactProblem) -> Array:
@@ -177,10 +178,13 @@ class _OfObstacle(Control):
     quantity: str
 
     def __init__(self, obstacle: Obstacle) -> None:
+        check_kind("obstacle", obstacle, Obstacle, "an obstacle of the problem")
         self.obstacle = obstacle
         self.name = f"{self.quantity} of '{obstacle.name}'"
 
     def _number(self, problem: ContactProblem) -> int:
+        if not any(obstacle is self.obstacle for obstacle in problem.obstacles):
+            raise ValueError(f"{self.name}: the problem has no such obstacle")
         return problem.obstacles.index(self.obstacle)
 
     @abstractmethod
@@ -250,6 +254,7 @@ class ObstacleShape(Control):
     """
 
     def __init__(self, obstacle: Obstacle, name: str) -> None:
+        check_kind("obstacle", obstacle, Obstacle, "an obstacle of the problem")
         check_choice("shape parameter", name, obstacle.shape())
         self.obstacle, self.parameter = obstacle, name
         self.name = f"{name} of '{obstacle.name}'"

@@ -9,6 +9,7 @@ ranks.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -81,14 +82,31 @@ def evaluate(
         before = path.before(number)
         values[number] = [quantity.value(problem, before) for quantity in quantities]
     with together(problem.comm, "over_steps"):
-        value, weights = over_steps(values)
-        weights = np.asarray(weights, float)
+        value, weights = _called(over_steps, values)
         if np.ndim(value) or weights.shape != shape:
             raise ValueError(
                 f"over_steps returned a value of shape {np.shape(value)} and derivatives of shape "
                 f"{weights.shape}: expected a number and the shape {shape}"
             )
     return float(value), values, weights
+
+
+def _called(over_steps: Any, values: Array) -> tuple[Any, Array]:
+    """Objective and derivatives by the values, as a function of the user returns them (local).
+
+    Raises:
+        ValueError: If it is no such function, or its numbers are not finite.
+    """
+    expected = "expected a function of the values that returns a number and an array"
+    if not callable(over_steps):
+        raise ValueError(f"over_steps={over_steps!r}: {expected}")
+    found = over_steps(values)
+    if not isinstance(found, tuple) or len(found) != 2:
+        raise ValueError(f"over_steps returned {found!r}: {expected}")
+    value, weights = found[0], np.asarray(found[1], float)
+    if not (np.isfinite(value).all() and np.isfinite(weights).all()):
+        raise ValueError("over_steps returned numbers that are not finite")
+    return value, weights
 
 
 def state_before(path: RecordedPath, number: int) -> Before:

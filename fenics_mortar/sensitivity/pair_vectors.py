@@ -14,6 +14,7 @@ from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.sensitivity.partials.maps import PairVector
+from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError
 
@@ -70,6 +71,16 @@ def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
     return np.zeros_like(contact.z) if z is None else z[i]
 
 
+def check_pair(pair: Any) -> int:
+    """The number of a pair, refused if it is none (local).
+
+    Raises:
+        ValueError: For another value.
+    """
+    check_number("pair", pair, "the number of a pair, from 0 on", lambda i: i >= 0, whole=True)
+    return int(pair)
+
+
 def interface_of(equations: ContactEquations, i: int) -> Interface:
     """Contact or tie of the pair with number ``i`` (local).
 
@@ -118,7 +129,7 @@ def check_exact(contact: Any) -> None:
         MortarError: If terms of the linearization are left out.
     """
     terms = contact.operators.linearization
-    if contact.pair.sliding == "small" and isinstance(contact, Contact):
+    if isinstance(contact, Contact) and contact.pair.sliding == "small":
         if (contact.now.fades_fast & contact.attracted).any():
             raise MortarError(
                 "adhesion that fades fast with sliding='small' has no derivative: expected "

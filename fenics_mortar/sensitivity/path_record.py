@@ -16,11 +16,12 @@ from dolfinx import fem
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.general import State
-from fenics_mortar.equations.undo import Before
+from fenics_mortar.equations.undo import Before, raise_told
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.checkpoints import Checkpoints
 from fenics_mortar.sensitivity.pair_vectors import check_law
+from fenics_mortar.sensitivity.solved import check_solved
 from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
@@ -156,12 +157,10 @@ class RecordedPath:
             arguments: Ignored, so that ``follow_path`` may call this method as its ``on_step``.
 
         Raises:
-            MortarError: On all ranks, if the last solve did not end in the present state.
+            MortarError: On all ranks, if the present state is no solution for the present values of
+                loads, material and laws.
         """
-        if not self.problem.equations.last_converged:
-            raise MortarError(
-                "the present state is not the result of a solve: record a state after solve()"
-            )
+        check_solved(self.problem)
         step = self.present()
         if self._checkpoints.drops:
             self._checkpoints.put(len(self.steps), step.state.u)
@@ -251,6 +250,8 @@ class RecordedPath:
         except MortarError as error:
             renew = isinstance(error, RaisedElsewhereError)
             raise
+        except BaseException as error:
+            raise_told(error)
         finally:
             equations.linearization = linearization
             self._put_values(present)

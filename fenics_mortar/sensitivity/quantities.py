@@ -13,7 +13,6 @@ Sums, products with numbers, and powers of quantities are quantities:
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -22,110 +21,13 @@ import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.equations.linearized import LinearVector
-from fenics_mortar.problem import ContactProblem
+from fenics_mortar.obstacles.points import check_vector
 from fenics_mortar.sensitivity.combined import Combined, ContactQuantity
-from fenics_mortar.sensitivity.controls import (
-    Before,
-    Interference,
-    ObstacleShape,
-    Offset,
-    history_of,
-)
-from fenics_mortar.sensitivity.pair_vectors import (
-    add_pair,
-    check_exact,
-    contact_of,
-    interface_of,
-    zeros,
-)
+from fenics_mortar.sensitivity.pair_quantity import PairQuantity
 from fenics_mortar.sensitivity.partials.fields import ByFields, moment, moment_gradient
-from fenics_mortar.sensitivity.partials.gap import gap_back
 from fenics_mortar.sensitivity.partials.maps import PairVector
-from fenics_mortar.sensitivity.partials.shape import change_by_shape
 from fenics_mortar.utils.arguments import check_number
 from fenics_mortar.utils.arrays import Array, Indices
-
-
-class PairQuantity(ContactQuantity):
-    """Base of the quantities of one pair, functions of its nodal fields.
-
-    Args:
-        pair: Number of the pair.
-    """
-
-    def __init__(self, pair: int) -> None:
-        self.pair = pair
-
-    @abstractmethod
-    def _of(self, contact: Any) -> float:
-        """Value."""
-
-    @abstractmethod
-    def _by_fields(self, contact: Any) -> ByFields:
-        """Derivative by nodal fields."""
-
-    def value(self, problem: ContactProblem, before: Before = None) -> float:
-        """See ``ContactQuantity``."""
-        return self._of(interface_of(problem.equations, self.pair))
-
-    def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
-        """See ``ContactQuantity``."""
-        contact = interface_of(problem.equations, self.pair)
-        return self._vector(problem, self._by_state(contact))
-
-    def _by_state(self, contact: Interface) -> PairVector:
-        """Derivative by the present state at the pair."""
-        if isinstance(contact, Contact):
-            check_exact(contact)
-        return self._by_fields(contact).gradient(contact)
-
-    def _vector(self, problem: ContactProblem, values: PairVector) -> LinearVector:
-        total = zeros(problem.equations)
-        add_pair(problem.equations, self.pair, total, values)
-        return total
-
-    def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
-        """See ``ContactQuantity``."""
-        contact = interface_of(problem.equations, self.pair)
-        by_slip = self._by_fields(contact).slip
-        if by_slip is None:
-            return None
-        history = history_of(problem, before)
-        if history is None or self.pair not in history.pairs:
-            return None
-        return self._vector(problem, history.pairs[self.pair].slip.back(by_slip))
-
-    def by_control(
-        self, problem: ContactProblem, control: Any, before: Before = None
-    ) -> Array | float:
-        """See ``ContactQuantity``; offsets and shapes of obstacles."""
-        contact = interface_of(problem.equations, self.pair)
-        by = self._by_fields(contact)
-        if isinstance(control, (Offset, Interference)) and control.pair == self.pair:
-            if by.gap is None:
-                return 0.0
-            gradient = gap_back(contact.operators, by.gap)
-            return gradient if isinstance(control, Offset) else np.asarray(gradient.sum())
-        if isinstance(control, ObstacleShape) and contact.obstacle is control.obstacle:
-            return self._by_shape(problem, control, by, before)
-        return 0.0
-
-    def _by_shape(
-        self, problem: ContactProblem, control: ObstacleShape, by: ByFields, before: Before
-    ) -> Array:
-        contact, value = contact_of(problem.equations, self.pair), control.get(problem)
-        history = None if by.slip is None else history_of(problem, before)
-        earlier = None if history is None else history.earlier.get(self.pair)
-        gradient = np.zeros(value.size)
-        for i, unit in enumerate(np.eye(value.size)):
-            direction = unit.reshape(value.shape)
-            change = change_by_shape(contact, control.parameter, direction, earlier)
-            for name, of_field in change._asdict().items():
-                weights = getattr(by, name)
-                if weights is not None:
-                    gradient[i] += weights @ of_field
-        return gradient.reshape(value.shape)
 
 
 class TotalForce(PairQuantity):
@@ -138,7 +40,7 @@ class TotalForce(PairQuantity):
 
     def __init__(self, pair: int, direction: npt.ArrayLike) -> None:
         super().__init__(pair)
-        self.direction = np.asarray(direction, float)
+        self.direction = check_vector("direction", direction)
 
     def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
@@ -160,7 +62,7 @@ class Moment(PairQuantity):
 
     def __init__(self, pair: int, about: npt.ArrayLike = (0.0, 0.0)) -> None:
         super().__init__(pair)
-        self.about = np.asarray(about, float)
+        self.about = check_vector("about", about)
 
     def _of(self, contact: Interface) -> float:
         """See ``PairQuantity``."""
@@ -250,6 +152,18 @@ class PeakPressure(PairQuantity):
         return ByFields(weight=by_weight, z_n=by_mean * weight * p ** (self.power - 1.0))
 
 
+def _checked_nodes(nodes: Any) -> Indices:
+    """Numbers of slave nodes as an array (local).
+
+    Raises:
+        ValueError: If they are no numbers from 0 on.
+    """
+    numbers = np.asarray(nodes)
+    if numbers.dtype.kind not in "iu" or numbers.ndim != 1 or not numbers.size or numbers.min() < 0:
+        raise ValueError(f"nodes={nodes!r}: expected numbers of slave nodes, from 0 on")
+    return numbers.astype(np.int64)
+
+
 class MeanGap(PairQuantity):
     """Mean gap of nodes, the sum of their weighted gaps over that of their weights [length].
 
@@ -260,11 +174,15 @@ class MeanGap(PairQuantity):
 
     def __init__(self, pair: int, nodes: Indices | None = None) -> None:
         super().__init__(pair)
-        self.nodes = nodes
+        self.nodes = None if nodes is None else _checked_nodes(nodes)
 
     def _counts(self, contact: Contact) -> Array:
         counts = contact.covered.astype(float)
         if self.nodes is not None:
+            if self.nodes.max() >= counts.size:
+                raise ValueError(
+                    f"nodes: pair {self.pair} has the slave nodes 0 to {counts.size - 1}"
+                )
             chosen = np.zeros_like(counts)
             chosen[self.nodes] = 1.0
             counts = counts * chosen

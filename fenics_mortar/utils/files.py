@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from mpi4py import MPI
 
+from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.errors import MortarError, raise_together
 
 T = TypeVar("T")
@@ -20,8 +21,10 @@ def without_suffix(comm: MPI.Comm, path: str | Path, suffix: str) -> Path:
     """The path of the first rank without its suffix, if present (collective).
 
     Raises:
+        ValueError: On all ranks, if the path is neither a text nor path-like.
         MortarError: On all ranks, if the path has no file name.
     """
+    check_kind("path", comm.bcast(path), (str, os.PathLike), "the name of a file")
     path = Path(str(comm.bcast(path)).removesuffix(suffix))
     if not path.name:
         raise MortarError(f"'{path}' is no name of a file; expected e.g. 'results/name{suffix}'")

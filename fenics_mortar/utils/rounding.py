@@ -31,5 +31,5 @@ HALF_FACET = 0.5
 # differ by 2 % across and 0.02 % along, paths of length L by L / 200.
 SMALL_ANGLE = 0.02
 # Steps of an iteration per unknown. Halving an interval of length 2 to rounding takes 54, Newton's
-# method for one number about 5, Lemke's method less than one pivot per variable.
+# method for a few numbers 3 to 5, Lemke's method less than one pivot per variable.
 MAX_STEPS = 60

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -15,6 +14,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from demos.studies.stability import random_itself
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, mapped, sector
 
@@ -225,53 +225,7 @@ def ten_bodies(
     )
 
 
-def honeycomb(
-    pairs: Any, *, cells: int = 3, wall: float = 0.15, wobble: float = 0.02, along: int = 4,
-    seed: int = 1,
-) -> Driven:  # fmt: skip
-    """Hexagonal cells with sides of about 1; columns are held below and moved above.
-
-    Args:
-        pairs: Function of the mesh data that returns the pairs; the boundary is "comb/walls".
-        cells: Cells of a column, and number of columns.
-        wall: Half the thickness of a wall over the distance of its axis from the cell's centre [1].
-        wobble: Random change of the corners [length].
-        along: Facets of the side of a cell.
-        seed: Seed of the corners.
-    """
-    rng, corners = np.random.default_rng(seed), dict[tuple[float, ...], np.ndarray]()
-    nodes, quads, height = dict[tuple[float, ...], int](), [], np.sqrt(3.0)
-    angles = np.pi / 3 * np.arange(6)
-    around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    low, high = list[np.ndarray](), list[np.ndarray]()
-    for column, row in np.ndindex(cells, cells):
-        outer = np.array([1.5 * column, height * (row + 0.5 * (column % 2))]) + around
-        for k, corner in enumerate(outer):
-            name = tuple(np.round(corner, 6) + 0.0)
-            if name not in corners:
-                corners[name] = corner + rng.uniform(-wobble, wobble, 2)
-            outer[k] = corners[name]
-        inner = outer.mean(axis=0) + (1.0 - wall) * (outer - outer.mean(axis=0))
-        low += [outer[4:6]] if row == 0 else []
-        high += [outer[1:3]] if row == cells - 1 else []
-        s = np.linspace(0.0, 1.0, along + 1)[:, None]
-        for k in range(6):
-            sides = [(1.0 - s) * p[k] + s * p[(k + 1) % 6] for p in (outer, inner)]
-            names = [[tuple(np.round(x, 9) + 0.0) for x in side] for side in sides]
-            (a, b) = ([nodes.setdefault(name, len(nodes)) for name in side] for side in names)
-            quads += list(zip(a[:-1], a[1:], b[1:], b[:-1], strict=True))
-    edges = Counter(tuple(sorted(e)) for q in quads for e in zip(q, (*q[1:], q[0]), strict=True))
-    walls = [edge for edge, count in edges.items() if count == 1]
-
-    def on(sides: list[np.ndarray]) -> Any:
-        return lambda x: np.any([_distance(x[:2].T, *side) < 1e-6 for side in sides], axis=0)
-
-    bodies, boundaries = {"comb": range(len(quads))}, {"comb/walls": walls}
-    data = fm.mesh_from_arrays(list(nodes), quads, bodies, boundaries)
-    return Driven(data, {"low": on(low), "high": on(high)}, pairs)
-
-
-def _distance(x: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Distance of points (n, 2) from the edge of a to b, shape (n,)."""
-    t = np.clip((x - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-    return np.linalg.norm(x - a - t[:, None] * (b - a), axis=1)
+def honeycomb(pairs: Any) -> Driven:
+    """A honeycomb of 3 x 3 cells; the lower ends of its columns are held, the upper ones moved."""
+    data, (low, high), _ = random_itself.honeycomb(3, 0.15, 0.02, along=4, seed=1)
+    return Driven(data, {"low": low, "high": high}, pairs)

@@ -66,7 +66,7 @@ def test_answer_of_a_law_that_is_none_is_refused(method, spoil, kind, words):
     scene.problem.solve()
     law._on = True
     scene.loads["push"].value[0] = 0.01
-    with refused(kind, r"Coulomb\(0.3\): ", words):
+    with refused(kind, r"Spoilt\(.*mu=0.3", words):
         scene.problem.solve()
     law._on = False
     assert scene.problem.solve().converged

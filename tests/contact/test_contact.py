@@ -66,7 +66,7 @@ def test_merged_sets_hold_all_nodes_of_the_cycle():
         contact.change(z=np.where(at, 1e6 * contact.operators.n, 0.0))
         problem.equations.evaluate(start=False)
     assert contact.active_nodes.tolist() == [2]
-    assert "last 2 iterations" in problem.equations.merge_sets(2)
+    assert "last 2 iterations" in problem.equations.remedies.merge_sets(2)
     assert contact.active_nodes.tolist() == [1, 2]
     assert contact.c_n <= 1e-3
 

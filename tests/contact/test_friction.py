@@ -201,3 +201,23 @@ def test_edge_that_shear_peels_off_is_named_with_a_law_that_has_a_solution():
     edge = contact.active_nodes[0]
     assert contact.z_tau[edge] == pytest.approx(contact.pressure[edge], rel=1e-9)
     assert 0.0 < contact.pressure[edge] < 0.1 * law.stress
+
+
+@pytest.mark.each
+@pytest.mark.parametrize(
+    "law, slope, shear",
+    [
+        (fm.Coulomb(0.3), 0.3, 0.0),
+        (fm.Tresca(2.0), 0.0, 2.0),
+        (fm.Coulomb(0.3, max_shear=4.5), 0.15, 1.5),  # 3 at the pressure 10, 4.5 at twice that
+        (fm.Frictionless(), 0.0, 0.0),
+    ],
+    ids=str,
+)
+def test_line_through_the_friction_limits_at_a_pressure_and_twice_that(law, slope, shear):
+    now = blocks(law).contact.now
+    found, at_zero, adhesion = now.strength(10.0)
+    assert found == pytest.approx(np.full(len(found), slope), abs=1e-14)
+    assert np.array_equal(at_zero > 0.0, np.full(len(found), shear > 0.0))
+    assert at_zero == pytest.approx(np.full(len(found), shear))
+    assert not adhesion.any()

@@ -91,6 +91,14 @@ def test_ironing_in_long_steps_balances_its_work():
     assert defects[1] < 0.6 * defects[0]  # at first order it would be a half
 
 
+def test_slip_counts_from_the_place_to_which_a_body_was_moved_rigidly():
+    scene = blocks(fm.Coulomb(0.3))
+    drive(scene, (0.0, -0.05), (0.03, -0.05))
+    assert np.abs(scene.contact.slip).max() > 1e-4
+    scene.problem._solver._accept_moved()
+    assert np.abs(scene.contact.slip).max() < 1e-14
+
+
 @pytest.mark.parametrize("pair", MEASURES)
 def test_rejected_step_leaves_no_trace(shared_path, pair):
     """Restored in memory and from a file, the same step has the same answer.

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from law_scenes import HEIGHT, E, block_on_plane
+from refusal import refused
 from scenes import linear_elastic, pressed_blocks
 
 from dolfinx import fem
@@ -147,6 +148,7 @@ def test_coefficient_of_friction_is_a_field(kind):
     assert -contact.shear == pytest.approx(mu(X.T) * contact.pressure, rel=1e-10)
 
 
+@pytest.mark.each
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("name", LAWS)
 def test_tangent_has_slope_two(name, degree):
@@ -159,6 +161,23 @@ def test_tangent_has_slope_two(name, degree):
         problem.solve(accept_violations=True)
     assert scene.contact.acts.any()
     assert problem.check_tangent(print_table=False).slopes["whole"] == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.each
+@pytest.mark.parametrize("kind", ["vector", "discontinuous", "another mesh"])
+def test_functions_that_are_no_field_of_a_law_are_refused(kind):
+    law = fm.Coulomb(0.1)
+    problem, push, _ = block_on_plane(law)
+    V = problem.equations.bulk.V
+    if kind == "another mesh":
+        other, *_ = block_on_plane(law)
+        V = compat.scalar_space(other.equations.bulk.V.mesh, 1)
+    elif kind == "discontinuous":
+        V = compat.scalar_space(V.mesh, 0, "DG")
+    push.value[1] = -0.02
+    law.mu = fem.Function(V)
+    with refused(ValueError, "expected a scalar and continuous function on the mesh"):
+        problem.solve()
 
 
 def test_a_bond_is_damaged_by_opening_and_slip_together():

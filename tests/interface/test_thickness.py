@@ -16,6 +16,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
+from fenics_mortar.bulk.axis import radial_dofs_on_axis
 from meshes.mapped_grids import Grid, build, sector
 
 comm = MPI.COMM_WORLD
@@ -324,6 +325,16 @@ def test_a_free_axis_is_refused():
         pressed_cylinders(axis_is_held=False)
 
 
+def test_radial_dofs_on_the_axis():
+    """Dofs of x at x = 0, not at y = 0."""
+    space = pressed_cylinders().problem.equations.bulk.space
+    X = space.V.tabulate_dof_coordinates()[: space.num_nodes]
+    dofs = space.owned_dofs[np.abs(X[:, 0]) < 1e-12, 0]
+    assert set(radial_dofs_on_axis(space)) == set(dofs)
+    counts = MPI.COMM_WORLD.allreduce(np.array([dofs.size, (np.abs(X[:, 1]) < 1e-12).sum()]))
+    assert counts.all() and counts[0] != counts[1]
+
+
 def test_a_residual_without_the_radius_is_refused():
     """Its bodies would be plane under the forces of bodies of revolution."""
     data = cylinders((3, 4))
@@ -332,8 +343,8 @@ def test_a_residual_without_the_radius_is_refused():
     pairs = [fm.ContactPair(data, "upper/bottom", "lower/top")]
     bcs = [on_axis(V, data, ["upper/left", "lower/left"])]
     given = {"bcs": bcs, "geometry": "axisymmetric", "petsc_options_prefix": "plane_"}
-    plane = ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 2})
+    work, dx = ufl.inner(ufl.grad(u), ufl.grad(v)), ufl.dx(metadata={"quadrature_degree": 2})
     with pytest.raises(ValueError, match="does not contain the radius.*2 \\* pi \\* X"):
-        fm.ContactProblem(plane, u, pairs, **given)
+        fm.ContactProblem(work * dx, u, pairs, **given)
     radius = ufl.SpatialCoordinate(data.mesh)[0]
-    fm.ContactProblem(radius * plane, u, pairs, **given)
+    fm.ContactProblem(radius * work * dx, u, pairs, **given)

@@ -4,7 +4,12 @@
 import numpy as np
 import pytest
 
-from fenics_mortar.kernels.sight import is_way_out, length_inside, overlaps_point
+from fenics_mortar.kernels.sight import (
+    is_way_out,
+    length_inside,
+    overlaps_point,
+    tabulate_lengths,
+)
 
 LEAST = 1e-10
 
@@ -52,6 +57,20 @@ def test_body_that_overlaps_itself_goes_on():
     assert length(0.0, shape) == pytest.approx(0.9)
     assert length(0.4, shape) == pytest.approx(0.5)
     assert length(0.5, shape, down=True) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.2, 2.5])
+def test_lengths_behind_facets_are_lengths_whatever_their_normals(angle):
+    """Nodal normals that spread have a mean that is shorter than one."""
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    shape = outline((0, np.array(box(0.0, 0.3)) @ turn.T), (1, np.array(box(0.5, 0.6)) @ turn.T))
+    x = np.array([(1.0, 0.0), (0.0, 0.0), (1.0, 0.5), (0.0, 0.5)]) @ turn.T
+    n = np.array([(0.8, -0.6), (-0.8, -0.6), (0.6, -0.8), (-0.6, -0.8)]) @ turn.T
+    lengths = np.empty(2)
+    facets = np.array([[0, 1], [2, 3]])
+    tabulate_lengths(x, n, facets, np.array([0, 1]), shape, 1e-10, lengths)
+    assert lengths == pytest.approx([0.3, 0.1])
 
 
 @pytest.mark.parametrize("x", [0.0, 1.0, 0.5])

@@ -69,3 +69,46 @@ def test_pivots_have_no_unit(unit):
     x = few.solve(matrix(1e-12 * unit * A), b)
     assert np.allclose(1e-12 * unit * A @ x, b, rtol=1e-13)
     assert not few.remark
+
+
+def matrix_in_pairs(values):
+    """The matrix of a whole number of nodes, without its zeros."""
+    rows, columns = np.nonzero(values)
+    starts = np.searchsorted(rows, np.arange(len(values) + 1)).astype(PETSc.IntType)
+    csr = starts, columns.astype(PETSc.IntType), values[rows, columns]
+    return PETSc.Mat().createAIJ(values.shape, bsize=2, csr=csr, comm=MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize("transpose", [False, True])
+def test_rows_in_pairs_are_factored_in_blocks(transpose):
+    random = np.random.default_rng(1)
+    few, b = solver(SMALL, may_factor=False), random.random(40)
+    A = np.where(random.random((40, 40)) < 0.4, random.random((40, 40)), 0.0) + 20.0 * np.eye(40)
+    M = matrix_in_pairs(A)
+    for factor in (1.0, 2.0):  # new values in the same pattern
+        M.scale(factor)
+        x = few.solve(M, factor * b, transpose=transpose)
+        assert np.allclose((A.T if transpose else A) @ x, b, rtol=1e-13)
+        factors = few.ksp.getPC().getFactorMatrix()
+        assert factors.getBlockSize() == 2 and "baij" in factors.getType()
+    few.forget_pattern()
+    more = matrix_in_pairs(A + np.rot90(np.eye(40)))
+    assert np.allclose((A + np.rot90(np.eye(40))) @ few.solve(more, b), b, rtol=1e-13)
+
+
+def test_a_pivot_of_a_pair_that_fails_is_left_to_mumps():
+    A, b = np.kron([[0.0, 1.0], [1.0, 1.0]], np.eye(2)), np.arange(4.0)
+    few = solver(SMALL)
+    assert np.allclose(A @ few.solve(matrix_in_pairs(A), b), b, rtol=1e-13)
+    assert "without pivoting failed" in few.remark
+
+
+@pytest.mark.parametrize("size, solves", [(100, "petsc"), (130, "mumps")])
+def test_factors_with_long_rows_are_for_mumps(size, solves):
+    random = np.random.default_rng(2)
+    few, b = solver(SMALL), random.random(size)
+    A = random.random((size, size)) + size * np.eye(size)
+    for _ in range(2):
+        assert np.allclose(A @ few.solve(matrix_in_pairs(A), b), b, rtol=1e-13)
+        assert few.ksp.getPC().getFactorSolverType() == solves
+    assert not few.remark

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from operator import or_
 from pathlib import Path
@@ -64,7 +65,7 @@ class Run:
         """Tests and their CPU time [s]: those that run the lines changed, or else the file."""
         tests, lines = self.seen["tests"], self.seen["lines"].get(mutant.path, {})
         if self.is_compiled(mutant):
-            near = importing_tests(self.folder, module_name(mutant.path))
+            near = near_tests(self.folder, mutant.path)
             found = [test for test in tests if file_of(test["name"]) in near]
         else:
             changed = [str(line) for line in range(mutant.line, mutant.last + 1)]
@@ -121,7 +122,8 @@ class Run:
             return None
         cache = Path(tempfile.mkdtemp(prefix="numba-", dir=self.folder))
         shutil.copytree(self.folder / "numba", cache, dirs_exist_ok=True)
-        for stem in importers(self.folder, path):
+        *_, reached = importers(self.folder, path)
+        for stem in {Path(each).stem for each in reached}:
             for file in cache.rglob(f"{stem}.*"):
                 file.unlink()
         return cache
@@ -142,10 +144,19 @@ def module_name(path: str) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def importing_tests(folder: Path, module: str) -> set[str]:
-    """Files of tests that import a module, or a helper of the tests that does."""
+def near_tests(folder: Path, path: str) -> set[str]:
+    """Files of tests that import a module, or else one of those that import it, and so on."""
+    for reached in importers(folder, path):
+        found = importing_tests(folder, set(map(module_name, reached)))
+        if found:
+            return found
+    return set()
+
+
+def importing_tests(folder: Path, modules: set[str]) -> set[str]:
+    """Files of tests that import one of the modules, or a helper of the tests that does."""
     files = sorted((folder / "tests").rglob("*.py"))
-    names = {module, *(file.stem for file in files if imports(file, {module}))}
+    names = modules | {file.stem for file in files if imports(file, modules)}
     return {str(file.relative_to(folder)) for file in files if imports(file, names)}
 
 
@@ -160,12 +171,12 @@ def imports(path: Path, names: set[str]) -> bool:
     return False
 
 
-def importers(folder: Path, path: str) -> set[str]:
-    """Stems of a module and of all modules that import it, at first or second hand."""
+def importers(folder: Path, path: str) -> Iterator[set[str]]:
+    """Paths of a module, then also of those that import it at first, at second hand, and so on."""
     files = {str(p.relative_to(folder)): p for p in sorted((folder / PACKAGE).rglob("*.py"))}
     reached, new = set(), {path}
     while new:
-        reached |= new
+        reached = reached | new
+        yield reached
         names = {module_name(each) for each in new}
         new = {each for each, file in files.items() if each not in reached and imports(file, names)}
-    return {Path(each).stem for each in reached}

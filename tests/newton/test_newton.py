@@ -17,6 +17,7 @@ class Root:
 
     def __init__(self, x=1.0, factor=1.0, changes=()):
         self.x, self.factor, self.changes = x, factor, list(changes)
+        self.remedies = self
 
     def evaluate(self, *, start):
         changed = self.changes.pop(0) if self.changes else 0

@@ -16,7 +16,7 @@ import fenics_mortar as fm
         (
             0.1,
             {},
-            r"options=0.1: expected an instance of SteppingOptions, as SteppingOptions\(step=0.1\)",
+            r"options=0.1: expected an .* SteppingOptions, such as SteppingOptions\(step=0.1\)",
         ),
         ({"step": 0.1}, {}, "options=.*: expected an instance of SteppingOptions"),
         (None, {"start": 1.0, "stop": 0.0}, "start=1.0 is beyond stop=0.0: times increase"),

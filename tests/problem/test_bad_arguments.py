@@ -142,7 +142,26 @@ def test_option_of_a_problem_of_a_wrong_kind_is_refused(options, words):
         problem_on(blocks_of_arrays(), **options)
 
 
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_numbers_of_a_form_that_are_not_finite_are_refused(number):
+    data = blocks_of_arrays()
+    u = fem.Function(fm.vector_space(data.mesh, 1))
+    v = ufl.TestFunction(u.function_space)
+    load = ufl.inner(ufl.as_vector((number, 0.0)), v) * ufl.ds
+    residual = internal(u, linear_elastic(u, 100.0, 0.3)) - load
+    words = f"the residual contains the number {number} in an integral over the boundary"
+    with refused(ValueError, words):
+        fm.ContactProblem(residual, u, [], petsc_options_prefix="test_numbers_")
+
+
 # Results and tools
+
+
+def test_checkpoints_have_a_name():
+    problem = small_blocks().problem
+    for use in (fm.save_state, fm.load_state):
+        with refused(ValueError, "path=3: expected the name of a file"):
+            use(problem, 3)
 
 
 def test_results_of_a_wrong_kind_are_refused(shared_path):

@@ -6,7 +6,7 @@ import pytest
 from test_complementarity import problem, violation
 
 from fenics_mortar.rigid.complementarity import FrictionProblem, Sets, solve_friction
-from fenics_mortar.rigid.load_path import follow_loads
+from fenics_mortar.rigid.load_path import Turn, follow_loads
 
 # One node whose normal and tangential compliance are coupled. At mu = 2 > 1 / |coupling| it may
 # have no equilibrium next to a state in which it slides (Klarbring 1990).
@@ -54,15 +54,15 @@ def test_no_solution_beyond_a_jump(pulled):
     """Pulled, the node can neither stick nor slide; it is open at a distance, after a jump."""
     p = FrictionProblem(COUPLED, np.array([1.0 + pulled, 3.0]), np.array([2.0]))
     assert not solve_friction(p).active.any()
-    assert follow_loads(p, SLIDES, np.zeros(1)) is None
+    assert follow_loads(p, SLIDES, np.zeros(1)).part == 0.0
 
 
 def test_a_path_that_turns_later_is_left():
     """The node sticks first and then reaches its limit, where the path turns."""
     sticks = SLIDES._replace(branch=np.array([0]), z_tau=np.array([1.5]))
-    # Without slip and gap: q_n = z_tau - z_n, q_t = 2 z_tau - z_n.
+    # Without slip and gap q = (z_tau - z_n, 2 z_tau - z_n), which is (0.5, 2) at first.
     near = FrictionProblem(COUPLED, np.array([0.6, 2.1]), np.array([2.0]))
     assert follow_loads(near, sticks, np.zeros(1)).z_tau[0] == pytest.approx(1.5)
     far = near._replace(q=np.array([1.1, 2.1]))
     assert not solve_friction(far).active.any()
-    assert follow_loads(far, sticks, np.zeros(1)) is None
+    assert follow_loads(far, sticks, np.zeros(1)) == Turn(pytest.approx(5 / 17, abs=1e-3), 0)

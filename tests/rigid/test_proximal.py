@@ -84,7 +84,7 @@ def test_springs_begin_where_the_solve_without_them_began(monkeypatch):
 
     monkeypatch.setattr(solver, "solve", fails)
     monkeypatch.setattr(solver, "solve_with_springs", with_springs)
-    monkeypatch.setattr(problem.equations, "drifts", lambda: False)
+    monkeypatch.setattr(problem.equations.remedies, "drifts", lambda: False)
     problem._solver._solve_on_all_dofs()
     assert np.array_equal(begun[0], start.u)
 

@@ -212,8 +212,12 @@ def slid_block(obstacle, law, degree=1):
     return problem, states[0] if law.has_friction else None
 
 
-@pytest.mark.parametrize("law", [fm.Frictionless(), fm.Coulomb(0.3)], ids=["smooth", "rough"])
+@pytest.mark.each
+@pytest.mark.parametrize(
+    "law", [fm.Frictionless(), fm.Coulomb(0.3), fm.Coulomb(3.0)], ids=["smooth", "slides", "sticks"]
+)
 def test_points_of_a_spline(law):
+    """Only where nodes stick their slip counts, from the points of the earlier state."""
     x = np.linspace(-1.0, 2.0, 9)
     spline = fm.Spline(np.stack([x, 0.015 - 0.1 * (x - 0.5) ** 2], axis=1)[::-1])
     problem, before = slid_block(spline, law)

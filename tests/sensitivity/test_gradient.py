@@ -13,6 +13,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar import sensitivity
+from fenics_mortar.sensitivity.forms import num_owned
 
 comm = MPI.COMM_WORLD
 LAWS = {
@@ -167,6 +168,12 @@ def test_values_are_in_the_spaces_of_the_controls():
     assert gradient[E].shape == () and gradient[push].shape == (2,) and gradient[mu].shape == ()
     assert isinstance(gradient[load], fem.Function)
     assert gradient[load].function_space == load.function_space
+    everywhere = fem.Function(load.function_space)
+    everywhere.x.array[:] = 1.0
+    change = fm.tangent_linear(FORCE, load, everywhere, scene.problem).derivative
+    owned = gradient[load].x.array[: num_owned(load.function_space)]
+    assert abs(change) > 1e-3
+    assert comm.allreduce(owned.sum()) == pytest.approx(change, rel=1e-8)
     with pytest.raises(KeyError, match="none of the controls"):
         gradient[scene.u]
 

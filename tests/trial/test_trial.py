@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 import fenics_mortar as fm
+from demos.studies.dynamics.scenes import Scene
 from demos.studies.stability.limit_analysis import judge
 from demos.studies.stability.random_cases import objections, random_case
+from demos.studies.stability.random_physics import DRAWS, run_physics
 from demos.studies.stability.random_shapes import FAMILIES, shape_case
 from demos.studies.stability.random_supported import hanging_case, supported_case
 from demos.studies.stability.shape_judge import OF_LAW, own_overlap, shape_wrongs, shears, windings
@@ -21,6 +23,7 @@ from demos.studies.stability.touching import touching_nodes
 from demos.studies.stability.trial import Worker, case_of, summary
 from demos.studies.stability.trial_judge import check_again, confirm, measure, run, wrongs
 from demos.studies.stability.trial_scene import build
+from fenics_mortar.contact.view import PairView
 from fenics_mortar.mesh.numbering import input_nodes
 
 COMM = MPI.COMM_WORLD
@@ -50,6 +53,29 @@ def test_random_cases_converge_and_none_is_wrong():
     assert not outcomes["crash"] and not outcomes["wrong"], table
     assert outcomes["converged"] == len(SEEDS), table
     assert {record["scene"] for record in records} >= {"pushed", "pressed", "two tools"}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("family", DRAWS)
+def test_random_cases_beyond_plane_statics_have_known_solutions(family):
+    records = [run_physics(family, number) for number in range(5)]
+    assert [record["outcome"] for record in records] == ["converged"] * 5, summary(records)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("family", ["revolved", "memory"])
+def test_a_pressure_with_an_error_is_judged_wrong(monkeypatch, family):
+    right = PairView.pressure.fget
+    monkeypatch.setattr(PairView, "pressure", property(lambda view: 1.001 * right(view)))
+    assert run_physics(family, 1)["outcome"] == "wrong"
+
+
+@pytest.mark.serial
+def test_impacts_that_gain_energy_are_judged_wrong(monkeypatch):
+    """The trapezoidal rule does; a bar on a wall, whose exact solution is known."""
+    original = Scene.dynamics
+    monkeypatch.setattr(Scene, "dynamics", lambda made, _: original(made, "generalized_alpha", 1.0))
+    assert run_physics("moving", 5)["outcome"] == "wrong"
 
 
 @pytest.mark.serial

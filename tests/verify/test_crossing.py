@@ -225,3 +225,16 @@ def test_obstacle_that_is_gone_through_is_told(obstacle, moves):
     assert told(problem.solve(accept_violations=True), "went through obstacle 'sheet'")
     go(0.0, -2.5)
     assert is_silent(problem.solve(accept_violations=True))
+
+
+def test_way_out_by_the_first_of_all_facets_is_told():
+    """Numbers of facets that nodes leave a body by begin at 0; -1 stands for none."""
+    _, problem = block_over_plate()
+    crossings = problem.equations.crossings
+    outline = crossings.outline
+    node = np.flatnonzero(outline.bodies != outline.segment_bodies[0])[0]
+    lengths = np.ones(len(outline.segments))
+    for leaves, count in ((0, 1), (-1, 0)):
+        rows = np.array([[node, 0, leaves, 0.0]])
+        messages = crossings._messages(rows, lengths, crossings.accepted.x)
+        assert len(messages) == count and all("went through" in each for each in messages)

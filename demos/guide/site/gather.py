@@ -242,21 +242,22 @@ class Gathered:
     def _write_modules(self) -> None:
         """A page for each folder of the package, with all modules and their functions."""
         package = ROOT / "fenics_mortar"
-        folders = sorted(path.parent for path in package.glob("*/__init__.py"))
+        folders = sorted(path.parent for path in package.glob("*/**/__init__.py"))
         out = self._folder / "modules"
         out.mkdir()
+        names: list[str] = []
         for folder in folders:
-            dotted = f"fenics_mortar.{folder.name}"
+            name = ".".join(folder.relative_to(package).parts)
+            dotted = f"fenics_mortar.{name}"
             about = ["```{eval-rst}", f".. automodule:: {dotted}", "   :no-members:", "```", ""]
-            lines = [f"# {folder.name}", "", *about]
-            for module in sorted(folder.rglob("*.py")):
+            lines = [f"# {name}", "", *about]
+            for module in sorted(folder.glob("*.py")):
                 if module.stem != "__init__":
-                    name = ".".join(module.relative_to(folder).with_suffix("").parts)
-                    lines += [f"## {name}", "", *automodule(f"{dotted}.{name}")]
-            (out / f"{folder.name}.md").write_text("\n".join(lines))
-        names = "\n".join(f"modules/{folder.name}" for folder in folders)
+                    lines += [f"## {module.stem}", "", *automodule(f"{dotted}.{module.stem}")]
+            (out / f"{name}.md").write_text("\n".join(lines))
+            names.append(f"modules/{name}")
         path = self._folder / "modules.md"
-        path.write_text(path.read_text().replace("<names>", names))
+        path.write_text(path.read_text().replace("<names>", "\n".join(names)))
 
 
 def in_reference() -> dict[str, Any]:

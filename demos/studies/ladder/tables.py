@@ -53,7 +53,9 @@ def summary(rows: list[Row]) -> str:
     ]
     ratio = dict.fromkeys(QUANTITIES, 1.0 / SCENES[0].ratio)
     rigid = [r for r in rows if r.rung == RUNGS[0].name]
-    by_rule = [replace(r, rung="rigid tool, by the ratio of moduli", estimate=ratio) for r in rigid]
+    by_rule = [
+        replace(r, rung="rigid obstacle, by the ratio of moduli", estimate=ratio) for r in rigid
+    ]
     everything = [*rows, *by_rule]
     for rung in dict.fromkeys(r.rung for r in everything):
         mine = [r for r in everything if r.rung == rung and not r.reason and r.true[ENERGY] > SEEN]

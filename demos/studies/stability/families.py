@@ -7,4 +7,5 @@ from demos.studies.stability import families_edges
 from demos.studies.stability import families_thin
 from demos.studies.stability import families_supported
 from demos.studies.stability import families_parameters
+from demos.studies.stability import families_physics
 from demos.studies.stability.family import FAMILIES, Family, scene_of

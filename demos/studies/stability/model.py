@@ -84,7 +84,7 @@ class Scene:
 
     Attributes:
         bodies: The bodies.
-        pairs: Names of slave and master of each pair.
+        pairs: Names of slave and master of each pair; without a master a side touches itself.
         supports: Dirichlet conditions.
         steps: Load steps from time 0 to 1 if none is cut: what a user would try first.
         pair: Options of all pairs that belong to the scene.
@@ -93,10 +93,11 @@ class Scene:
         linear: Whether the bodies are linear elastic at small strain.
         ranks: Number of ranks to run on; the record is compared with that of one rank.
         tools: Rigid bodies.
+        geometry: "plane", or "axisymmetric" about x = 0.
     """
 
     bodies: Sequence[Body]
-    pairs: Sequence[tuple[str, str]]
+    pairs: Sequence[tuple[str, str | None]]
     supports: Sequence[Support]
     steps: int
     pair: dict[str, Any] = field(default_factory=dict)
@@ -105,6 +106,7 @@ class Scene:
     linear: bool = False
     ranks: int = 1
     motions: Sequence[Tool] = ()
+    geometry: str = "plane"
 
     def scaled(self, length: float, stress: float) -> Scene:
         """The same scene of meshed bodies in other units."""
@@ -171,6 +173,12 @@ def residual_of(scene: Scene, data: fm.MeshData, u: Any) -> tuple[Any, fem.Const
     v = ufl.TestFunction(u.function_space)
     P = (linear_elastic if scene.linear else neo_hookean)(u, mu, lmbda)
     dx = ufl.dx(metadata={"quadrature_degree": 3})
+    if scene.geometry == "axisymmetric":
+        r = ufl.SpatialCoordinate(data.mesh)[0]
+        hoop, log = 1.0 + u[0] / r, ufl.ln(ufl.det(ufl.Identity(2) + ufl.grad(u)))
+        around = mu * (hoop - 1.0 / hoop) + lmbda * (log + ufl.ln(hoop)) / hoop
+        P += lmbda * ufl.ln(hoop) * ufl.inv(ufl.Identity(2) + ufl.grad(u)).T
+        return 2.0 * np.pi * (ufl.inner(P, ufl.grad(v)) * r + around * v[0]) * dx, factor
     return (ufl.inner(P, ufl.grad(v)) - factor * (bx * v[0] + by * v[1])) * dx, factor
 
 
@@ -215,13 +223,14 @@ def pose_problem(
     made = {tool.name: tool.make() for tool in scene.motions}
     pairs = [
         fm.ContactPair(
-            data, slave, made.get(master, master), discretization=discretization, **options
+            data, slave, made.get(master or "", master), discretization=discretization, **options
         )
         for slave, master in scene.pairs
     ]
     contact_problem = fm.ContactProblem(
-        residual, u, pairs, bcs=bcs, petsc_options_prefix="atlas_", **problem
-    )
+        residual, u, pairs, bcs=bcs, petsc_options_prefix="atlas_", geometry=scene.geometry,
+        **problem,
+    )  # fmt: skip
 
     def set_loads(time: float) -> None:
         factor.value = time

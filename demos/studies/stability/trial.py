@@ -7,7 +7,9 @@
 
 The families are blocks that are pushed or pressed, with defaults ("pushed"), bodies supported by
 friction ("supported") or adhesion ("hanging"), and those of ``random_shapes``: surfaces of one body
-("own"), thin bodies ("thin"), laws of a user ("laws"), exchanged roles ("roles").
+("own"), thin bodies ("thin"), laws of a user ("laws"), exchanged roles ("roles"), and those of
+``random_physics``: bodies of revolution ("revolved"), impacts ("moving"), laws with memory
+("memory"), bodies that touch themselves ("itself").
 
 The outcome of a case is one of
 
@@ -43,13 +45,14 @@ import numpy as np
 import fenics_mortar as fm
 from demos.studies.stability.case import Case
 from demos.studies.stability.random_cases import random_case
+from demos.studies.stability.random_physics import DRAWS, run_physics
 from demos.studies.stability.random_shapes import shape_case
 from demos.studies.stability.random_supported import hanging_case, supported_case
 from demos.studies.stability.trial_judge import Record, check_again, measure, run, wrongs
 from demos.studies.stability.trial_scene import build
 
 # Seeds of the families: the first from zero on, the next ones from one million on, and so on.
-FAMILIES = ("pushed", "supported", "hanging", "own", "thin", "laws", "roles")
+FAMILIES = ("pushed", "supported", "hanging", "own", "thin", "laws", "roles", *DRAWS)
 SEEDS_OF_FAMILY = 1_000_000
 # Every so many cases is solved a second time.
 EVERY = 4
@@ -81,6 +84,9 @@ def family_of(seed: int) -> str:
 
 def run_seed(seed: int) -> Record:
     """Run one case, and a part of them again."""
+    family = family_of(seed)
+    if family in DRAWS:
+        return run_physics(family, seed % SEEDS_OF_FAMILY) | {"seed": seed, "family": family}
     case = case_of(seed)
     record, _ = run(case)
     again = seed % EVERY == 0 or family_of(seed) == "roles"
@@ -227,6 +233,10 @@ def show(seed: int, folder: Path) -> None:
     """Run one case; print all there is to say, and draw where it stands."""
     logging.basicConfig(format="%(message)s")
     logging.getLogger("fenics_mortar").setLevel(logging.INFO)
+    if family_of(seed) in DRAWS:
+        for name, value in run_seed(seed).items():
+            print(f"{name}: {value}")
+        return
     case = case_of(seed)
     for name, value in case.about.items():
         print(f"{name}: {value}")

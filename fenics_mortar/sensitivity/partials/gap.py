@@ -36,10 +36,7 @@ def gap_along(o: MortarOperators, offset: Array) -> Array:
         o: The operators.
         offset: Change of the offset, shape (slave nodes,) [length].
     """
-    change = np.zeros(len(o.x))
-    np.add.at(change, o.facet_nodes, -np.einsum("ejk,ek->ej", o.D, offset[o.facet_nodes]))
-    o.slave.comm.Allreduce(MPI.IN_PLACE, change)
-    return change
+    return _nodal_sums(o, -np.einsum("ejk,ek->ej", o.D, offset[o.facet_nodes]))
 
 
 def gap_back(o: MortarOperators, weights: Array) -> Array:
@@ -52,10 +49,15 @@ def gap_back(o: MortarOperators, weights: Array) -> Array:
     Returns:
         Shape (slave nodes,), units of ``weights`` times length.
     """
-    gradient = np.zeros(len(o.x))
-    np.add.at(gradient, o.facet_nodes, -np.einsum("ejk,ej->ek", o.D, weights[o.facet_nodes]))
-    o.slave.comm.Allreduce(MPI.IN_PLACE, gradient)
-    return gradient
+    return _nodal_sums(o, -np.einsum("ejk,ej->ek", o.D, weights[o.facet_nodes]))
+
+
+def _nodal_sums(o: MortarOperators, entries: Array) -> Array:
+    """Sums of entries of this rank's facets, shape (f, K), at the slave nodes (collective)."""
+    total = np.zeros(len(o.x))
+    np.add.at(total, o.facet_nodes, entries)
+    o.slave.comm.Allreduce(MPI.IN_PLACE, total)
+    return total
 
 
 def rows_by_offset(contact: Contact, offset: Array) -> Array:

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: MIT
+"""Random scenes beyond plane statics, each judged by a closed form or by what it conserves.
+
+==============  ============================================================================
+family          scenes and judges
+==============  ============================================================================
+revolved        stacked cylinders: uniform pressure; tubes with interference: Lame; both
+                axisymmetric
+moving          two blocks that collide in flight: momentum, energy; a bar on a wall: waves
+memory          a column on a turned plane: wear, soft layer, cohesive zone, Stribeck,
+                rate and state
+itself          C-rings closed by found and by chosen sides; folding honeycombs
+==============  ============================================================================
+
+Each draw returns what was drawn, in words, and a function that solves the scene and returns the
+reports of its solves, what is wrong, in words, and remarks.
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import fenics_mortar as fm
+from demos.studies.stability.random_itself import draw_itself
+from demos.studies.stability.random_memory import draw_memory
+from demos.studies.stability.random_moving import draw_moving
+from demos.studies.stability.random_revolved import draw_revolved
+
+DRAWS: dict[str, Callable[[np.random.Generator], tuple[dict[str, Any], Callable[[], Any]]]] = {
+    "revolved": draw_revolved,
+    "moving": draw_moving,
+    "memory": draw_memory,
+    "itself": draw_itself,
+}
+
+
+def run_physics(family: str, number: int) -> dict[str, Any]:
+    """Record of one case, see ``trial``: drawn from its number, solved and judged."""
+    about, solve = DRAWS[family](np.random.default_rng(number))
+    record: dict[str, Any] = {"seed": number, "outcome": "crash", "reason": "", **about}
+    begin = time.perf_counter()
+    try:
+        reports, wrongs, remarks = solve()
+        per_step = [report.num_iterations for report in reports]
+        record |= {"outcome": "wrong" if wrongs else "converged", "reason": "; ".join(wrongs)}
+        record |= {"steps": len(per_step), "cuts": 0, "per_step": per_step, "remarks": remarks}
+    except fm.MortarError as error:
+        record |= {"outcome": "failed", "reason": str(error)}
+    except Exception as error:
+        record |= {"reason": repr(error), "traceback": traceback.format_exc()}
+    record["seconds"] = time.perf_counter() - begin
+    return record

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: MIT
+"""Remedies of Newton's method where active sets do not settle or bodies do not come to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fenics_mortar.equations.residual import Residual
+from fenics_mortar.equations.set_history import SetHistory
+from fenics_mortar.newton.loop import UNSETTLED
+from fenics_mortar.rigid.floating import FloatingBodies
+from fenics_mortar.rigid.options import RIGID
+
+
+class Remedies:
+    """Remedies in a solve that does not converge; all methods are collective.
+
+    Args:
+        floating: The floating bodies.
+        residual: Residual of the last evaluated state.
+        history: Sets and residuals of the solve.
+        take_linearized_sets: Takes the sets of the linearized contact problem; returns whether
+            they were found.
+    """
+
+    def __init__(
+        self,
+        floating: FloatingBodies,
+        residual: Residual,
+        history: SetHistory,
+        take_linearized_sets: Callable[[], bool],
+    ) -> None:
+        self._floating, self._residual, self._history = floating, residual, history
+        self._take_linearized_sets = take_linearized_sets
+
+    def settle_sets(self) -> None:
+        """Take the set of the linearized problem if that of floating bodies does not settle."""
+        if not self._floating.anchored and self._history.is_unsettled:
+            self._take_linearized_sets()
+
+    def drifts(self) -> str:
+        """Describe bodies that are moved by small residual forces only; "" if there are none.
+
+        Contact forces act along averaged normals of facets. Their error drives smooth bodies
+        without friction, which may have no equilibrium near by.
+        """
+        if (
+            self._floating.anchored
+            or self._history.residuals[-1] > RIGID.slight * self._residual.force
+        ):
+            return ""
+        names = self._floating.names(self._floating.loose() or self._floating.bodies)
+        return f"only a slight force is left, which moves {names}" if names else ""
+
+    def merge_sets(self, period: int) -> str:
+        """Leave a cycle of sets by merging them; see ``SetHistory.merge``.
+
+        Where sets change without a period, or again in a cycle, those of the linearized problem are
+        taken. Thin plates, for example, bend by more than their gap if a node opens. If bodies
+        float, ``settle_sets`` has taken these sets before.
+        """
+        again, words = self._history.has_merged, self._history.merge(period)
+        if (again or period == UNSETTLED) and not self._floating.bodies:
+            words += "; that of the linearized problem is taken" * self._take_linearized_sets()
+        return words

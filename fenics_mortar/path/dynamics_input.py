@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: MIT
+"""Checks of the arguments of ``Dynamics`` and of the velocity that users set."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import ufl
+from ufl.algorithms import extract_arguments
+from ufl.domain import extract_domains
+
+from fenics_mortar.bulk.inertia import Rates
+from fenics_mortar.bulk.velocity import Origin, Velocity
+from fenics_mortar.equations.state import State
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.utils.arguments import check_choice, check_kind, check_number
+from fenics_mortar.utils.errors import MortarError
+
+# Default spectral radius at infinite frequency by scheme: none of the energy is dissipated, or what
+# an impact excites and the step does not resolve.
+SCHEMES = {"conserving": 1.0, "massless": 1.0, "generalized_alpha": 0.8}
+
+
+def check_dynamics(
+    problem: ContactProblem, density: Any, scheme: Any, rho_inf: Any, velocity: Any, energy: Any
+) -> None:
+    """Refuse arguments of ``Dynamics`` (local).
+
+    Raises:
+        ValueError: For such an argument.
+    """
+    check_choice("scheme", scheme, SCHEMES)
+    if rho_inf is not None:
+        check_number("rho_inf", rho_inf, "a number from 0 to 1", lambda rho: 0.0 <= rho <= 1.0)
+    mesh = problem.equations.bulk.V.ufl_domain()
+    _check_density(density, mesh)
+    _check_energy(energy, mesh)
+    _check_velocity(velocity, problem)
+    if problem.adequacy is not None:
+        raise ValueError("problem has an AdequacyCheck, whose cheaper models have no inertia")
+    if problem.equations.bulk.inertia is not None:
+        raise ValueError("problem has inertia already, from another Dynamics: set up a new problem")
+
+
+def _check_density(density: Any, mesh: Any) -> None:
+    if not isinstance(density, ufl.core.expr.Expr):
+        check_number("density", density, "a positive number", lambda rho: 0.0 < rho < np.inf)
+        return
+    if density.ufl_shape:
+        raise ValueError(f"density has the shape {density.ufl_shape}: expected a scalar")
+    if extract_arguments(density):
+        raise ValueError("density has a test function: expected a number or a function")
+    if any(domain != mesh for domain in extract_domains(density)):
+        raise ValueError("density belongs to another mesh than the problem")
+
+
+def _check_velocity(velocity: Any, problem: ContactProblem) -> None:
+    """Refuse a velocity that the residual does not have, and one in it that is not given."""
+    bulk = problem.equations.bulk
+    if velocity is not None:
+        check_kind("velocity", velocity, Velocity, "a Velocity(u)")
+        if velocity.u is not bulk.u:
+            raise ValueError("velocity is that of another function: expected Velocity(u)")
+    given = None if velocity is None else velocity.origin
+    used = [data for data in bulk.data if isinstance(data, Origin)]
+    if given is not None and not any(origin is given for origin in used):
+        raise ValueError("velocity has no effect: the residual does not contain its expression")
+    if any(origin is not given for origin in used):
+        raise ValueError(
+            "the residual contains a Velocity that would stay zero: expected velocity=..., the "
+            "same object"
+        )
+
+
+def _check_energy(energy: Any, mesh: Any) -> None:
+    if energy is None:
+        return
+    check_kind("energy", energy, ufl.Form, "a UFL form, such as psi * dx")
+    if energy.arguments():
+        raise ValueError("energy has a test function: expected a scalar form, such as psi * dx")
+    if any(integral.ufl_domain() != mesh for integral in energy.integrals()):
+        raise ValueError("energy belongs to another mesh than the problem")
+
+
+def check_step(dt: Any, time: float) -> None:
+    """Refuse a step that is not positive, or lost in the rounding of ``time`` (local).
+
+    Raises:
+        ValueError: For such a step.
+    """
+    check_number("dt", dt, "a positive number", lambda dt: 0.0 < dt < np.inf)
+    expected = f"a step that the time {time:g} can resolve"
+    check_number("dt", dt, expected, lambda dt: time + dt > time and dt * dt > 0.0)
+
+
+def check_rates(problem: ContactProblem) -> None:
+    """Refuse a velocity that is not finite (collective).
+
+    Raises:
+        MortarError: On all ranks.
+    """
+    velocity = problem.equations.bulk.inertia.velocity
+    velocity.x.scatter_forward()
+    bad = int(np.count_nonzero(~np.isfinite(velocity.x.array)))
+    if problem.comm.allreduce(bad):
+        raise MortarError("the velocity of Dynamics is not finite")
+
+
+def rates_of(state: Any) -> Rates:
+    """Rates of a state of a motion (local).
+
+    Raises:
+        ValueError: If it is none.
+    """
+    check_kind("before", state, State, "a state of the problem")
+    if state.rates is None:
+        raise ValueError("before has no velocity: expected a state of the motion")
+    rates: Rates = state.rates
+    return rates

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: MIT
+"""Base of the quantities of one pair: chain rules from nodal fields to state and controls."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any
+
+import numpy as np
+
+from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.interface import Interface
+from fenics_mortar.equations.linearized import LinearVector
+from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.combined import ContactQuantity
+from fenics_mortar.sensitivity.controls import (
+    Before,
+    Interference,
+    ObstacleShape,
+    Offset,
+    history_of,
+)
+from fenics_mortar.sensitivity.pair_vectors import (
+    add_pair,
+    check_exact,
+    check_pair,
+    contact_of,
+    interface_of,
+    zeros,
+)
+from fenics_mortar.sensitivity.partials.fields import ByFields
+from fenics_mortar.sensitivity.partials.gap import gap_back
+from fenics_mortar.sensitivity.partials.maps import PairVector
+from fenics_mortar.sensitivity.partials.shape import change_by_shape
+from fenics_mortar.utils.arrays import Array
+
+
+class PairQuantity(ContactQuantity):
+    """Base of the quantities of one pair, functions of its nodal fields.
+
+    Args:
+        pair: Number of the pair.
+    """
+
+    def __init__(self, pair: int) -> None:
+        self.pair = check_pair(pair)
+
+    @abstractmethod
+    def _of(self, contact: Any) -> float:
+        """Value."""
+
+    @abstractmethod
+    def _by_fields(self, contact: Any) -> ByFields:
+        """Derivative by nodal fields."""
+
+    def value(self, problem: ContactProblem, before: Before = None) -> float:
+        """See ``ContactQuantity``."""
+        return self._of(interface_of(problem.equations, self.pair))
+
+    def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
+        """See ``ContactQuantity``."""
+        contact = interface_of(problem.equations, self.pair)
+        return self._vector(problem, self._by_state(contact))
+
+    def _by_state(self, contact: Interface) -> PairVector:
+        """Derivative by the present state at the pair."""
+        if isinstance(contact, Contact):
+            check_exact(contact)
+        return self._by_fields(contact).gradient(contact)
+
+    def _vector(self, problem: ContactProblem, values: PairVector) -> LinearVector:
+        total = zeros(problem.equations)
+        add_pair(problem.equations, self.pair, total, values)
+        return total
+
+    def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
+        """See ``ContactQuantity``."""
+        contact = interface_of(problem.equations, self.pair)
+        by_slip = self._by_fields(contact).slip
+        if by_slip is None:
+            return None
+        history = history_of(problem, before)
+        if history is None or self.pair not in history.pairs:
+            return None
+        return self._vector(problem, history.pairs[self.pair].slip.back(by_slip))
+
+    def by_control(
+        self, problem: ContactProblem, control: Any, before: Before = None
+    ) -> Array | float:
+        """See ``ContactQuantity``; offsets and shapes of obstacles."""
+        contact = interface_of(problem.equations, self.pair)
+        by = self._by_fields(contact)
+        if isinstance(control, (Offset, Interference)) and control.pair == self.pair:
+            if by.gap is None:
+                return 0.0
+            gradient = gap_back(contact.operators, by.gap)
+            return gradient if isinstance(control, Offset) else np.asarray(gradient.sum())
+        if isinstance(control, ObstacleShape) and contact.obstacle is control.obstacle:
+            return self._by_shape(problem, control, by, before)
+        return 0.0
+
+    def _by_shape(
+        self, problem: ContactProblem, control: ObstacleShape, by: ByFields, before: Before
+    ) -> Array:
+        contact, value = contact_of(problem.equations, self.pair), control.get(problem)
+        history = None if by.slip is None else history_of(problem, before)
+        earlier = None if history is None else history.earlier.get(self.pair)
+        gradient = np.zeros(value.size)
+        for i, unit in enumerate(np.eye(value.size)):
+            direction = unit.reshape(value.shape)
+            change = change_by_shape(contact, control.parameter, direction, earlier)
+            for name, of_field in change._asdict().items():
+                weights = getattr(by, name)
+                if weights is not None:
+                    gradient[i] += weights @ of_field
+        return gradient.reshape(value.shape)

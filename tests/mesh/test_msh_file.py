@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: MIT
+"""Files of gmsh are read without gmsh, as gmsh reads them."""
+
+import subprocess
+import sys
+
+import gmsh
+import numpy as np
+import pytest
+from mesh_measures import COMM, on_root, raises_on_all_ranks
+
+from fenics_mortar.mesh.gmsh_reader import read_gmsh
+from fenics_mortar.mesh.msh_file import read_msh
+from meshes import half_cylinder_on_block, two_blocks
+
+SHAPES = {
+    "triangles": lambda: two_blocks.build(cell="triangle"),
+    "quadrilaterals": lambda: two_blocks.build(cell="quadrilateral"),
+    "arcs": lambda: half_cylinder_on_block.build(h=0.2),
+}
+
+
+def write(path, shape, *, binary=0, order=1, version=4.1):
+    """Write a mesh, leave it live without holes in the numbers of its nodes."""
+    model = SHAPES[shape]()
+    model.mesh.setOrder(order)
+    model.mesh.renumberNodes()
+    gmsh.option.setNumber("Mesh.SaveAll", version == 4.1)  # 2.2 then loses the groups
+    gmsh.option.setNumber("Mesh.Binary", binary)
+    gmsh.option.setNumber("Mesh.MshFileVersion", version)
+    gmsh.write(str(path))
+    return model
+
+
+def everything(data):
+    topology, tags = data.mesh.topology, (data.cell_tags, data.facet_tags)
+    values = [(t.indices.tolist(), t.values.tolist()) for t in tags]
+    nodes = np.asarray(data.mesh.geometry.input_global_indices).tolist()
+    corners = topology.connectivity(2, 0).array.tolist()
+    return nodes, corners, values, data.bodies, data.boundaries
+
+
+@pytest.mark.serial  # partitions of equal meshes may differ
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("binary", [0, 1], ids=["text", "binary"])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_file_is_the_live_model(shape, binary, order, msh_path):
+    model = on_root(write, msh_path, shape, binary=binary, order=order)
+    assert COMM.bcast(COMM.rank > 0 or read_msh(msh_path) is not None)
+    file, live = read_gmsh(msh_path, COMM), read_gmsh(model, COMM)
+    assert everything(file) == everything(live)
+    digits = 0.0 if binary else 1e-15  # texts have 16 digits
+    assert np.allclose(file.mesh.geometry.x, live.mesh.geometry.x, rtol=digits, atol=digits)
+
+
+@pytest.mark.parametrize("version", [2.2, 4.0])
+def test_older_formats_are_for_gmsh(version, msh_path):
+    model = on_root(write, msh_path, "triangles", version=version)
+    assert COMM.bcast(COMM.rank > 0 or read_msh(msh_path) is None)
+    assert len(read_gmsh(msh_path, COMM).bodies) == len(read_gmsh(model, COMM).bodies)
+
+
+def damage(path, change):
+    write(path, "triangles")
+    path.write_text(change(path.read_text()))
+
+
+@pytest.mark.parametrize(
+    "change, match",
+    [
+        (lambda text: text[: len(text) // 2], "section '.*' has no end"),
+        (lambda text: text.replace("$EndNodes", "\n7 8 9\n$EndNodes"), "too many numbers"),
+        (lambda text: text.replace("$EndElements", "1 2\n$EndElements"), "too many numbers"),
+        (lambda text: text[: text.rindex("$EndE") - 8] + "\n$EndElements\n", "too few numbers"),
+        (lambda text: text.replace("0 1 0 1\n1\n", "0 1 0 1\n2\n", 1), "have the same number"),
+        (lambda text: text.replace("0 1 0 1\n1\n", "0 1 0 1\n9999\n", 1), "not in the file"),
+        (lambda text: text.replace("0 1 0 1\n1\n", "0 1 0 1\none\n", 1), "could not convert"),
+    ],
+)
+def test_damaged_files_raise_on_all_ranks(change, match, msh_path):
+    on_root(damage, msh_path, change)
+    raises_on_all_ranks(f"cannot read '.*mesh.msh': .*{match}", read_gmsh, msh_path, COMM)
+
+
+@pytest.mark.serial
+def test_gmsh_is_not_loaded(msh_path):
+    write(msh_path, "triangles")
+    program = (
+        "import sys; from mpi4py import MPI; import fenics_mortar as fm; "
+        f"fm.read_gmsh({str(msh_path)!r}, MPI.COMM_SELF); print('gmsh' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout.split() == ["False"], done.stderr

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: MIT
+"""What users hand to motions: damping, velocities, steps; solves beside them; gained energy."""
+
+import numpy as np
+import pytest
+from refusal import refused
+
+from dolfinx import fem
+
+import fenics_mortar as fm
+from demos.studies.dynamics.scenes import RHO, E, bar, free_block
+
+
+def moving(**options):
+    made = free_block(cells=3)
+    return made, made.dynamics("massless", **options)
+
+
+def test_damping_that_would_have_no_effect_is_refused():
+    """A ``Velocity`` in the residual stays zero unless it is given, and has to be that one."""
+    made, other = free_block(cells=3), free_block(cells=3)
+    with refused(ValueError, "contains a Velocity that would stay zero"):
+        fm.Dynamics(made.problem, RHO)
+    with refused(ValueError, "velocity has no effect"):
+        fm.Dynamics(made.problem, RHO, velocity=fm.Velocity(made.u))
+    with refused(ValueError, "that of another function"):
+        fm.Dynamics(made.problem, RHO, velocity=other.velocity)
+    fm.Dynamics(made.problem, RHO, velocity=made.velocity)
+
+
+def test_density_and_energy_of_another_mesh_are_refused():
+    made, other = free_block(cells=3), free_block(cells=3)
+    given = {"velocity": made.velocity}
+    with refused(ValueError, "density belongs to another mesh"):
+        fm.Dynamics(made.problem, fem.Constant(other.data.mesh, 1.0), **given)
+    with refused(ValueError, "energy belongs to another mesh"):
+        fm.Dynamics(made.problem, RHO, energy=other.energy, **given)
+
+
+def test_statics_of_bodies_in_motion_is_refused():
+    """``solve`` and ``follow_path`` would use the inertia of the last step, without a velocity."""
+    made, motion = moving()
+    motion.step(0.01)
+    u = made.u.x.array.copy()
+    with refused(fm.MortarError, "Dynamics.step or Dynamics.run"):
+        made.problem.solve()
+    with refused(fm.MortarError, "Dynamics.step or Dynamics.run"):
+        fm.follow_path(made.problem, lambda time: None, fm.SteppingOptions(step=0.5))
+    with refused(fm.MortarError, r"variant\(\) does not support inertia"):
+        made.problem.variant(sliding="small")
+    assert np.array_equal(made.u.x.array, u)
+    motion.step(0.01)
+
+
+def test_velocities_and_steps_have_to_be_numbers_that_time_resolves():
+    _, motion = moving()
+    for dt in (1e-300, np.nan, None):
+        with refused(ValueError, "dt="):
+            motion.step(dt)
+    motion.velocity.x.array[:2] = np.nan
+    with refused(fm.MortarError, "velocity of Dynamics is not finite"):
+        motion.step(0.01)
+    with refused(ValueError, "a state of the problem"):
+        motion.error(None, 0.01)
+    with refused(ValueError, "a state of the motion"):
+        motion.error(free_block(cells=3).problem.state(), 0.01)
+
+
+def test_a_velocity_set_on_the_owned_dofs_counts_on_all_ranks():
+    """Ghosts of the velocity are updated: damping and momentum see one velocity."""
+    _, motion = moving()
+    V = motion.velocity.function_space
+    owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
+    motion.velocity.x.array[:owned] = 1.0
+    motion.step(1e-3)
+    assert np.allclose(motion.velocity.x.array, 1.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("scheme", ["conserving", "generalized_alpha"])
+def test_energy_that_contact_adds_is_told(scheme):
+    """The trapezoidal rule multiplies the energy of an impact; the report says so."""
+    made, speed = bar(cells=20), np.sqrt(E / RHO)
+    motion = made.dynamics(scheme, 1.0)
+    made.set_velocity(motion, {"bar": (0.0, -0.01 * speed, 0.0)})
+    record = motion.run(24.0 / speed, fm.SteppingOptions(step=made.cell / speed))
+    gained = record.steps[-1].energies.total - record.start.total
+    if scheme == "conserving":
+        assert not record.remark()
+        assert abs(gained) < 1e-9 * record.start.total
+    else:
+        assert gained > 0.5 * record.start.total
+        assert record.contact_energy == pytest.approx(gained, rel=0.02)
+        assert "contact pressures added" in str(record)
+
+
+def test_rates_of_prescribed_motions_follow_from_these():
+    """They do not alternate after a start or a jump that the trapezoidal rule cannot follow."""
+    made = free_block(cells=3, held=[("block/top", 1, 0.0)])
+    motion = made.dynamics("conserving")
+    made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})  # of the held nodes, too
+    motion.run(0.16, fm.SteppingOptions(step=0.02))
+    held = made.problem.equations.bulk.prescribed
+    rates = motion._inertia.rates
+    assert np.abs(rates.velocity[held]).max(initial=0.0) < 1e-12
+    assert np.abs(rates.acceleration[held]).max(initial=0.0) < 1e-10
+
+
+def test_an_interruption_takes_the_whole_step_back(monkeypatch):
+    """Also after its solve, when its energies are computed."""
+    made, motion = moving()
+    made.set_velocity(motion, {"block": (0.0, -1.0, 0.0)})
+    motion.step(0.01)
+    u, time = made.u.x.array.copy(), motion.time
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("fenics_mortar.path.dynamics.work_of", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            motion.step(0.01)
+    assert np.array_equal(made.u.x.array, u)
+    assert motion.time == time
+    motion.step(0.01)
+    assert np.allclose(made.u.x.array[1::2], -0.02)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: MIT
+"""States that are no solutions, pairs and numbers that are none, laws with limits by node."""
+
+import numpy as np
+import pytest
+from refusal import refused, refused_words
+from small_scenes import small_blocks
+
+import fenics_mortar as fm
+from demos.laws import Stribeck
+from fenics_mortar import sensitivity
+
+FORCE = sensitivity.TotalForce(0, (0.0, 1.0))
+MU = sensitivity.LawParameter(0, "mu")
+
+
+def pressed(law=None):
+    scene = small_blocks(pair={"law": law or fm.Coulomb(0.3)})
+    scene.loads["push"].value[:] = (0.01, -0.02)
+    scene.problem.time = 1.0
+    scene.problem.solve()
+    return scene
+
+
+@pytest.mark.parametrize("changed", ["displacement", "load", "law"])
+def test_a_state_of_other_loads_is_no_solution(changed):
+    """Its derivatives would be wrong without a sign; so would those of a path recorded late."""
+    scene = pressed()
+    path = fm.RecordedPath(scene.problem)
+    path.record()
+    if changed == "displacement":
+        scene.u.x.array[:] *= 1.01
+    elif changed == "load":
+        scene.loads["push"].value[1] *= 1.01
+    else:
+        scene.problem.contacts[0].pair.law.mu = 0.2
+    with refused(fm.MortarError, "the present state is no solution"):
+        fm.gradient(FORCE, MU, scene.problem)
+    with refused(fm.MortarError, "record before changing them"):
+        path.record()
+
+
+def test_pairs_are_numbers_from_zero_on():
+    """-1 would be the last pair for values, and no pair for controls: a wrong derivative."""
+    problem = pressed().problem
+    for make in (
+        lambda i: sensitivity.TotalForce(i, (0.0, 1.0)),
+        lambda i: sensitivity.LawParameter(i, "mu"),
+        sensitivity.Interference,
+        sensitivity.Offset,
+    ):
+        for number in (-1, 0.0, "a"):
+            with refused(ValueError, "the number of a pair"):
+                make(number)
+    with refused(ValueError, "pair 1: expected a number from 0 to 0"):
+        fm.gradient(sensitivity.TotalForce(1, (0.0, 1.0)), MU, problem)
+    with refused(ValueError, "pair 1: expected a number from 0 to 0"):
+        fm.gradient(FORCE, sensitivity.Offset(1), problem)
+
+
+def test_numbers_of_quantities_and_functions_of_steps():
+    problem = pressed().problem
+    for direction in ((0.0, 1.0, 2.0), 1.0, (0.0, np.nan)):
+        with refused(ValueError, "direction=", "two finite numbers"):
+            sensitivity.TotalForce(0, direction)
+    with refused(ValueError, "about="):
+        sensitivity.Moment(0, (0.0,))
+    for nodes in ([], [0.5], [-1]):
+        with refused(ValueError, "numbers of slave nodes"):
+            sensitivity.MeanGap(0, nodes)
+    with refused(ValueError, "slave nodes 0 to 4"):
+        fm.gradient(sensitivity.MeanGap(0, [7]), MU, problem)
+    for wrong, words in (
+        (None, "expected a function"),
+        (lambda values: 1.0, "expected a function"),
+        (lambda values: (np.nan, values), "not finite"),
+    ):
+        with refused_words(ValueError, words):
+            fm.gradient(FORCE, MU, problem, over_steps=wrong)
+    with refused(ValueError, "no such obstacle"):
+        place = sensitivity.ObstaclePlace(fm.Circle((0.0, 0.0), 1.0))
+        fm.gradient(FORCE, place, problem)
+    with refused(ValueError, "expected an obstacle"):
+        sensitivity.ObstaclePlace(3)
+
+
+def test_limits_by_node_have_distances_from_kinks():
+    """Laws with ``limit`` alone, and coefficients that vary in space."""
+    law = Stribeck(0.4, 0.2, 0.05)
+    problem = pressed(law).problem
+    found = fm.gradient(FORCE, sensitivity.Interference(0), problem)
+    assert found.nearest_change is not None
+    mixed = pressed(fm.Coulomb(lambda X: 0.3 + 0.0 * X[:, 0])).problem
+    plain = pressed().problem
+    by_node, by_number = (fm.gradient(FORCE, MU, made)[MU] for made in (mixed, plain))
+    assert by_node.sum() == pytest.approx(by_number, rel=1e-9)
+
+
+def test_an_interruption_in_compiled_code_is_one():
+    """Numba reports it as a SystemError."""
+    problem = pressed().problem
+
+    def interrupted(values):
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    with pytest.raises(KeyboardInterrupt):
+        fm.gradient(FORCE, MU, problem, over_steps=interrupted)
+    assert fm.gradient(FORCE, MU, problem).value > 0.0
