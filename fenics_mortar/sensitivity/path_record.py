@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,15 +14,22 @@ import numpy as np
 from dolfinx import fem
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.undo import Before, raise_told
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
+from fenics_mortar.sensitivity.checkpoints import Checkpoints
 from fenics_mortar.sensitivity.pair_vectors import check_law
 from fenics_mortar.sensitivity.solved import check_solved
+from fenics_mortar.utils import compat
 from fenics_mortar.utils.arguments import check_kind
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
+
+# Largest difference of multipliers of a step solved twice, over the largest one [1]: errors of
+# solves are far below it, differences from other solutions far above.
+ALIKE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -33,16 +41,18 @@ class Step:
         data: Values of the constants and functions of the forms, see ``Data``.
         laws: Attributes of the laws of the contacts.
         shapes: Parameters of the shape of each obstacle.
+        loads: Forces and moments that drive the obstacles, (obstacles, 3), nan where prescribed.
     """
 
     state: State
     data: tuple[Array, ...]
     laws: tuple[dict[str, Any], ...]
     shapes: tuple[dict[str, Array], ...]
+    loads: tuple[Array, ...]
 
 
 class Data:
-    """Constants and functions that a residual depends on, except the displacement; local.
+    """Constants and functions of residual, conditions and laws but the displacement; local.
 
     Args:
         problem: The problem.
@@ -52,16 +62,19 @@ class Data:
     def __init__(self, problem: ContactProblem, more: Sequence[Any] = ()) -> None:
         laws = [vars(contact.pair.law) for contact in _with_law(problem)]
         of_laws = [value for law in laws for value in law.values() if _is_data(value)]
-        self._objects = list(dict.fromkeys([*problem.equations.bulk.data, *of_laws, *more]))
+        bulk = problem.equations.bulk
+        objects = dict.fromkeys([*bulk.data, *of_laws, *more])
+        conditions = [compat.condition_numbers(bc) for bc in bulk.bcs]
+        self._arrays = [*map(_array_of, objects), *conditions]
 
     def values(self) -> tuple[Array, ...]:
         """Copies of the present values."""
-        return tuple(np.array(_array_of(data)) for data in self._objects)
+        return tuple(np.array(numbers) for numbers in self._arrays)
 
     def put(self, values: Sequence[Array]) -> None:
         """Set all values."""
-        for data, value in zip(self._objects, values, strict=True):
-            _array_of(data)[...] = value
+        for numbers, value in zip(self._arrays, values, strict=True):
+            numbers[...] = value
 
 
 def _is_data(value: Any) -> bool:
@@ -103,18 +116,29 @@ class RecordedPath:
         problem: The problem, at the start of the path.
         also: Constants and functions that only the objective depends on and that change between
             steps.
+        every: Spacing of the displacements that are kept; a visit to a step in between solves the
+            steps since the last one kept again, see ``checkpoints``. All by default.
+        folder: Folder of files for the displacements, one for each step kept and rank, which belong
+            to this run; in memory by default.
 
     Attributes:
         problem: The problem.
         start: State at the start, ``None`` for the path of a single state.
-        steps: The records.
+        steps: The records; with ``every`` or ``folder`` their states have no displacement.
 
     Raises:
-        ValueError: If ``problem`` is of another type.
+        ValueError: If ``problem`` is of another type, or ``every`` is not at least 1.
         MortarError: If the problem has inertia, or a law no sensitivities; see ``check_law``.
     """
 
-    def __init__(self, problem: ContactProblem, *, also: Sequence[Any] = ()) -> None:
+    def __init__(
+        self,
+        problem: ContactProblem,
+        *,
+        also: Sequence[Any] = (),
+        every: int = 1,
+        folder: str | Path | None = None,
+    ) -> None:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         if problem.equations.bulk.inertia is not None:
             raise MortarError("dynamics have no derivatives: expected a static problem")
@@ -123,6 +147,8 @@ class RecordedPath:
         self.problem, self._data = problem, Data(problem, also)
         self.start: State | None = problem.state()
         self.steps: list[Step] = []
+        self._checkpoints = Checkpoints(problem.comm, every, folder)
+        self._linearization = problem.equations.linearization
 
     def record(self, *arguments: Any) -> None:
         """Add the present state.
@@ -135,29 +161,76 @@ class RecordedPath:
                 loads, material and laws.
         """
         check_solved(self.problem)
-        self.steps.append(self.present())
+        step = self.present()
+        if self._checkpoints.drops:
+            self._checkpoints.put(len(self.steps), step.state.u)
+            step = replace(step, state=replace(step.state, u=np.empty(0)))
+        self.steps.append(step)
 
     def present(self) -> Step:
         """Record of the present state."""
         laws = tuple(_copies(vars(contact.pair.law)) for contact in _with_law(self.problem))
         shapes = tuple(obstacle.shape() for obstacle in self.problem.obstacles)
-        return Step(self.problem.state(), self._data.values(), laws, shapes)
+        loads = tuple(obstacle.load.copy() for obstacle in self.problem.obstacles)
+        return Step(self.problem.state(), self._data.values(), laws, shapes, loads)
+
+    def state_of(self, number: int) -> State:
+        """State of the step ``number``; moves the problem if it has to be computed again.
+
+        Raises:
+            MortarError: On all ranks, if it is another one than that recorded, or not found.
+        """
+        state = self.steps[number].state
+        if not self._checkpoints.drops:
+            return state
+        u = self._checkpoints.get(number, len(self.steps), self._solve_again)
+        return replace(state, u=u)
 
     def before(self, number: int) -> State | None:
-        """State before the step ``number`` (local)."""
-        return self.steps[number - 1].state if number else self.start
+        """State before the step ``number``, see ``state_of``; solves nothing after ``go_to``."""
+        return self.state_of(number - 1) if number else self.start
 
     def go_to(self, number: int) -> None:
         """Restore the state and the values of step ``number``, and evaluate the operators."""
-        step = self.steps[number]
+        self.before(number)
+        state = self.state_of(number)
+        self._put_values(self.steps[number])
+        self.problem.restore(state)
+
+    def _solve_again(self, number: int, u: Array) -> Array:
+        """Displacement of a step, solved from that of the step before.
+
+        Raises:
+            MortarError: On all ranks, if the interfaces are not those recorded.
+        """
+        problem, step, equations = self.problem, self.steps[number], self.problem.equations
+        problem.restore(replace(self.steps[number - 1].state, u=u))
         self._put_values(step)
-        self.problem.restore(step.state)
+        for obstacle, place in zip(problem.obstacles, step.state.places, strict=True):
+            obstacle.place = place
+        for contact, state in zip(equations.contacts, step.state.interfaces, strict=True):
+            contact.change(offset=state.offset, load_time=state.load_time)
+        exact, equations.linearization = equations.linearization, self._linearization
+        try:
+            problem.solve(predict=False, accept_violations=True)
+        finally:
+            equations.linearization = exact
+        found = problem.state()
+        if not all(map(_alike, found.interfaces, step.state.interfaces)):
+            raise MortarError(
+                f"step {number} was solved again and ended in another state than that recorded: "
+                "record all steps (every=1), or take smaller steps"
+            )
+        return found.u
 
     def _put_values(self, step: Step) -> None:
         self._data.put(step.data)
         for contact, law in zip(_with_law(self.problem), step.laws, strict=True):
             vars(contact.pair.law).update(law)
             contact.take_law()
+        for obstacle, load in zip(self.problem.obstacles, step.loads, strict=True):
+            if not np.array_equal(obstacle.load, load, equal_nan=True):
+                obstacle.load = load
         for obstacle, shape in zip(self.problem.obstacles, step.shapes, strict=True):
             for name, now in obstacle.shape().items():
                 if not np.array_equal(now, shape[name]):
@@ -169,6 +242,7 @@ class RecordedPath:
         equations = self.problem.equations
         present, before = self.present(), Before(equations, self.problem.adequacy)
         residual, linearization = equations.bulk.r.array_r.copy(), equations.linearization
+        self._linearization = linearization
         equations.linearization, renew = EXACT, True
         try:
             yield
@@ -192,6 +266,13 @@ class RecordedPath:
         """
         if not self.steps:
             raise MortarError("the path has no steps: call record() after each solve")
+
+
+def _alike(one: InterfaceState, other: InterfaceState) -> bool:
+    """Whether two states of an interface have the same sets and, to the tolerance, forces."""
+    size = np.abs(other.z).max(initial=0.0)
+    sets = np.array_equal(one.active, other.active) and np.array_equal(one.branch, other.branch)
+    return sets and bool((np.abs(one.z - other.z) <= ALIKE * size).all())
 
 
 def path_of_state(problem: ContactProblem) -> RecordedPath:

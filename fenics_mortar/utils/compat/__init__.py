@@ -9,6 +9,7 @@ import this package and none of its modules.
 from fenics_mortar.utils.compat.assembly import (
     assemble_matrix,
     assemble_vector,
+    condition_numbers,
     create_matrix,
     create_vector,
     form,
@@ -41,6 +42,7 @@ __all__ = [
     "assemble_matrix",
     "assemble_vector",
     "cell_name",
+    "condition_numbers",
     "create_expression",
     "create_matrix",
     "create_mesh",

@@ -93,3 +93,11 @@ def prescribed_value(bc: Any) -> Array:
     ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
     """
     return np.ravel(getattr(bc.g, "value", ()))
+
+
+def condition_numbers(bc: Any) -> Array:
+    """The numbers of a condition's constant or function, not a copy (local).
+
+    ``DirichletBC`` became a class of Python in 0.7; ``g`` stayed.
+    """
+    return bc.g.value if hasattr(bc.g, "value") else bc.g.x.array

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: MIT
+"""Displacements of the steps of a path: all of them, or some from which others are computed again.
+
+With a spacing n, those of the steps 0, n, 2n, ... are kept, in memory or in files. The steps
+between two of them are solved again when one is visited, so that a sweep through a path of N steps
+solves each step once more and holds N / n + n displacements. Interface states are small and always
+kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+
+from fenics_mortar.utils.arguments import check_number
+from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.files import make_folder, try_together
+
+
+class Checkpoints:
+    """Displacements (local dofs,) of steps by their number; methods are collective.
+
+    Args:
+        comm: Communicator.
+        every: Spacing of the kept steps, at least 1.
+        folder: Folder of the files, one per kept step and rank; ``None``: in memory.
+
+    Raises:
+        ValueError: If ``every`` is no such number.
+        MortarError: On all ranks, if the folder cannot be created.
+    """
+
+    def __init__(self, comm: MPI.Comm, every: int, folder: str | Path | None) -> None:
+        check_number("every", every, "a spacing of at least 1", lambda n: n >= 1, whole=True)
+        self._comm, self.every = comm, every
+        self._folder = None if folder is None else Path(str(comm.bcast(str(folder))))
+        if self._folder is not None:
+            make_folder(comm, self._folder)
+        self._kept: dict[int, Array] = {}
+        self._segment: dict[int, Array] = {}
+
+    @property
+    def drops(self) -> bool:
+        """Whether records go without their displacement."""
+        return self.every > 1 or self._folder is not None
+
+    def put(self, number: int, u: Array) -> None:
+        """Keep the displacement of a step if it is one of those kept.
+
+        Raises:
+            MortarError: On all ranks, if the file cannot be written.
+        """
+        if number % self.every:
+            return
+        if self._folder is None:
+            self._kept[number] = u.copy()
+            return
+        file = self._file(number)
+        try_together(self._comm, True, partial(np.save, file, u), f"cannot write '{file}'")
+
+    def _file(self, number: int) -> Path:
+        assert self._folder is not None
+        return self._folder / f"step_{number}_rank_{self._comm.rank}.npy"
+
+    def get(self, number: int, count: int, again: Callable[[int, Array], Array]) -> Array:
+        """Displacement of a step.
+
+        Args:
+            number: Number of the step.
+            count: Number of steps.
+            again: Solves a step again from the displacement of the step before it.
+
+        Raises:
+            MortarError: On all ranks, if a file cannot be read; or any error of ``again``.
+        """
+        first = number - number % self.every
+        if number == first:
+            return self._read(first)
+        if number not in self._segment:
+            self._segment = {}
+            u, found = self._read(first), {}
+            for k in range(first + 1, min(first + self.every, count)):
+                found[k] = u = again(k, u)
+            self._segment = found
+        return self._segment[number]
+
+    def _read(self, number: int) -> Array:
+        if self._folder is None:
+            return self._kept[number]
+        file = self._file(number)
+        u = try_together(self._comm, True, partial(np.load, file), f"cannot read '{file}'")
+        assert u is not None
+        return np.asarray(u)
