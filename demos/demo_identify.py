@@ -32,14 +32,12 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 import fenics_mortar as fm
 from meshes import two_blocks
 
-comm = MPI.COMM_WORLD
-measured_E, measured_mu, nu = 210.0, 0.35, 0.3
+comm, measured_E, measured_mu, nu = MPI.COMM_WORLD, 210.0, 0.35, 0.3
 # -
 
 model = None
 if comm.rank == 0:
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.initialize(["", "-v", "0"])
     model = two_blocks.build(n_upper=8, n_lower=17, layers_upper=6, layers_lower=6)
 data = fm.read_gmsh(model, comm)
 
@@ -87,15 +85,14 @@ errors = np.abs(result.x / [measured_E / 100, measured_mu] - 1)
 if comm.rank == 0:
     print(f"{len(curves)} paths; E / 100 and mu {result.x}, relative errors {errors}")
     Path("results").mkdir(exist_ok=True)
-    figure = Figure((6, 3.2), layout="constrained")
-    axes = figure.add_subplot(xlabel="displacement [mm]", ylabel="shear force [N/mm]")
+    axes = Figure((6, 3.2), layout="constrained").add_subplot()
+    axes.set(xlabel="displacement [mm]", ylabel="shear force [N/mm]")
     for number, curve in enumerate(curves, 1):
-        label = "iterates, the last one darkest" if number == len(curves) else None
-        alpha = 0.2 + 0.8 * number / len(curves)
-        axes.plot(slides, -curve[:, 0], color="#c8102e", alpha=alpha, lw=1, label=label)
+        axes.plot(slides, -curve[:, 0], "#c8102e", alpha=0.2 + 0.8 * number / len(curves), lw=1)
+    axes.lines[-1].set_label("iterates, the last one darkest")
     axes.plot(slides, -measured[:, 0], "ko", ms=4, label="measured")
     axes.legend(frameon=False)
-    figure.savefig("results/identify.png", dpi=150)
+    axes.figure.savefig("results/identify.png", dpi=150)
 # -
 
 # ## Check

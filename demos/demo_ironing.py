@@ -29,8 +29,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 import fenics_mortar as fm
 from meshes import indenter_on_block
 
-comm = MPI.COMM_WORLD
-E, nu = 689.6, 0.32
+comm, E, nu = MPI.COMM_WORLD, 689.6, 0.32
 step, n = map(float, sys.argv[1:] or (0.125, 40))
 # -
 

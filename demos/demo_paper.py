@@ -26,8 +26,7 @@ from matplotlib.figure import Figure
 import ufl
 from dolfinx import fem
 
-root = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(root)]
+sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 import fenics_mortar as fm
 from meshes import two_blocks
 
@@ -41,8 +40,7 @@ PAPER = {
 
 model = None
 if comm.rank == 0:
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.initialize(["", "-v", "0"])
     model = two_blocks.build(split=True)
 blocks = fm.read_gmsh(model, comm)
 if comm.rank == 0:
@@ -62,8 +60,7 @@ def solve(**switches):
     F = ufl.Identity(2) + ufl.grad(u)
     P = mu * (F - ufl.inv(F).T) + lmbda * ufl.ln(ufl.det(F)) * ufl.inv(F).T
     residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 3})
-    sides = ["upper/left/top", "upper/right/top"]
-    bcs = [fm.dirichlet(V, blocks, sides, np.array([0.01, -0.05]))]
+    bcs = [fm.dirichlet(V, blocks, ["upper/left/top", "upper/right/top"], np.array([0.01, -0.05]))]
     bcs += [fm.dirichlet(V, blocks, "lower/bottom", np.zeros(2))]
     pair = fm.ContactPair(blocks, slave="upper/bottom", master="lower/top")
     options = {"newton": fm.NewtonOptions(residual_tolerance=1e-9), **switches}
@@ -72,11 +69,8 @@ def solve(**switches):
     return u.x.array, np.array(report.residuals[1:]) / report.force
 
 
-OURS = {
-    "Alg. 1": solve(algorithm="saddle"),
-    "Alg. 2": solve(algorithm="condensed"),
-    "fixed point": solve(linearization="frozen"),
-}
+OURS = {"Alg. 1": solve(algorithm="saddle"), "Alg. 2": solve(algorithm="condensed")}
+OURS["fixed point"] = solve(linearization="frozen")
 # -
 
 # ## Table 1, the paper's beside ours
@@ -89,13 +83,12 @@ if comm.rank == 0:
         cells = [column[k] if k < len(column) else "" for column in columns.values()]
         print(f"| {k + 1} | " + " | ".join(cells) + " |")
     Path("results").mkdir(exist_ok=True)
-    figure = Figure((6, 3.2), layout="constrained")
-    axes = figure.add_subplot(xlabel="iteration", ylabel="residual / force", yscale="log")
-    for marker, size, (name, (_, residuals)) in zip("osx", (9, 4, 6), OURS.items()):
-        k = np.arange(1, 1 + len(residuals))
-        axes.plot(k, residuals, marker=marker, ms=size, fillstyle="none", label=name)
+    axes = Figure((6, 3.2), layout="constrained").add_subplot(yscale="log")
+    axes.set(xlabel="iteration", ylabel="residual / force")
+    for marker, size, (name, (_, r)) in zip("osx", (9, 4, 6), OURS.items()):
+        axes.plot(range(1, 1 + len(r)), r, marker, ls="-", ms=size, mfc="none", label=name)
     axes.legend(frameon=False)
-    figure.savefig("results/paper.png", dpi=150)
+    axes.figure.savefig("results/paper.png", dpi=150)
 
 # ## Check
 # Both algorithms have the same iterates, Newton is quadratic, the fixed point is linear.

@@ -33,7 +33,6 @@ length, span, radius = 10.0, 7.0, 1.0  # of half the beam, of half the supports
 # +
 corners = [(0.0, 0.0), (length, 1.0)]
 domain = mesh.create_rectangle(comm, corners, (60, 6), mesh.CellType.quadrilateral)
-names = {"middle": 1, "bottom": 2, "top": 3}
 places = {
     1: lambda x: np.isclose(x[0], 0.0),
     2: lambda x: np.isclose(x[1], 0.0),
@@ -44,7 +43,7 @@ facets = np.concatenate(list(found.values()))
 tags = np.repeat(list(found), [len(f) for f in found.values()]).astype(np.int32)
 order = np.argsort(facets)
 facet_tags = mesh.meshtags(domain, 1, facets[order], tags[order])
-data = fm.MeshData(domain, None, facet_tags, boundaries=names)
+data = fm.MeshData(domain, None, facet_tags, boundaries={"middle": 1, "bottom": 2, "top": 3})
 
 V = fm.vector_space(domain, 2)
 u, v = fem.Function(V), ufl.TestFunction(V)

@@ -247,14 +247,14 @@ class ContactEquations:
         self.bulk.free_garbage()
         return self.step(size, part, increment.remark)
 
-    def _take_linearized_sets(self) -> bool:
+    def _take_linearized_sets(self, snap: bool) -> bool:
         """Take the sets of the linearized problem; return whether they were found."""
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
         if not linearized.applies:
             return False
         self._history.count_call()
         self.bulk.assemble_tangent()
-        return linearized.choose_sets(self._redundancy.mark)
+        return linearized.choose_sets(self._redundancy.mark, snap=snap)
 
     def step(self, increment: float, part: float = 1.0, note: str = "") -> Step:
         """Record of a step.

@@ -79,12 +79,13 @@ class LinearizedContact:
             for law in laws
         ) and not any(contact.now.strength(pressure)[1].any() for contact in self._contacts)
 
-    def choose_sets(self, mark: Callable[[], None]) -> bool:
+    def choose_sets(self, mark: Callable[[], None], *, snap: bool = False) -> bool:
         """Solve the linearized problem; take over its active sets, branches and multipliers.
 
         Args:
             mark: Marks redundant sticks of the present sets, see ``redundancy``. The problem is
                 solved again with these elastic, until there are no more.
+            snap: Whether a solution beyond a turn of the load path may be taken.
 
         Returns:
             Whether there is a solution, the same on all ranks.
@@ -94,22 +95,24 @@ class LinearizedContact:
         while marked < (marked := sum(int(c.redundant.sum()) for c in self._contacts)):
             elastic = self._with_elastic_sticks(problem, nodes)
             comm = self._bulk.comm
-            found = comm.bcast(self._solve(elastic, nodes) if comm.rank == 0 else None)
+            found = comm.bcast(self._solve(elastic, nodes, snap) if comm.rank == 0 else None)
             if found is None:
                 return False
             self._take(nodes, found)
             mark()
         return True
 
-    def _solve(self, problem: FrictionProblem, nodes: Sequence[Indices]) -> Sets | None:
-        """The solution at the end of the path from the accepted state; any if bodies float (local).
+    def _solve(self, problem: FrictionProblem, nodes: Sequence[Indices], snap: bool) -> Sets | None:
+        """The solution at the end of the path from the accepted state (local).
 
-        These are moved rigidly before a solve, and have no path from the accepted state.
+        Any if bodies float, since they are moved rigidly before a solve, or may ``snap``.
         """
         if self._floating.bodies:
             return solve_friction(problem)
         found = follow_loads(problem, *self._accepted(problem.slope, nodes))
-        return found if isinstance(found, Sets) else None
+        if isinstance(found, Sets):
+            return found
+        return solve_friction(problem) if snap else None
 
     def describe_turn(self) -> str:
         """Describe where the path from the accepted state turns; "" if it does not."""

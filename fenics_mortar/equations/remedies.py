@@ -19,8 +19,8 @@ class Remedies:
         floating: The floating bodies.
         residual: Residual of the last evaluated state.
         history: Sets and residuals of the solve.
-        take_linearized_sets: Takes the sets of the linearized contact problem; returns whether
-            they were found.
+        take_linearized_sets: Takes the sets of the linearized contact problem, also beyond a turn
+            of the load path if its argument is true; returns whether they were found.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class Remedies:
         floating: FloatingBodies,
         residual: Residual,
         history: SetHistory,
-        take_linearized_sets: Callable[[], bool],
+        take_linearized_sets: Callable[[bool], bool],
     ) -> None:
         self._floating, self._residual, self._history = floating, residual, history
         self._take_linearized_sets = take_linearized_sets
@@ -36,7 +36,7 @@ class Remedies:
     def settle_sets(self) -> None:
         """Take the set of the linearized problem if that of floating bodies does not settle."""
         if not self._floating.anchored and self._history.is_unsettled:
-            self._take_linearized_sets()
+            self._take_linearized_sets(False)
 
     def drifts(self) -> str:
         """Describe bodies that are moved by small residual forces only; "" if there are none.
@@ -56,10 +56,14 @@ class Remedies:
         """Leave a cycle of sets by merging them; see ``SetHistory.merge``.
 
         Where sets change without a period, or again in a cycle, those of the linearized problem are
-        taken. Thin plates, for example, bend by more than their gap if a node opens. If bodies
-        float, ``settle_sets`` has taken these sets before.
+        taken. Thin plates, for example, bend by more than their gap if a node opens. Beyond a turn
+        of the load path they are taken only where nodes open and close: the bodies snap. Where
+        nodes change between sticking and sliding the state after a snap is not determined. If
+        bodies float, ``settle_sets`` has taken these sets before.
         """
-        again, words = self._history.has_merged, self._history.merge(period)
+        history = self._history
+        again, words = history.has_merged, history.merge(period)
         if (again or period == UNSETTLED) and not self._floating.bodies:
-            words += "; that of the linearized problem is taken" * self._take_linearized_sets()
+            taken = self._take_linearized_sets(history.opens_and_closes)
+            words += "; that of the linearized problem is taken" * taken
         return words

@@ -28,6 +28,8 @@ class SetHistory:
     Attributes:
         residuals: Norm of all residuals for each evaluation [stress length].
         has_merged: Whether ``merge`` was called.
+        opens_and_closes: Whether nodes opened and closed in the last cycle, and none changed
+            between sticking and sliding.
     """
 
     def __init__(self, contacts: Sequence[Contact | Tie]) -> None:
@@ -39,7 +41,7 @@ class SetHistory:
         self.residuals: list[float] = []
         self._sets: list[Sets] = []
         self._changed = self._calls = 0
-        self.has_merged = False
+        self.has_merged = self.opens_and_closes = False
 
     def record(self, residual: float, changed: int) -> None:
         """Add the present sets; ``changed``: number of nodes that changed."""
@@ -74,7 +76,7 @@ class SetHistory:
         and later solves: a large c_n opens nodes for small gaps left by a step. Nodes that changed
         branch in the cycle stick for one iteration.
         """
-        wavering, self.has_merged = 0, True
+        wavering = opening = 0
         for i, contact in enumerate(self._contacts):
             recent = [sets[i] for sets in self._sets[-period:]]
             active, branches = (np.array(sets) for sets in zip(*recent, strict=True))
@@ -86,6 +88,8 @@ class SetHistory:
                 branch=np.where(wavers, STICK, contact.branch),
             )
             wavering += int(wavers.sum())
+            opening += int((active != active[-1]).any(axis=0).sum())
+        self.has_merged, self.opens_and_closes = True, opening > 0 and not wavering
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
             f"the active set does not settle (last {period} iterations); all nodes active in them "
