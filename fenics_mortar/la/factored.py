@@ -67,11 +67,15 @@ def factored_by_cholmod(K: PETSc.Mat, prefix: str) -> PETSc.PC | None:
     pc.setType("cholesky")
     pc.setFactorSolverType("cholmod")
     pc.setOperators(K)
+    options, quiet = PETSc.Options(), f"{prefix}single_mat_cholmod_print"
+    options.setValue(quiet, 0)  # no warning on the terminal: MUMPS takes over
     try:
         pc.setUp()
     except PETSc.Error:
         pc.destroy()
         return None
+    finally:
+        options.delValue(quiet)
     return pc
 
 
