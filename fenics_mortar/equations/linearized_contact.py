@@ -7,7 +7,8 @@ iteration updates all nodes at once; it may cycle for a wall, or turn an arch in
 the linearized problem is solved together with its inequalities. The compliance of all bodies
 reduces it to the multipliers, see ``rigid.complementarity``. The next Newton step uses the active
 set and branches of this solution. If no body floats it is the one that a load path leads to from
-the accepted state, see ``rigid.load_path``: with friction there may be others.
+the accepted state, see ``rigid.load_path``: with friction there may be others. Where nodes only
+open and close a solution beyond a turn of that path may be taken, at the end of a snap.
 
 The compliance needs one linear solve for each multiplier component of all nodes that may touch.
 Therefore this is done only if the active set does not settle.

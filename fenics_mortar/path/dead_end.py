@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""Reasons why a path of equilibria ends, from its last state.
+"""Reasons why a path of equilibria ends or turns, from its last state.
 
-Two reasons are certain. Surfaces that slip off each other's edges lose the last of their overlap
-while a force still acts in it. And with large friction the equations of a small step may have no
-solution (Klarbring 1990): near a state in which some nodes slide and no other node is about to
-change, each of these nodes can only stick or continue to slide, so that finitely many linear
+Two reasons for an end are certain. Surfaces that slip off each other's edges lose the last of their
+overlap while a force still acts in it. And with large friction the equations of a small step may
+have no solution (Klarbring 1990): near a state in which some nodes slide and no other node is about
+to change, each of these nodes can only stick or continue to slide, so that finitely many linear
 problems are possible. If the solution of each violates its own assumption, no state nearby
 satisfies the law. In both cases a body would accelerate, and only inertia determines its rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import product
 
 import numpy as np
@@ -40,15 +40,9 @@ def why_path_ends(problem: ContactProblem) -> str:
     Args:
         problem: At the last equilibrium, with slightly advanced loads; its state is restored.
     """
-    start = problem.state()
-    try:
-        return "; ".join(_slipping_off(problem)) or _deadlock(problem, start)
-    except RaisedElsewhereError:
-        raise
-    except MortarError:
-        return ""
-    finally:
-        problem.restore(start)
+    return _reason(
+        problem, lambda start: "; ".join(_slipping_off(problem)) or _deadlock(problem, start)
+    )
 
 
 def why_path_turns(problem: ContactProblem) -> str:
@@ -60,26 +54,37 @@ def why_path_turns(problem: ContactProblem) -> str:
     Args:
         problem: At the last equilibrium, with the loads of the step; its state is restored.
     """
-    start, equations = problem.state(), problem.equations
-    if equations.floating.bodies:
+    if problem.equations.floating.bodies:
         return ""
+    return _reason(problem, lambda _: _turn(problem))
+
+
+def _reason(problem: ContactProblem, find: Callable[[State], str]) -> str:
+    """The reason that ``find`` gives, "" if it fails; the state, its argument, is restored."""
+    start = problem.state()
     try:
-        for contact in equations.contacts:
-            contact.start_step()
-        equations.evaluate(start=False)
-        linearized = LinearizedContact(
-            equations.bulk, equations.floating, equations.system, equations.motions
-        )
-        if not linearized.applies:
-            return ""
-        equations.bulk.assemble_tangent()
-        return linearized.describe_turn()
+        return find(start)
     except RaisedElsewhereError:
         raise
     except MortarError:
         return ""
     finally:
         problem.restore(start)
+
+
+def _turn(problem: ContactProblem) -> str:
+    """Where the equations, linearized at the start of the step, turn (collective)."""
+    equations = problem.equations
+    for contact in equations.contacts:
+        contact.start_step()
+    equations.evaluate(start=False)
+    linearized = LinearizedContact(
+        equations.bulk, equations.floating, equations.system, equations.motions
+    )
+    if not linearized.applies:
+        return ""
+    equations.bulk.assemble_tangent()
+    return linearized.describe_turn()
 
 
 def _slipping_off(problem: ContactProblem) -> Iterator[str]:

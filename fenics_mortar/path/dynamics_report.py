@@ -11,8 +11,8 @@ from fenics_mortar.path.work import Work
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.markdown import Markdown
 
-# Energy that contact pressures add, over the largest kinetic energy [1], from which the report
-# tells of it. Without mass at the contact surface the study of impacts has at most 0.08.
+# Smallest energy added by contact pressures, over the largest kinetic energy [1], that the report
+# remarks on. Without mass at the contact surface it is at most 0.08 in the study of impacts.
 ADDED = 0.1
 
 
