@@ -24,7 +24,7 @@ from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.contact.view import PairView
 from fenics_mortar.equations.continuation import Continuation
 from fenics_mortar.equations.inputs import Inputs
-from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
+from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.setup import check_given, equations_of
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.state import State
@@ -389,8 +389,7 @@ class ContactProblem:
             e = self.equations
             e.evaluate_operators()
             e.bulk.free_garbage()
-            linearized = LinearizedEquations(e.bulk, e.contacts, e.motions, e.system)
-            return linearized.solve(rhs, transpose=transpose)
+            return e.linearized().solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
         """Taylor slopes of all derivatives at the present state, 2 if exact (collective).

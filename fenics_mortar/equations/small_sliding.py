@@ -48,6 +48,9 @@ class SmallSlidingEquations(ReducedEquations):
     def _factor(self, prefix: str) -> Any:
         return FactoredBulk(self._bulk, self._dofs, prefix)
 
+    def tangent(self) -> None:
+        """See ``ReducedEquations``."""
+
     def advance(self) -> Step:
         """Solve for the pressures of the active nodes; move the surfaces."""
         u = self._bulk.u.x.array

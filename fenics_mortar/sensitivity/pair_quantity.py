@@ -43,7 +43,11 @@ class PairQuantity(ContactQuantity):
     """
 
     def __init__(self, pair: int) -> None:
-        self.pair = check_pair(pair)
+        self.pair = pair
+
+    def check(self) -> None:
+        """See ``ContactQuantity``."""
+        check_pair(self.pair)
 
     @abstractmethod
     def _of(self, contact: Any) -> float:
