@@ -203,7 +203,13 @@ class ContactProblem:
 
     # Solving
 
-    def solve(self, *, accept_violations: bool = False, predict: bool = True) -> NewtonReport:
+    def solve(
+        self,
+        *,
+        accept_violations: bool = False,
+        predict: bool = True,
+        sensitivity: Any | None = None,
+    ) -> NewtonReport:
         """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
 
         Collective.
@@ -213,6 +219,8 @@ class ContactProblem:
                 in their direction, see ``continuation``; the last state is the guess otherwise.
             accept_violations: Return a state that violates its certificate instead of raising; see
                 ``report.certificate``.
+            sensitivity: A ``fm.sensitivity.Numerics``: how much a quantity depends on the choices
+                of the numerics is then ``report.sensitivity``.
 
         Returns:
             The record of the Newton iterations.
@@ -231,7 +239,7 @@ class ContactProblem:
         self._renew_if_interrupted()
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
-            self.newton, accept_violations=accept_violations, predict=predict
+            self.newton, sensitivity, accept_violations=accept_violations, predict=predict
         )
         with undone_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
@@ -246,6 +254,8 @@ class ContactProblem:
                     report = solve()
             if self._adequacy is not None:
                 report.adequacy = self._adequacy.assess(self)
+            if sensitivity is not None:
+                report.sensitivity = sensitivity.of(self)
         return report
 
     def accept(self) -> None:

@@ -82,8 +82,11 @@ class LinearBulk:
     def tangent(self) -> ReducedTangent | None:
         """Solves with the tangent by the present factors (collective).
 
-        ``None`` if there are none, or constants or functions of the tangent have changed since.
+        ``None`` if there are none, if constants or functions of the tangent have changed since, or
+        if the residual is not recognized as linear.
         """
+        if not self._general.bulk.is_linear:
+            return None
         before = self._data
         changed = self._equations is None or self._data_changed()
         self._data = before

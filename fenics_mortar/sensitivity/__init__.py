@@ -18,6 +18,7 @@ from fenics_mortar.sensitivity.controls import (
 from fenics_mortar.sensitivity.gradient import Gradient
 from fenics_mortar.sensitivity.kinks import Kink
 from fenics_mortar.sensitivity.nodal_positions import NodalPositions
+from fenics_mortar.sensitivity.numerics import Numerics, NumericsReport, by_numerics
 from fenics_mortar.sensitivity.over_steps import last, least_squares, total
 from fenics_mortar.sensitivity.path_record import RecordedPath
 from fenics_mortar.sensitivity.protocols import Control, Quantity
@@ -45,6 +46,8 @@ __all__ = [
     "MeanGap",
     "Moment",
     "NodalPositions",
+    "Numerics",
+    "NumericsReport",
     "ObstacleLoad",
     "ObstaclePlace",
     "ObstacleShape",
@@ -56,6 +59,7 @@ __all__ = [
     "RecordedPath",
     "TangentLinear",
     "TotalForce",
+    "by_numerics",
     "effective_length",
     "last",
     "least_squares",

@@ -185,7 +185,7 @@ def test_linear_bulk_factored_once(pair, options):
 def test_linear_bulk_with_a_symmetry_plane_and_adhesion():
     """Prescribed components of multipliers, and multipliers of open nodes."""
     law = test_adhesion.Sticky(0.3)
-    problem, lift = test_adhesion.columns(law, linear_bulk=True)
+    problem, lift = test_adhesion.columns(law, material=linear_elastic, linear_bulk=True)
     for place in (-0.02, 0.12):
         lift.value = place
         problem.solve()
@@ -193,6 +193,15 @@ def test_linear_bulk_with_a_symmetry_plane_and_adhesion():
         assert problem.equations.reduced_tangent() is not None
         check(problem)
     assert contact.attracted.any() and (contact.free == 0.0).any()
+
+
+def test_factors_of_a_bulk_that_is_not_linear_are_not_used():
+    """The user may call for them: Newton's method then converges, but they are no tangent."""
+    problem, lift = test_adhesion.columns(fm.Frictionless(), linear_bulk=True)
+    lift.value = -0.02
+    problem.solve()
+    assert problem.equations.reduced_tangent() is None
+    check(problem)
 
 
 def test_factors_of_other_data_are_not_used():

@@ -124,6 +124,38 @@ def _rows_of(
     return rows
 
 
+def rows_by_weight(contact: Contact, name: str) -> Array:
+    """Change of the rows with the factor of a weight, at 1 (collective).
+
+    Args:
+        contact: The contact, evaluated.
+        name: "c_n", or "stiffness" k, which is also a weight of the rows of closed gaps and the
+            stiffness of redundant sticks.
+
+    Returns:
+        Shape (slave nodes, 2) [stress length].
+
+    Raises:
+        ValueError: On all ranks, if the law cannot be differentiated.
+    """
+    law, f = contact.pair.law, contact.now
+    given, one = (f.of_geometry if isinstance(f, LawFields) else f.nodal), np.array(1.0)
+    weight = getattr(given, name)
+
+    def residuals(factor: Any) -> Array:
+        changed = {name: factor * weight.astype(complex)}
+        return _residuals(law, f, contact.parameters, given.memory, changed)
+
+    rows = _rows_of(contact, name, one, one, residuals)
+    if name == "stiffness":
+        normal, _, along, _, *closing = contact.rows.frame()
+        elastic = np.where(f.state.redundant, -given.stiffness * f.slip, 0.0)
+        rows += normal * f.operators.gap[:, None] - along * elastic[:, None]
+        for scaled, row in zip(closing, f.law_rows[2:], strict=True):
+            rows -= scaled * row.residual[:, None]
+    return rows
+
+
 def parameter_by_rows(contact: Contact, name: str, rows: Array) -> Array:
     """Gradient of the sum of the rows times ``rows``, shape of the parameter (collective)."""
     value = parameter(contact, name)
@@ -143,12 +175,16 @@ def with_parameter(law: Law, name: str, value: Any) -> Law:
 
 
 def _residuals(
-    law: Law, f: ContactFields, fields: Mapping[str, Any], memory: Mapping[str, Any]
+    law: Law,
+    f: ContactFields,
+    fields: Mapping[str, Any],
+    memory: Mapping[str, Any],
+    changed: Mapping[str, Any] | None = None,
 ) -> Array:
     """Tangential residual, adhesion and closing gap, complex, (3, slave nodes) (local)."""
     given = f.of_geometry if isinstance(f, LawFields) else f.nodal
     numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
-    node = replace(given, fields=fields, memory=memory, **numbers)
+    node = replace(given, fields=fields, memory=memory, **{**numbers, **(changed or {})})
     found = np.zeros((3, len(f.state.z)), complex)
     if law.has_layer:
         node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
