@@ -304,7 +304,7 @@ class ObstacleShape(Control):
     def jvp(self, problem: ContactProblem, dm: Array, before: Before = None) -> LinearVector:
         """See ``Control``."""
         rows = {
-            i: rows_by_shape(contact, self.parameter, np.asarray(dm, float), earlier)
+            i: rows_by_shape(contact, self.parameter, np.asarray(dm, float)[None], earlier)[0]
             for i, contact, earlier in self._pairs(problem, before)
         }
         return from_rows(problem.equations, rows)
