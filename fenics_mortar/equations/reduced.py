@@ -216,12 +216,13 @@ class ReducedEquations:
         return step, zeta, force
 
     def tangent(self) -> ReducedTangent | None:
-        """Solves with the tangent by the factors of the bulk, ``None`` where not implemented."""
+        """Solves with the tangent by the factors of the bulk, ``None`` where they do not pay."""
         if self._tangent is None:
-            self._tangent = ReducedTangent(
-                self._bulk, self._system, self._dofs, self._compliance, self._assemble
-            )
+            self._tangent = self._tangent_by(self._compliance)
         return self._tangent
+
+    def _tangent_by(self, compliance: Compliance) -> ReducedTangent:
+        return ReducedTangent(self._bulk, self._system, self._dofs, compliance, self._assemble)
 
     def finish(self) -> None:
         """Find the displacement inside the bodies."""

@@ -170,6 +170,7 @@ def test_slave_node_on_a_symmetry_plane(algorithm):
         ({"basis": "standard"}, {"algorithm": "saddle"}),
         ({"basis": "vertices"}, {"degree": 2}),
         ({"slip": "operators", "law": fm.Tresca(1.0)}, {}),
+        ({"sliding": "small", "law": fm.Frictionless()}, {}),
     ],
 )
 def test_linear_bulk_factored_once(pair, options):
