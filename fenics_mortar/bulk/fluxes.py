@@ -145,7 +145,7 @@ class Fluxes:
             )
 
     def moduli(self) -> tuple[Array, Array]:
-        """Derivatives by F at the midpoints of the owned cells (local).
+        """Derivatives with respect to F at the midpoints of the owned cells (local).
 
         Returns:
             dP_iJ / dF_kL, shape (cells, 2, 2, 2, 2) [stress], and derivatives of the constraints,

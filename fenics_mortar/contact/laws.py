@@ -4,7 +4,8 @@
 The gap of an active node is closed under every law. A law adds one equation per node,
 rho(g, u, z_n, z_tau) = 0, with the mean gap g, the slip u since the last accepted step, and the
 multiplier z = z_n n + z_tau tau, minus the traction on the slave. It returns rho and its four
-derivatives; the derivatives of g, u, n and tau by the displacement are computed by ``Contact``.
+derivatives; the derivatives of g, u, n and tau with respect to the displacement are computed by
+``Contact``.
 
 The multiplier of an open node is zero unless the law has an adhesion a(g), see ``Law.adhesion``.
 Then g and z_n + a are complementary:
@@ -109,7 +110,7 @@ class Friction(Law):
     def limit(self, node: Nodal) -> Row | tuple[Any, Any, Any]:
         """Friction limit b at ``node`` with its derivatives, (slave nodes,).
 
-        A ``Row``, or b and its derivatives by gap and z_n.
+        A ``Row``, or b and its derivatives with respect to gap and z_n.
         """
 
     def friction_limit_at(self, node: Nodal) -> Array:

@@ -175,7 +175,7 @@ def _gap_rows(f: ContactFields, normal: Array, scaled_tau: Array) -> list[Block]
 
 
 def _nodal_rows(f: ContactFields, scaled: Array, row: Row) -> list[Block]:
-    """Rows -``scaled`` (slave nodes, 2) d(rho), without the derivative by gaps.
+    """Rows -``scaled`` (slave nodes, 2) d(rho), without the derivative with respect to gaps.
 
     Terms with the change of n and tau are those of the nodes owned by this rank.
     """

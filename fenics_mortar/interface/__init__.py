@@ -2,5 +2,5 @@
 """The discretised interface: surfaces, segments, D, M, the weighted gap, and all derivatives.
 
 In flow the present positions of two surfaces, or of one and an obstacle. Out flow mortar operators,
-frozen, with derivatives by the nodes. Forces, laws and active sets are unknown here.
+frozen, with derivatives with respect to the nodes. Forces, laws and active sets are unknown here.
 """

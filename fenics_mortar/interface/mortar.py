@@ -89,14 +89,15 @@ class MortarOperators:
         slave, master: The two surfaces.
         x, m: Current positions of their nodes, shapes (slave nodes, 2), (master nodes, 2).
         n: Unit normals of the slave nodes, shape (slave nodes, 2).
-        dn: Derivatives of n by positions of the K - 1 nodes before, the node itself and the K - 1
-            nodes after, shape (slave nodes, 2, 4 K - 2) [1 / length].
+        dn: Derivatives of n with respect to positions of the K - 1 nodes before, the node itself
+            and the K - 1 nodes after, shape (slave nodes, 2, 4 K - 2) [1 / length].
         segments: Segments of this rank's share of the slave facets.
         D: Slave matrices of the facets of this share, shape (f, K, K) [length].
         M: Master matrices of its segments, shape (n, K, K) [length].
-        dD: Derivative of D by the nodes of each segment, shape (n, K, K, C) [1].
+        dD: Derivative of D with respect to the nodes of each segment, shape (n, K, K, C) [1].
         dM: Derivative of M for each pair of segments, shape (p, K, K, C) [1].
-        dgap: Derivative of the weighted gap by the nodes of each segment, shape (n, K, C) [length].
+        dgap: Derivative of the weighted gap with respect to the nodes of each segment, shape
+            (n, K, C) [length].
         diagonal: D[j, j] of every slave node, shape (slave nodes,) [length].
         gap: Weighted gap of every slave node, shape (slave nodes,) [length^2].
         cover: Integral of N_j over the covered part, shape (slave nodes,) [length].

@@ -171,7 +171,7 @@ def hand_over(j, weights, B, d, E, E_dG, C, C_dG, D, D_dG):
 
 @kernel
 def dual_multipliers(place, weights, B, d, inverse, work, C, C_dG, D, D_dG):
-    """Fill C (K, K), D (K, K) and their derivatives by G for the dual basis.
+    """Fill C (K, K), D (K, K) and their derivatives with respect to G for the dual basis.
 
     ``place`` = (lower end, upper end) of S; ``weights`` = H (K, K); ``inverse`` (K, K) that of the
     mass matrix; ``work`` = (E (K,), E_dG (K, 2 K - 1)), overwritten.
@@ -190,7 +190,7 @@ def dual_multipliers(place, weights, B, d, inverse, work, C, C_dG, D, D_dG):
 
 @kernel
 def standard_multipliers(weights, G, B, C, C_dG, D, D_dG):
-    """Fill C (K, K), D (K, K) and their derivatives by G for the standard basis.
+    """Fill C (K, K), D (K, K) and their derivatives with respect to G for the standard basis.
 
     ``weights`` = H (K, K); shapes of derivatives: C_dG (K, K, 2 K - 1), D_dG (K K, 2 K - 1).
     """

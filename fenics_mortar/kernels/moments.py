@@ -133,7 +133,7 @@ def differentiate_point(y, s, w, ends, dends, shapes, rows):
 def differentiate_thickness(theta, by_x, W, N, rows):
     """Multiply W and its derivative, in ``rows``, by the thickness of a point; return W.
 
-    ``by_x``: derivative of ``theta`` by the first coordinate of its node.
+    ``by_x``: derivative of ``theta`` with respect to the first coordinate of its node.
     """
     value, slope = thickness_at(theta, N, 0), thickness_at(theta, N, 1)
     for k in range(rows.shape[1]):

@@ -61,11 +61,12 @@ def check_geometry(geometry: Any, thickness: Any) -> None:
 
 @dataclass(frozen=True)
 class Thickness:
-    """Thickness of all bodies: a constant part, and its derivative by the current x_0.
+    """Thickness of all bodies: a constant part, and its derivative with respect to the current x_0.
 
     Attributes:
         constant: A length, or a function of reference positions (n, 2); 0 with axisymmetry.
-        by_x: Derivative by the first coordinate of the current position [1]: 2 pi or 0.
+        by_x: Derivative with respect to the first coordinate of the current position [1]: 2 pi or
+            0.
     """
 
     constant: float | Callable[[Array], Any]
@@ -102,7 +103,7 @@ class NodalThickness:
 
     Attributes:
         constant: Constant part, shape (nodes,) [length].
-        by_x: Derivative by the first coordinate [1].
+        by_x: Derivative with respect to the first coordinate [1].
     """
 
     constant: Array

@@ -29,10 +29,10 @@ class ContactQuantity(ABC):
 
     @abstractmethod
     def gradient(self, problem: ContactProblem, before: Before = None) -> LinearVector:
-        """Derivative by the present state."""
+        """Derivative with respect to the present state."""
 
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
-        """Derivative by the state before; ``None`` if it is zero."""
+        """Derivative with respect to the state before; ``None`` if it is zero."""
         return None
 
     def by_control(

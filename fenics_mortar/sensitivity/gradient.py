@@ -8,9 +8,9 @@ objective f(J_1, ..., J_N), w_k = df/dJ_k,
     df/dm = sum_k [w_k dJ_k/dm - (dR_k/dm)^T y_k],             A_k = dR_k/ds_k.
 
 Memories of laws are carried along with the states, see ``memory``. One solve with the transposed
-tangent per step gives the derivatives by all controls. dR_{k+1}/ds_k
-is the history: partners, slip and shear of the accepted state; without friction it vanishes, and
-steps without weight are left out.
+tangent per step gives the derivatives with respect to all controls. dR_{k+1}/ds_k is the history:
+partners, slip and shear of the accepted state; without friction it vanishes, and steps without
+weight are left out.
 """
 
 from __future__ import annotations
@@ -52,20 +52,21 @@ PRINTED = 8
 
 @dataclass(frozen=True)
 class Gradient:
-    """Derivatives of an objective by controls.
+    """Derivatives of an objective with respect to controls.
 
-    ``gradient[control]`` is the derivative by a control: an array of the shape of a constant, the
-    derivatives by all nodal values of a function as a function of its space (the dual vector; for
-    the gradient in L2 solve with the mass matrix), and an array for controls of contact.
+    ``gradient[control]`` is the derivative with respect to a control: an array of the shape of a
+    constant, the derivatives with respect to all nodal values of a function as a function of its
+    space (the dual vector; for the gradient in L2 solve with the mass matrix), and an array for
+    controls of contact.
 
     Attributes:
         value: The objective.
         values: Values of the quantities, shape (steps, quantities); nan in steps that the objective
             does not depend on.
         controls: The controls as given.
-        by_step: Contributions of the steps: for each control a list of arrays, the derivatives by
-            the value in this step alone. Their sum is the derivative by a value of all steps.
-            Functions: values of the owned dofs.
+        by_step: Contributions of the steps: for each control a list of arrays, the derivatives with
+            respect to the value in this step alone. Their sum is the derivative with respect to a
+            value of all steps. Functions: values of the owned dofs.
         kinks: Undecided nodes and the nodes nearest to a change of set; see ``kinks``.
     """
 
@@ -76,7 +77,7 @@ class Gradient:
     kinks: tuple[Kink, ...]
 
     def __getitem__(self, control: Any) -> Any:
-        """Derivative by a control (collective for functions).
+        """Derivative with respect to a control (collective for functions).
 
         Raises:
             KeyError: If it is none of ``controls``.
@@ -124,7 +125,7 @@ def gradient(
     *,
     over_steps: OverSteps = last,
 ) -> Gradient:
-    """Derivatives of an objective by controls (collective).
+    """Derivatives of an objective with respect to controls (collective).
 
     Args:
         objective: A scalar UFL form of the displacement and other fields, or a quantity of contact

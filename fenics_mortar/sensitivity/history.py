@@ -41,7 +41,7 @@ class History:
 
     Attributes:
         any: Whether any row depends on the state before.
-        pairs: Derivatives of the pairs, by their numbers.
+        pairs: Derivatives of the pairs, with respect to their numbers.
         earlier: States before of the pairs, by their numbers.
 
     Raises:

@@ -88,7 +88,7 @@ class NodalPositions:
 
 
 class _Derivatives:
-    """Derivatives of the residual of the bodies by positions, and of forms of rank 0.
+    """Derivatives of the residual of the bodies with respect to positions, and of forms of rank 0.
 
     Args:
         bulk: The bodies.

@@ -2,8 +2,8 @@
 """Objectives of a path as functions of the values of quantities in its steps.
 
 Such a function takes the values, shape (steps, quantities), and returns the objective and its
-derivatives by the values, of the same shape. It is local and has to return equal numbers on all
-ranks.
+derivatives with respect to the values, of the same shape. It is local and has to return equal
+numbers on all ranks.
 """
 
 from __future__ import annotations
@@ -117,8 +117,8 @@ def state_before(path: RecordedPath, number: int) -> Before:
         number: Number of the step.
 
     Returns:
-        Derivatives by the state, where residuals depend on it and it is a step of the path;
-        otherwise the state.
+        Derivatives with respect to the state, where residuals depend on it and it is a step of the
+        path; otherwise the state.
     """
     state = path.before(number)
     if number == 0 or state is None:

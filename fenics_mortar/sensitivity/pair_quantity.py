@@ -51,7 +51,7 @@ class PairQuantity(ContactQuantity):
 
     @abstractmethod
     def _by_fields(self, contact: Any) -> ByFields:
-        """Derivative by nodal fields."""
+        """Derivative with respect to nodal fields."""
 
     def value(self, problem: ContactProblem, before: Before = None) -> float:
         """See ``ContactQuantity``."""
@@ -63,7 +63,7 @@ class PairQuantity(ContactQuantity):
         return self._vector(problem, self._by_state(contact))
 
     def _by_state(self, contact: Interface) -> PairVector:
-        """Derivative by the present state at the pair."""
+        """Derivative with respect to the present state at the pair."""
         if isinstance(contact, Contact):
             check_exact(contact)
         return self._by_fields(contact).gradient(contact)

@@ -98,7 +98,7 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
     Raises:
         ValueError: If there is no such pair, or it is a tie.
-        MortarError: If derivatives by the state of its law are not implemented.
+        MortarError: If derivatives with respect to the state of its law are not implemented.
     """
     contact = interface_of(equations, i)
     if not isinstance(contact, Contact):

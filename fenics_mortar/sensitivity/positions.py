@@ -15,7 +15,7 @@ from fenics_mortar.utils.arrays import Array
 
 
 class ContactPositions:
-    """Derivative of the residuals by the positions of the nodes, contacts only.
+    """Derivative of the residuals with respect to the positions of the nodes, contacts only.
 
     Positions are values at the dofs of the displacement. The residuals of the bodies depend on them
     as well; their derivative is not included. See ``sensitivity.partials.positions``.

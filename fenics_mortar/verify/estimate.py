@@ -230,7 +230,7 @@ def _work_of_constraints(A: Array, C: Array, c: Array) -> Array:
 
     Args:
         A: Moduli at fixed other unknowns [stress], shape (cells, 2, 2, 2, 2).
-        C: Derivative of the constraints by grad u, shape (cells, constraints, 2, 2).
+        C: Derivative of the constraints with respect to grad u, shape (cells, constraints, 2, 2).
         c: Values of the constraints, shape (cells, p, constraints).
     """
     flat = C.reshape(*C.shape[:2], 4)

@@ -41,7 +41,7 @@ class ByFields:
     z: Array | None = None
 
     def gradient(self, contact: Interface) -> PairVector:
-        """Derivative by the present state at the pair (collective)."""
+        """Derivative with respect to the present state at the pair (collective)."""
         dofs = Dofs((contact.slave, contact.master))
         total = zero_of(contact)
         if self.z is not None:
@@ -146,7 +146,7 @@ def moment(contact: Interface, about: Array) -> float:
 
 
 def moment_gradient(contact: Interface, about: Array) -> PairVector:
-    """Derivative of ``moment`` by the present state at the pair (collective)."""
+    """Derivative of ``moment`` with respect to the present state at the pair (collective)."""
     o, z = contact.operators, contact.z
     force, _ = _fields(contact).forces
     r = o.x - about

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a step's rows by the accepted state that its slip is counted from.
+"""Derivative of a step's rows with respect to the accepted state that its slip is counted from.
 
 The rows depend on the previous state through the partners of the slave nodes, see ``slip``: by the
 matrices D / w and M / w of that state, its distances along the tangent (``start``), its nearest
@@ -157,7 +157,7 @@ def shear_derivative(earlier: Earlier, dofs: Dofs) -> NodalDerivative:
 
 
 def slip_derivative(contact: Contact, earlier: Earlier, dofs: Dofs) -> NodalDerivative:
-    """Derivative of the present slip by the earlier state (local)."""
+    """Derivative of the present slip with respect to the earlier state (local)."""
     none = np.zeros_like(contact.z)
     if isinstance(contact.operators, ObstacleOperators):
         blocks, by_motion = _on_obstacle(contact.operators, earlier)
@@ -167,7 +167,7 @@ def slip_derivative(contact: Contact, earlier: Earlier, dofs: Dofs) -> NodalDeri
 
 
 def _on_obstacle(now: ObstacleOperators, earlier: Earlier) -> tuple[list[Block], Array]:
-    """Blocks and derivative by motions of the slip along an obstacle (local).
+    """Blocks and derivative with respect to motions of the slip along an obstacle (local).
 
     The slip is -tau . y with y the nearest point of the earlier state, which has moved with the
     obstacle; the nearest point lies along the normal, so that ``start`` vanishes at any state.

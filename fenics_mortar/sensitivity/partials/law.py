@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a contact's rows by parameters of its law, by complex steps.
+"""Derivative of a contact's rows with respect to parameters of its law, by complex steps.
 
 A law names its parameters, numbers or arrays, in ``Law.parameters``; those that vary in space are
 their values at the slave nodes. The law is evaluated with a parameter p + i h d: the imaginary part

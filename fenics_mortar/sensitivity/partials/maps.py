@@ -117,10 +117,10 @@ class NodalDerivative:
 
     Attributes:
         dofs: Dofs of the pair.
-        blocks: Derivative by displacements: rows are slave nodes, columns global dofs; each rank
-            has a share.
-        by_z: Derivative by the multiplier of the node, shape (slave nodes, 2).
-        by_motion: Derivative by the motions of the obstacle, shape (slave nodes, 3).
+        blocks: Derivative with respect to displacements: rows are slave nodes, columns global dofs;
+            each rank has a share.
+        by_z: Derivative with respect to the multiplier of the node, shape (slave nodes, 2).
+        by_motion: Derivative with respect to the motions of the obstacle, shape (slave nodes, 3).
     """
 
     dofs: Dofs

@@ -41,7 +41,7 @@ class PairMemory:
 
     Args:
         contact: The contact, evaluated at the end of the step.
-        history: Derivative of its rows by the state before, ``None`` if that is given.
+        history: Derivative of its rows with respect to the state before, ``None`` if that is given.
     """
 
     def __init__(self, contact: Contact, history: History | None) -> None:
@@ -54,7 +54,7 @@ class PairMemory:
         self._rows = {name: rows_by_memory(contact, name) for name in names}
 
     def _differentiate(self, name: str, value: Array) -> Array:
-        """Derivative of the memory by an argument, (names, slave nodes)."""
+        """Derivative of the memory with respect to an argument, (names, slave nodes)."""
         contact, law, f = self._contact, self._contact.pair.law, self._contact.now
 
         def found() -> Array:
@@ -66,7 +66,7 @@ class PairMemory:
         return np.asarray(call_together(contact.slave.comm, self._words, found))
 
     def _by_own(self, name: str) -> Array:
-        """Derivative of the memory by that before, (names, slave nodes)."""
+        """Derivative of the memory with respect to that before, (names, slave nodes)."""
         contact, law, f = self._contact, self._contact.pair.law, self._contact.now
         memory = _given(f).memory
         value = np.asarray(memory[name])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of the equations of a contact by the reference positions of its nodes.
+"""Derivative of the equations of a contact with respect to the reference positions of its nodes.
 
 With finite sliding, the equations depend on the present positions x = X + u: forces and rows change
 as with the displacement, at fixed sets and weights of the rows. Lengths of undeformed facets occur
@@ -23,7 +23,7 @@ from fenics_mortar.utils.errors import MortarError
 
 
 class Positions:
-    """Derivative of forces and rows of a contact by positions; collective methods.
+    """Derivative of forces and rows of a contact with respect to positions; collective methods.
 
     Args:
         contact: The contact, evaluated.

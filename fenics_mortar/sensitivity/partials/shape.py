@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a contact's rows by the shape of its obstacle.
+"""Derivative of a contact's rows with respect to the shape of its obstacle.
 
 The distance of a point changes by dphi, the gradient by dgrad. This changes the weighted gaps
 int Phi_j phi, the normals n = -grad phi / |grad phi| of the slave nodes, and the slip: by the
