@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The active set and the branches of the contact law, from the complementarity function."""
+"""Active set and branches of the contact law, from the complementarity function."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fenics_mortar.utils.rounding import LAST_DIGITS
 def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
     """Active set and branches by the complementarity function (local).
 
-    Nodes in ``state.borne`` get the multipliers of their forces, open nodes those of the law.
+    Nodes in ``state.borne`` take the multipliers of their forces, open nodes those of the law.
 
     Args:
         f: Fields of the present state.
@@ -24,7 +24,7 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
             active, and multipliers that are nan after a failed solve become zero.
 
     Returns:
-        Fields of the new state, and the nodes that changed, shape (slave nodes,), bool.
+        Fields of the new state, and marks of the changed nodes, shape (slave nodes,), bool.
     """
     before, state, o = f.state, f.state, f.operators
     z = np.where(np.isfinite(state.z), state.z, 0.0) if start else state.z
@@ -53,8 +53,8 @@ def next_sets(f: ContactFields, *, start: bool) -> tuple[ContactFields, Flags]:
 def _active(f: ContactFields, *, start: bool) -> Flags:
     """Nodes with z_n + a - c_n g > 0 (local).
 
-    Unchanged where both are rounding, the pressure compared with the stiffness and the gap with the
-    largest coordinate. With ``start`` nodes of unknown pressure and no gap are active, too.
+    Unchanged if both are rounding: the pressure relative to the stiffness, the gap relative to the
+    largest coordinate. With ``start``, touching nodes of unknown pressure are active, too.
     """
     stiffness, on = f.sides.modulus, f.covered
     gap = np.where(on, f.closing_gap, 0.0)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Evaluation of the operators of one contact with a master surface or an obstacle.
 
-With small sliding D, M and normals are those of the undeformed mesh, the gap is the present one.
+With small sliding, D, M and normals are those of the undeformed mesh; the gap is the present one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
-# Results that are kept: of the last state, and of two initial guesses.
+# Number of cached results: the last state and two initial guesses.
 RECENT = 3
 # Position of the obstacle if there are no frozen operators.
 NO_PLACE = np.full(3, np.nan)
@@ -43,7 +43,7 @@ def place_of(reference: Reference | None) -> Array:
 
 
 class Integration:
-    """Evaluates the operators of one contact; changes no state.
+    """Evaluation of the operators of one contact; does not change the state.
 
     Args:
         sides: Slave and master.
@@ -90,11 +90,11 @@ class Integration:
 
         Args:
             u: Displacement, shape (local dofs,) [length].
-            state: Its multiplier nodes and frozen operators are used.
+            state: State, of which multiplier nodes and frozen operators are used.
             linearization: Derivatives to evaluate.
 
-        Without obstacle the operators of an earlier call are returned if all that they depend on is
-        as it was then: guesses and the first iterate of a step are evaluated at the same places.
+        Without an obstacle, the operators of an earlier call are returned if their arguments are
+        unchanged: initial guesses and the first iterate of a step have equal positions.
 
         Returns:
             The operators, and those of the undeformed mesh if sliding is small.
@@ -142,7 +142,7 @@ class Integration:
         """Operators of the undeformed mesh of an earlier state (collective).
 
         Args:
-            place: Position of the obstacle in that state, shape (3,); nan if it had none.
+            place: Position of the obstacle in that state, shape (3,); nan without reference.
             multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
         if np.isnan(place).any():

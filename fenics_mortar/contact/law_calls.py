@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Calls of contact laws: results of users' laws are checked; errors are raised on all ranks.
+"""Calls of contact laws, with checks of users' laws and errors on all ranks.
 
 Every rank evaluates a law at all slave nodes, between collective calls. An error is therefore
-stored, and a finite placeholder used, until ``raise_noted`` raises it on all ranks. Laws of the
-package are called without checks.
+stored and a finite placeholder returned; ``raise_noted`` later raises the error on all ranks. Laws
+of the package are called without checks.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Marks = npt.NDArray[np.bool_]
 
 
 class LawCalls:
-    """Calls the law of one contact (local).
+    """Calls of the law of one contact (local).
 
     Args:
         name: Name of the slave surface, for messages.
@@ -50,12 +50,12 @@ class LawCalls:
             whole = np.rint(np.nan_to_num(branch))
             if (whole != np.nan_to_num(branch)).any():
                 raise ValueError(f"{law!r}: branch returned {branch}; expected integers")
-            if isinstance(law, Friction):  # whose nodes would stick if their limit were nan
+            if isinstance(law, Friction):  # with a limit of nan all nodes would stick
                 given = law.limit(_protected(node))
                 if not isinstance(given, (tuple, list)) or len(given) not in (3, len(Row._fields)):
                     raise ValueError(
-                        f"{law!r}: limit returned {given!r}; expected a Row, or three: the limit "
-                        "and its derivatives by gap and z_n"
+                        f"{law!r}: limit returned {given!r}; expected a Row, or the limit and its "
+                        f"derivatives by gap and z_n"
                     )
                 limits = self._numbers(law, "limit", given[:1], before.size)
                 finite = [np.where(np.isposinf(limit), 0.0, limit) for limit in limits]
@@ -164,7 +164,7 @@ class LawCalls:
         return self._noting(call, (np.zeros_like(gap), np.zeros_like(gap)))
 
     def _row(self, law: Law, what: str, row: Any, node: Nodal, used: Marks, x: Array) -> Row:
-        """A row of arrays (slave nodes,), finite at the nodes that it is used at."""
+        """A row of arrays (slave nodes,), finite at the nodes where it is used."""
         if not isinstance(row, tuple) or len(row) != len(Row._fields):
             raise ValueError(f"{law!r}: {what} returned {row!r}; expected a Row")
         row = Row(*self._numbers(law, what, row, node.gap.size))
@@ -175,7 +175,7 @@ class LawCalls:
         """Result of ``call``, or ``instead`` if it raises; the error is stored."""
         try:
             return call()
-        except Exception as error:  # of a user's law: any
+        except Exception as error:  # any error of a user's law
             self.error = self.error or error
             return instead
 
@@ -229,7 +229,7 @@ def _all_finite(node: Nodal) -> Marks:
 
 
 def _protected(node: Nodal) -> Nodal:
-    """Read-only views of ``node``, for a law that might write into it."""
+    """Read-only views of ``node``, since a user's law might write into the arrays."""
     arrays = {name: value for name, value in vars(node).items() if isinstance(value, np.ndarray)}
     views: dict[str, Any] = {name: _read_only(values) for name, values in arrays.items()}
     return replace(node, **views)

@@ -14,9 +14,9 @@ from fenics_mortar.utils.arrays import Array, Flags
 
 
 class LawFields(ContactFields):
-    """Fields for laws that see more than gap, slip and multiplier; see ``Law.sees_nodes``.
+    """Fields for laws that depend on more than gap, slip and multiplier; see ``Law.sees_nodes``.
 
-    ``nodal`` has the closing gap in place of the mean gap.
+    In ``nodal`` the closing gap replaces the mean gap.
     """
 
     @field(*SEEN)
@@ -53,12 +53,12 @@ class LawFields(ContactFields):
 
     @property
     def offset(self) -> Array:
-        """See ``InterfaceFields``; less the thickness of the law's layer."""
+        """See ``InterfaceFields``; minus the thickness of the law's layer."""
         return np.asarray(self.state.offset - (self.nodal.gap - self.of_geometry.gap))
 
     @field(*SEEN)
     def pull(self) -> Row:
-        """Adhesion at closing gaps, continued linearly to negative ones, each (slave nodes,)."""
+        """Adhesion at closing gaps, extrapolated linearly to negative ones, each (slave nodes,)."""
         law, node, none = self.sides.pair.law, self.nodal, np.zeros(len(self.state.z))
         if not law.has_adhesion:
             return Row(none, none, none, none, none)

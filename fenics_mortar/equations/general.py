@@ -41,7 +41,7 @@ from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
 from fenics_mortar.verify.crossing import Crossings
 
-# Motions of no obstacles.
+# Motions for a problem without obstacles.
 NO_MOTION: Array = np.zeros((0, 3))
 
 
@@ -62,7 +62,7 @@ class Increment(NamedTuple):
 
 
 class ContactEquations:
-    """Bodies, contacts and driven obstacles together; all methods are collective.
+    """Coupled equations of bodies, contacts and driven obstacles; all methods are collective.
 
     Args:
         bulk: Bulk residual and tangent.
@@ -75,10 +75,10 @@ class ContactEquations:
         motions: The obstacles of the contacts.
         floating: Bodies that Dirichlet conditions leave free to move rigidly.
         residual: Residual of the last evaluated state, and its forces.
-        remedies: Remedies of Newton's method where sets or bodies do not settle.
+        remedies: Remedies if active sets or bodies do not settle in Newton's method.
         springs: Anchored springs on bodies and obstacles if Newton's method fails.
         crossings: Detection of crossed surfaces.
-        interrupted: Whether an interruption may have left incomplete matrices.
+        interrupted: Whether matrices may be incomplete after an interruption.
         last_converged: Whether the last solve ended in the present state.
         stiffest: Largest diagonal entry of the bulk tangent at the start [stress].
         system: The linear system; has to be set before the first ``advance``.
@@ -119,10 +119,10 @@ class ContactEquations:
         self._loose: list[FloatingBody] = []
 
     def add_inertia(self, inertia: Inertia) -> None:
-        """Add mass; no body with mass floats."""
+        """Add mass; bodies with mass are not floating."""
         self.bulk.inertia = inertia
         self.floating.find()
-        self.last_converged, self.interrupted = False, True  # matrices have another pattern
+        self.last_converged, self.interrupted = False, True  # the pattern of the matrices changes
 
     def _set_stiffness(self) -> None:
         """Set the stiffness of each contact to the mean diagonal of K at its slave nodes."""
@@ -183,7 +183,7 @@ class ContactEquations:
         return changed
 
     def evaluate_forces(self) -> tuple[Array, Array]:
-        """Evaluate all; return forces of bulk and contact, (owned dofs,) each [stress length]."""
+        """Evaluate; return forces of bulk and contact, (owned dofs,) each [stress length]."""
         self.evaluate_contacts(start=True)
         bulk, contact, _ = self.residual.forces()
         return bulk, contact
@@ -202,7 +202,7 @@ class ContactEquations:
     # Newton iteration
 
     def advance(self) -> Step:
-        """One Newton iteration: linearize, solve, apply; a step that is too long is shortened."""
+        """Carry out one Newton iteration: linearize, solve, apply; too long a step is shortened."""
         if self.floating.bodies:
             self.remedies.settle_sets()
         self.linearize()
@@ -248,7 +248,7 @@ class ContactEquations:
         return self.step(size, part, increment.remark)
 
     def _take_linearized_sets(self, snap: bool) -> bool:
-        """Take the sets of the linearized problem; return whether they were found."""
+        """Adopt the sets of the linearized problem; return whether they were found."""
         linearized = LinearizedContact(self.bulk, self.floating, self.system, self.motions)
         if not linearized.applies:
             return False

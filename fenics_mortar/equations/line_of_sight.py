@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Outlines of the bodies for the line of sight of each pair (local)."""
+"""Outlines of the bodies that limit the search of each pair (local)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fenics_mortar.utils.arrays import Array
 
 
 def show_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: Array) -> None:
-    """Pass the outlines of the bodies to each pair, ties first; tied bodies count as one.
+    """Pass the outlines of the bodies to each pair, ties first; tied bodies are treated as one.
 
     Args:
         contacts: The pairs.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Set-up of a problem: arguments are checked, pairs are bound to the mesh (collective)."""
+"""Set-up of a problem: check of arguments, binding of pairs to the mesh (collective)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from fenics_mortar.utils.errors import check_same_words, together
 def check_given(
     given: dict[str, Any], pairs: Sequence[ContactPair | TiedPair], adequacy: Any
 ) -> None:
-    """Refuse arguments of a wrong kind, or that differ between ranks (collective).
+    """Reject arguments of a wrong type, or that differ between ranks (collective).
 
     Args:
         given: Arguments of ``ContactProblem`` by name, without pairs and adequacy.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The state of a problem, as a value: all that a solve begins from."""
+"""State of a problem as a value: all quantities from which a solve starts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fenics_mortar.verify.crossing import Standing
 
 @dataclass(frozen=True)
 class State(Value):
-    """All that a solve starts from, as an immutable value; all methods are local.
+    """All quantities from which a solve starts, as an immutable value; all methods are local.
 
     ``dataclasses.replace`` returns a changed copy.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Undo interrupted solves: the problem is then in its previous state.
+"""Undo of interrupted solves: the problem is restored to its previous state.
 
 An interruption is a KeyboardInterrupt or any other exception that does not come from the equations,
 such as an error of a user's function. It may occur anywhere and on one rank only; therefore a state
@@ -54,7 +54,7 @@ def undone_if_interrupted(equations: ContactEquations, adequacy: Any) -> Iterato
     try:
         yield
     except MortarError as error:
-        if isinstance(error, RaisedElsewhereError):  # on that rank it is another error
+        if isinstance(error, RaisedElsewhereError):  # on the other rank it is another error
             before.take_back(renew=True)
         raise
     except BaseException as error:
@@ -74,7 +74,7 @@ def as_interruption(error: BaseException) -> BaseException:
     """Return a KeyboardInterrupt for an error that one in compiled code caused (local).
 
     Numba reports an exception that is set during a call as a SystemError. Any other error is
-    returned as it is.
+    returned unchanged.
     """
     cause: BaseException | None = error
     while isinstance(cause, SystemError):

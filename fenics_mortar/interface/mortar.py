@@ -59,8 +59,9 @@ class Linearization:
         segments: Whether to include the motion of the segment ends on the slave facets.
         frozen: Whether D, M and n are constant in the tangent: a fixed-point iteration for these
             (Popp, Gee & Wall 2009).
-        exact: Whether to keep also slopes that Newton's method is better without: those of
-            adhesion that fades fast, see ``ContactFields.law_rows``. For derivatives of a solution.
+        exact: Whether to include also the derivatives of rapidly decreasing adhesion, which
+            Newton's method converges better without; see ``ContactFields.law_rows``. For
+            derivatives of a solution.
     """
 
     normals: bool = True
@@ -182,7 +183,7 @@ class MortarOperators:
         Args:
             x: Positions of the slave nodes, shape (slave nodes, 2) [length].
             s: Segments.
-            points: Places in each segment, -1 ... 1, shape (q,).
+            points: Coordinates in each segment, -1 ... 1, shape (q,).
 
         Returns:
             Gaps, shape (n, q) [length].
@@ -307,7 +308,7 @@ class MortarOperators:
         return self.slave.near_dofs[:, : 2 * (2 * self.slave.degree + 1)]
 
     def less_offset(self, offset: Array) -> MortarOperators:
-        """Operators for the gap less an offset, interpolated between nodes (collective).
+        """Operators for the gap minus an offset, interpolated between nodes (collective).
 
         The weighted gap becomes g_j - sum_k D[j, k] offset_k.
 
@@ -316,7 +317,7 @@ class MortarOperators:
         """
         s, nodes = self.segments, self.facet_nodes
         change = np.einsum("ejk,ek->ej", self.D, offset[nodes])
-        nodal = np.zeros(self.slave.num_nodes)  # bincount of nothing has integers
+        nodal = np.zeros(self.slave.num_nodes)  # bincount of an empty array returns integers
         nodal += np.bincount(nodes.ravel(), change.ravel(), self.slave.num_nodes)
         self.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])

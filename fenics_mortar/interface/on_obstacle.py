@@ -47,7 +47,7 @@ class ObstacleOperators(MortarOperators):
     """Operators of a slave surface and an obstacle: segments are facets, the master has no nodes.
 
     Attributes:
-        obstacle: The obstacle, at its place of the evaluation.
+        obstacle: The obstacle, at the place of the evaluation.
         arm: Length by which angles are multiplied [length].
         phi: Signed distance of the slave nodes, shape (slave nodes,) [length].
         V: Motions at the slave nodes, shape (slave nodes, 3, 2).
@@ -128,7 +128,7 @@ class ObstacleOperators(MortarOperators):
         Args:
             x: Positions of the slave nodes, shape (slave nodes, 2) [length].
             s: Segments, one per facet.
-            points: Places on the facets, -1 ... 1, shape (q,).
+            points: Coordinates on the facets, -1 ... 1, shape (q,).
 
         Returns:
             phi, shape (f, q) [length].
@@ -167,15 +167,15 @@ def evaluate_obstacle(
         arm: Length by which angles are multiplied [length].
         x: Current positions of the slave nodes, shape (slave nodes, 2) [length].
         multiplier_nodes: Whether a slave node carries a multiplier, shape (slave nodes,), bool.
-        prescribed_normals: Normals to use instead of the obstacle's, shape (slave nodes, 2); nan
-            where none is prescribed.
+        prescribed_normals: Normals that replace the obstacle's, shape (slave nodes, 2); nan where
+            none is prescribed.
         options: Discretization.
         linearization: Derivatives to evaluate; the others are zero.
 
     Returns:
         The operators.
     """
-    distance = f"the distance of '{obstacle.name}'"  # of each rank at points of its own
+    distance = f"the distance of '{obstacle.name}'"  # each rank evaluates other points
     rule = facet_rule(options.integration, slave.degree + 1, options.points)
 
     def of_share():
@@ -269,7 +269,7 @@ def integrate_facets(
         weights: H, shape (f, K, K).
         rule: Points and weights on [-1, 1], each (q,).
         options: Discretization, for basis and weights of the gap.
-        thickness: That of the nodes, shape (f, K) [length], and its derivative with respect to
+        thickness: Thickness at the nodes, shape (f, K) [length], and its derivative with respect to
             their first coordinate [1]; one by default.
 
     Returns:

@@ -22,8 +22,8 @@ from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import ROUNDING, TINY
 
-# Factor of the steps to which coordinates are rounded [1]: no node of a regular mesh lies between
-# two steps, where the result would depend on the last digit.
+# Factor of the steps to which coordinates are rounded [1]. With an odd factor no node of a regular
+# mesh lies halfway between two steps, where the result would depend on the last digit.
 ODD = 0.97312
 
 
@@ -31,9 +31,8 @@ ODD = 0.97312
 class Outline:
     """Segments of the outlines of some bodies; equal on all ranks except ``local_dofs``.
 
-    The order of the nodes follows from their coordinates, that of the segments from a curve that
-    fills the plane, so that neighbours in space are near each other. Neither depends on the
-    partition of the mesh.
+    Nodes are ordered by their coordinates, segments along a space-filling curve, so that neighbours
+    in space have similar numbers. Neither order depends on the partition of the mesh.
 
     Attributes:
         X: Reference positions of the nodes, shape (n, 2) [length].
@@ -83,7 +82,7 @@ class Outline:
         return begins[self.segments[:, 1]], ends[self.segments[:, 0]]
 
     def places_of(self, nodes: Indices) -> Indices:
-        """Numbers in the outlines of global ``nodes``, shapes (k,)."""
+        """Numbers in the outlines of global ``nodes`` (k,), shape (k,)."""
         order = np.argsort(self.nodes)
         return order[np.searchsorted(self.nodes[order], nodes)]
 
@@ -106,8 +105,8 @@ class Outline:
 
         Args:
             surface: The surface.
-            nodes: Global numbers of tied nodes, shape (k,); a facet is tied if all of its nodes
-                are.
+            nodes: Global numbers of tied nodes, shape (k,); a facet is tied if all its nodes are
+                tied.
         """
         tied = np.isin(surface.nodes[surface.facets], nodes).all(axis=1)
         stays = ~self.are_of(replace(surface, facets=surface.facets[tied]))

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""The model hierarchy: solves start with the cheapest variant of a problem.
+"""Model hierarchy: solves start with the cheapest variant of a problem.
 
 Cheaper models are the bulk linearized at rest with small sliding, and either assumption alone. The
-error of a model is estimated by a Newton step of the problem itself, so that its cost is not lost
-if the model is insufficient: the next model starts from the result, and insufficient models are not
-tried again. A step with the residual of the linear bulk gives the error of that assumption alone:
-if it is too large, the intermediate models are skipped.
+error of a model is estimated by a Newton step of the problem itself. If the model is insufficient,
+the cost of this step is not lost: the next model starts from the result, and insufficient models
+are not tried again. A step with the residual of the linear bulk yields the error of that assumption
+alone; if it is too large, the intermediate models are skipped.
 
 A state whose deviations from the assumptions hardly exceed those of a checked state is not checked
 again: errors grow at most with the square of the deviations.
@@ -42,9 +42,10 @@ from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import going_on
 
-# Relative error above which the result of a model is not used as initial guess.
+# Relative error [1] above which the result of a model is not used as initial guess.
 MAX_ERROR = 0.5
-# Growth of deviations or errors of a model since the last check from which they are checked again.
+# Growth of a model's deviations or errors since the last check above which they are checked again
+# [1].
 CHECK_FACTOR = 2.0
 
 
@@ -64,14 +65,14 @@ class Model:
 
     @property
     def name(self) -> str:
-        """Its assumptions, in words."""
+        """Its assumptions, as text."""
         linear, small = "linear strain" * self.is_linear, "small sliding" * self.is_small
         return " and ".join(filter(None, (linear, small)))
 
 
 @dataclass(frozen=True)
 class UsedModel:
-    """The model whose solution is kept, its estimated errors, and their origin."""
+    """The model whose solution is used, its estimated errors, and their origin."""
 
     model: Model
     errors: Errors
@@ -79,7 +80,7 @@ class UsedModel:
 
 
 class ModelHierarchy:
-    """Solves a problem by the cheapest sufficient model.
+    """Solution of a problem by the cheapest sufficient model.
 
     Args:
         problem: The problem.
@@ -119,8 +120,8 @@ class ModelHierarchy:
         """Solve (collective).
 
         Returns:
-            The report; ``None`` if only the problem's own model is left; the problem is then at the
-            initial guess for it.
+            The report. ``None`` if only the problem's own model is left; the state of the problem
+            is then the initial guess for it.
         """
         problem, start = self._problem, self._problem.state()
         self.used, self._has_estimated = None, False
@@ -162,7 +163,7 @@ class ModelHierarchy:
     def take(self, data: Mapping[str, Array]) -> None:
         """Restore ``data``, see ``kept`` for shapes, at the same state (collective).
 
-        Slip counts from the partners in the operators of the model used.
+        Slip is counted from the partners in the operators of the model used.
         """
         numbers = map(float, data["hierarchy"])
         level, skips_rest, on_model, self._mesh_error_at, self._mesh_error = numbers
@@ -223,9 +224,9 @@ class ModelHierarchy:
     def _is_enough(self, errors: Errors) -> bool:
         """Whether the error of a model is within the tolerance or the mesh error (collective).
 
-        The error of the mesh is estimated at the corrected state, at which the problem has to be:
-        the residual at the model's own state contains the error of the model. It is estimated anew
-        where it decides, or where the error of the model has doubled, once per solve.
+        The error of the mesh is estimated at the corrected state, which must be the present state
+        of the problem: the residual at the model's solution contains the error of the model. It is
+        estimated again if it is decisive or the error of the model has doubled, once per solve.
         """
         error, known = errors[self._quantity], self._discretisation is not None
         decides = min(CHECK_FACTOR * self._mesh_error_at, self._mesh_error) < error < MAX_ERROR
@@ -273,7 +274,7 @@ def deviations(model: Model) -> Array:
 def error_of_linear_bulk(other: ContactProblem, problem: ContactProblem) -> Errors:
     """Relative errors of the linear bulk of a variant alone, at a corrected state (collective).
 
-    They follow from a step with its residual; the problem stays at the result.
+    They follow from a step with its residual; the result is the new state of the problem.
 
     Args:
         other: The variant.

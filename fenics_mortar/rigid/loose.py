@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Driven motions of obstacles that active contact does not resist.
+"""Loose motions of obstacles: driven motions that active contact does not resist.
 
 Tangent springs regularize them, see ``springs``.
 """
@@ -48,7 +48,7 @@ def tangent_springs(
 
 
 def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> str:
-    """Loose motions that are driven by forces, in words; "" if there are none (local).
+    """Description of loose motions driven by forces; "" if there are none (local).
 
     Args:
         motions: The obstacles.

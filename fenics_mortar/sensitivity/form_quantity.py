@@ -52,7 +52,7 @@ class FormQuantity:
         return LinearVector(u=self._by_u.transposed())
 
     def by_before(self, problem: ContactProblem, before: Before) -> LinearVector | None:
-        """Derivative with respect to the state before: none."""
+        """Derivative with respect to the state before, which is zero: ``None``."""
         return None
 
     def depends_on(self, control: Any) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Base of the quantities of one pair: chain rules from nodal fields to state and controls."""
+"""Base class of the quantities of one pair: chain rules from nodal fields to state and controls."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from fenics_mortar.utils.arrays import Array
 
 
 class PairQuantity(ContactQuantity):
-    """Base of the quantities of one pair, functions of its nodal fields.
+    """Base class of the quantities of one pair, functions of its nodal fields.
 
     Args:
         pair: Number of the pair.
@@ -87,7 +87,7 @@ class PairQuantity(ContactQuantity):
     def by_control(
         self, problem: ContactProblem, control: Any, before: Before = None
     ) -> Array | float:
-        """See ``ContactQuantity``; offsets and shapes of obstacles."""
+        """See ``ContactQuantity``; for offsets and shapes of obstacles."""
         contact = interface_of(problem.equations, self.pair)
         by = self._by_fields(contact)
         if isinstance(control, (Offset, Interference)) and control.pair == self.pair:

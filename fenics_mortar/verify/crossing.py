@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Crossed surfaces: overlapping outlines in a state, and passages of nodes in a step.
 
-All exterior facets of the bodies in pairs are checked once after each solve, with other bodies and
-with their own, independently of the search for partners.
+After each solve all exterior facets of the bodies in pairs are checked, against other bodies and
+their own body, independently of the search for partners.
 
 **State**: depth of two outlines in each other where they cross, in facets. Faceted curves in
 contact overlap by their sagitta, and between nodes dual multipliers admit overlaps of this size;
@@ -11,9 +11,9 @@ the limits are those of the penetration of a pair.
 **Step**: paths of nodes are straight from the last accepted state to the present one, including
 rigid moves before the solve. Since straight paths would shrink a rotating body, paths relative to
 it are computed in the frame that rotates with it, in several sections. A path passes through a body
-if the outward normals at entry and exit are opposed. It slides along the body if it leaves where it
-entered, as chords of a curve do, or if the outline between entry and exit stays within a facet of
-the path, as at a tip. Paths that end deep inside another body are reported as well.
+if the outward normals at entry and exit are opposed. It slides along the body if exit and entry
+coincide, as for chords of a curve, or if the outline between them is within a facet of the path, as
+at a tip. Paths that end deep inside another body are reported as well.
 
 Cost on two blocks (``demos.studies.performance.crossing``): 0.9 ms with 10,500 unknowns (1.9 % of a
 Newton iteration), 2.6 ms with 161,000 (0.4 %). Rotating bodies cost more: 30 bricks with 1,200
@@ -48,12 +48,12 @@ from fenics_mortar.verify.ways import Motions, own_frame, passed_through
 
 @dataclass(frozen=True)
 class Crossing:
-    """The deepest crossing of the outlines of two bodies, or of one.
+    """Deepest crossing of the outlines of two bodies, or of one outline with itself.
 
     Attributes:
         sides: Names of the surfaces, or of the bodies outside surfaces of pairs.
-        where: Position, in words.
-        depth: Depth of one in the other [length].
+        where: Position, as text.
+        depth: Depth of one body in the other [length].
         facets: Depth over the facet's length [1].
     """
 
@@ -63,7 +63,7 @@ class Crossing:
     facets: float
 
     def __str__(self) -> str:
-        """In words."""
+        """The crossing as text."""
         first, second = self.sides
         who = f"{first} crosses itself" if first == second else f"{first} and {second} cross"
         return f"{who} at {self.where}, {self.depth:.3g} deep ({self.facets:.1f} facets)"
@@ -75,7 +75,7 @@ class Standing:
 
     Attributes:
         x: Positions of the outlines' nodes, shape (n, 2) [length].
-        places: Places of the obstacles, shape (obstacles, 3).
+        places: Positions (x, y, angle) of the obstacles, shape (obstacles, 3).
     """
 
     x: Array
@@ -83,7 +83,7 @@ class Standing:
 
 
 class Crossings:
-    """Finds crossings and passages; all methods are collective.
+    """Detection of crossings and passages; all methods are collective.
 
     Args:
         bulk: The bulk equations.
@@ -124,7 +124,7 @@ class Crossings:
     # A state
 
     def find(self) -> list[Crossing]:
-        """Deepest crossing of each two outlines at the present displacement."""
+        """Deepest crossing of each pair of outlines at the present displacement."""
         rows, found = self._crossings(self._positions(), self._allowed()), []
         for pair, row in self._deepest(rows).items():
             facets = float(row[2]) - self._excused.get(pair, 0.0)
@@ -141,7 +141,7 @@ class Crossings:
         )
 
     def _deepest(self, rows: Array) -> dict[tuple[int, int], Array]:
-        """Deepest row of each two bodies, in order of decreasing depth."""
+        """Deepest row for each pair of bodies, in order of decreasing depth."""
         rows = rows[np.argsort(-rows[:, 2], kind="stable")]
         pairs = np.sort(self._segment_bodies[rows[:, :2].astype(np.int64)], axis=1)
         _, first = np.unique(pairs @ np.array([self._bound, 1]), return_index=True)
@@ -150,8 +150,8 @@ class Crossings:
     def _as_meshed(self) -> dict[tuple[int, int], float]:
         """Overlap of unpaired bodies in the mesh [facets], inf if it is deep.
 
-        Offsets are zero then. The overlap of a body with itself, as of a closed ring, is its value
-        in the mesh.
+        Offsets are zero at this time. The overlap of a body with itself, such as a closed ring, is
+        its value in the mesh.
         """
         found, X = {}, self.outline.X
         for pair, row in self._deepest(self._crossings(X, np.zeros(len(X)))).items():
@@ -249,7 +249,7 @@ class Crossings:
         return self._messages(rows, lengths, along[-1]) if len(rows) else []
 
     def _messages(self, rows: Array, lengths: Array, x1: Array) -> list[str]:
-        """Messages on rows of ``find_passages``, one for each two bodies."""
+        """Messages on rows of ``find_passages``, one for each pair of bodies."""
         node, entry, leaves = (rows[:, k].astype(np.int64) for k in range(3))
         messages, through, depth = list[str](), leaves >= 0, rows[:, 3]
         pairs = np.stack([self.outline.bodies[node], self._segment_bodies[entry]], axis=1)

@@ -67,7 +67,7 @@ def _adhesion(contact: Contact, here: Points, opening: Array) -> Array:
 def _gaps(contact: Contact, segments: Segments) -> Array:
     """Gaps minus the offset at points of segments, shape (n, q) [length] (collective).
 
-    With small sliding they are linear in the motion, as nodal gaps are.
+    With small sliding gaps are linear in the motion, like nodal gaps.
     """
     o, first = contact.operators, contact.as_faced
     gap = first.sample_gaps(first.x + contact.now.offset[:, None] * o.n, segments, GAUSS[0])
@@ -81,9 +81,9 @@ def _gaps(contact: Contact, segments: Segments) -> Array:
 def slip_defects(contact: Contact) -> Defects:
     """Slip where all nodes stick; otherwise the missing work of friction (collective).
 
-    That is the work of the friction limit minus the work of the shear. The slip is that of the last
-    step, of points that faced each other at its start; along obstacles, whose surface has no mesh,
-    that of the nodes.
+    The missing work is that of the friction limit minus that of the shear. The slip is that of the
+    last step between points that faced each other at its start, or nodal slip on obstacles, whose
+    surface has no mesh.
     """
     o, facing = contact.operators, contact.partners.facing
     here = points_of(o.segments) if facing is None else facing
@@ -112,7 +112,7 @@ def _on_facets(pair: Interface, here: Points, wrong: Array, work: Array) -> Defe
     measure = here.measure(pair.operators.x)
     dyads = np.einsum("nq,nqi,nqk->nik", measure, wrong, wrong).reshape(-1, 4)
     sums, thickness = np.zeros((len(pair.slave.facets), 5)), pair.slave.thickness
-    if thickness is not None:  # the stiffness of the layer has it
+    if thickness is not None:  # the stiffness of the layer includes the thickness
         work = work * here.of(thickness.at(pair.operators.x))
     np.add.at(sums, here.facet, np.column_stack([dyads, (measure * work).sum(axis=1)]))
     pair.slave.comm.Allreduce(MPI.IN_PLACE, sums)

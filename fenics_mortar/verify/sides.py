@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The sides of the cells of a rank and their neighbours on all ranks."""
+"""Sides of the cells of a rank and their neighbours on all ranks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 
 
 class Sides:
-    """The sides of the owned cells: their facets, nodes, neighbours and prescribed components.
+    """Sides of the owned cells: facets, nodes, neighbours and prescribed components.
 
     The constructor is collective.
 
