@@ -265,7 +265,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
     ("fields", "message"),
     [
         ({"displacement": 1}, "'displacement'"),
-        ({"": 1}, "non-empty text"),
+        ({"": 1}, "non-empty string"),
         ({"number": 1.0}, "field 'number'"),
         ({"rank 3": "third"}, r"shape is \(2, 2, 2\)"),
         ({"test": "test"}, "test or trial function"),
