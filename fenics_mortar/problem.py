@@ -28,7 +28,7 @@ from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.setup import check_given, equations_of
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm, system_of
 from fenics_mortar.mesh.thickness import Geometry
@@ -235,7 +235,7 @@ class ContactProblem:
         remarks = self._inputs.check(
             self.newton, accept_violations=accept_violations, predict=predict
         )
-        with undone_if_interrupted(self.equations, self._adequacy):
+        with restored_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
                 solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
@@ -387,7 +387,7 @@ class ContactProblem:
                 leaves a body free, or if z or q differ between ranks.
         """
         self._renew_if_interrupted()
-        with undone_if_interrupted(self.equations, self._adequacy):
+        with restored_if_interrupted(self.equations, self._adequacy):
             e = self.equations
             e.evaluate_operators()
             e.bulk.free_garbage()
@@ -405,5 +405,5 @@ class ContactProblem:
             Remainders and slopes of each block: bulk, n, g, D, M and the whole system.
         """
         self._renew_if_interrupted()
-        with undone_if_interrupted(self.equations, self._adequacy):
+        with restored_if_interrupted(self.equations, self._adequacy):
             return check_tangent(self.equations, **options)

@@ -85,7 +85,7 @@ def remark_on_radius(residual: Any, u: Any, space: DisplacementSpace) -> str:
     )
 
 
-class HeldAxis:
+class AxisConditions:
     """Check of the values prescribed on the axis; the constructor is collective.
 
     Args:

@@ -116,14 +116,14 @@ class Inertia:
         self._rates = rates
         self.velocity.x.array[:] = rates.velocity
 
-    def take(self, rates: Rates, u: Array) -> None:
+    def set_rates(self, rates: Rates, u: Array) -> None:
         """Set the rates, and c and o such that w at ``u`` is their acceleration (local)."""
         self.rates = rates
         self.factor, self.origin = 1.0, u - rates.acceleration
 
     # Checkpoints
 
-    def kept(self) -> dict[str, Any]:
+    def saved_data(self) -> dict[str, Any]:
         """All rates at the nodes of the mesh input, equal on all ranks."""
         rates, data = self.rates, dict[str, Any]()
         for part in fields(rates):
@@ -133,8 +133,8 @@ class Inertia:
             data[part.name] = np.asarray(value)
         return data
 
-    def take_kept(self, data: Mapping[str, Any], u: Array) -> None:
-        """Restore the rates of ``kept`` at its ``nodes``, for the displacement ``u``."""
+    def restore_data(self, data: Mapping[str, Any], u: Array) -> None:
+        """Restore the rates of ``saved_data`` at its ``nodes``, for the displacement ``u``."""
         given = dict[str, Any]()
         for part in fields(Rates):
             value = data[part.name]
@@ -144,7 +144,7 @@ class Inertia:
                 given[part.name] = function.x.array.copy()
             else:
                 given[part.name] = value[()]
-        self.take(Rates(**given), u)
+        self.set_rates(Rates(**given), u)
 
     def _function(self, values: Array) -> fem.Function:
         """A function of the whole space."""

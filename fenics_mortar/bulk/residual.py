@@ -165,7 +165,7 @@ class Bulk:
         self._num_growths += 1
         self.K.axpy(1.0, room, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
 
-    def take_tangent(self) -> PETSc.Mat:
+    def tangent_to_change(self) -> PETSc.Mat:
         """Return ``K`` for additions in place; it is assembled anew before the next use (local)."""
         self._K_is_whole = False
         return self.K

@@ -45,11 +45,11 @@ def bind(
         ]
 
     bound = all_bound()
-    give_way(list(ties.values()), bound)
+    drop_shared_multipliers(list(ties.values()), bound)
     return all_bound() if close_gaps(list(ties.values()), space) else bound
 
 
-def give_way(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
+def drop_shared_multipliers(ties: Sequence[Tie], bound: Sequence[Interface]) -> None:
     """Remove the multipliers of tied nodes that belong to other pairs (collective)."""
     used = [c.nodes for c in bound]
     for tie in ties:
@@ -75,7 +75,7 @@ def close_gaps(ties: Sequence[Tie], space: DisplacementSpace) -> bool:
         if not open_ties:
             return sweep > 0
         for tie in ties:
-            tie.look_at(space)
+            tie.update_reference(space)
     raise SurfaceError(
         f"the gap of {open_ties[0].pair} cannot be removed: straight cells with a displacement of "
         f"degree 2 cannot represent a curved interface; use a mesh of second order, or gap='kept'"

@@ -34,7 +34,7 @@ from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.contact.instant import first_instant
 from fenics_mortar.contact.integration import Integration
 from fenics_mortar.contact.interface import NO_PAIRS, NO_WELDS, Interface, read_only, settable
-from fenics_mortar.contact.law_calls import LawCalls, raise_noted
+from fenics_mortar.contact.law_calls import LawCalls, raise_stored
 from fenics_mortar.contact.law_fields import LawFields
 from fenics_mortar.contact.laws import Frictionless, Nodal
 from fenics_mortar.contact.multiplier_nodes import (
@@ -125,14 +125,14 @@ class Contact(Interface):
         )
         self._parameters = Parameters(space, self.slave)
         self.law_calls = LawCalls(pair.slave_name)
-        self.take_law()
+        self.adopt_law()
         none, X, memory = np.zeros(self.slave.num_nodes), self.slave.X, self.state.committed.memory
         start = Nodal(none, none, none, none, none + 1.0, none, X, X, 0.0, 1.0, memory)
         start = replace(start, fields=self.parameters)
         at_rest = np.zeros(none.size, np.int64)
         branch = self.law_calls.branch(pair.law, start, at_rest, self.slave.X)
         self.change(multiplier_nodes=self.may_carry, branch=branch, c_n=choice.c_n)
-        raise_noted(self.slave.comm, [self])
+        raise_stored(self.slave.comm, [self])
 
     def limit_sight(self, outline: Outline) -> Outline:
         """See ``Interface``; the outline limits the distance of partners behind the slave."""
@@ -146,8 +146,8 @@ class Contact(Interface):
             self.change(reference=reference)
         offset = self._state.offset
         if offset.any():
-            operators = operators.less_offset(offset)
-        self.show(operators)  # also if they are cached: the law may have changed
+            operators = operators.minus_offset(offset)
+        self.set_operators(operators)  # also if they are cached: the law may have changed
         if self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # collective: evaluated on all ranks
 
@@ -157,7 +157,7 @@ class Contact(Interface):
         one = self.obstacle is not None or self.pair.sliding == "small"
         return "partners" if one else self.pair.discretization.slip
 
-    def refer_to(self, place: Array, multiplier_nodes: Flags) -> None:
+    def restore_reference(self, place: Array, multiplier_nodes: Flags) -> None:
         """Evaluate the operators of the undeformed mesh of an earlier state (collective).
 
         Args:
@@ -165,11 +165,11 @@ class Contact(Interface):
                 reference.
             multiplier_nodes: Multiplier nodes of that state, shape (slave nodes,), bool.
         """
-        reference = self.integration.refer_as_at(place, multiplier_nodes)
+        reference = self.integration.reference_at(place, multiplier_nodes)
         self.change(reference=reference, multiplier_nodes=multiplier_nodes)
 
     @property
-    def as_faced(self) -> MortarOperators:
+    def partner_operators(self) -> MortarOperators:
         """Operators at the positions that define the partners; undeformed if sliding is small."""
         if self.pair.sliding == "small" and self._state.reference is not None:
             return self._state.reference.operators
@@ -177,7 +177,7 @@ class Contact(Interface):
 
     def intersections(self) -> Segments:
         """Intersections of this rank's slave facets with the master, for any integration."""
-        return self.integration.intersections(self.as_faced)
+        return self.integration.intersections(self.partner_operators)
 
     def set_arm(self, arm: float) -> None:
         """Set the length by which angles of the obstacle are multiplied [length]."""
@@ -195,8 +195,8 @@ class Contact(Interface):
     def begin(self) -> None:
         """Reset the counts of multiplier changes and the forces of the last solve."""
         self._multiplier_nodes.begin()
-        if self.state.borne is not None:
-            self.change(borne=None)
+        if self.state.force_decided is not None:
+            self.change(force_decided=None)
 
     def move(self, z: Array, fraction: float, step: Array) -> None:
         """See ``Interface``; also marks nodes with tensile multiplier and compressive force.
@@ -206,7 +206,7 @@ class Contact(Interface):
         and z becomes tensile. The active set of such a node is therefore decided by its force; if
         decided by z, the node would be open for one or two iterations.
         """
-        old, o, adhesion, borne = self.z, self.operators, self.now.adhesion[0], None
+        old, o, adhesion, force_decided = self.z, self.operators, self.now.adhesion[0], None
         z = old + fraction * (z - old) if fraction < 1.0 else z
         pulls = self.active & (np.einsum("ja,ja->j", o.n, z) + adhesion < 0.0)
         if pulls.any():
@@ -215,8 +215,8 @@ class Contact(Interface):
             pulls &= change > o.weight
             force = o.weight[:, None] * z + change[:, None] * old
             min_force = -o.weight * adhesion
-            borne = (pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force)
-        self.change(z=z, borne=borne)
+            force_decided = (pulls & (np.einsum("ja,ja->j", o.n, force) > min_force), force)
+        self.change(z=z, force_decided=force_decided)
 
     def accept(self, slid: Flags | None = None) -> None:
         """Find the partners at the last evaluated state (collective).
@@ -250,7 +250,7 @@ class Contact(Interface):
         """Count slip and memory from the accepted state (local)."""
         self.change(partners=self.accepted, past=self._state.committed)
 
-    def take_law(self) -> None:
+    def adopt_law(self) -> None:
         """Adopt the present law of the pair (collective).
 
         Parameters that vary in space are evaluated. If the names in memory differ from those of the
@@ -258,15 +258,15 @@ class Contact(Interface):
         """
         law, instant = self.pair.law, self._state.committed
         self.parameters = self._parameters.sample(law) if law.fields else {}
-        self._kind = LawFields if law.sees_nodes else ContactFields
+        self._kind = LawFields if law.needs_nodal_state else ContactFields
         if instant is None or instant.begins(law):
             instant = first_instant(law, self.slave, 0.0 if instant is None else instant.time)
             self.change(committed=instant, past=instant)
 
-    def faced(self) -> tuple[Indices, Indices]:
+    def coupled_by_slip(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them by slip, each (k,)."""
         law = self.pair.law
-        if type(law) is Frictionless or not (law.has_friction or law.sees_nodes):
+        if type(law) is Frictionless or not (law.has_friction or law.needs_nodal_state):
             return NO_PAIRS
         return self.partners.pairs()
 

@@ -15,14 +15,14 @@ from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Attributes of the state on which the arguments of a law and its tangential row depend.
-SEEN = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "past")
-RULED = (*SEEN, "active", "branch", "redundant")
+LAW_ATTRIBUTES = ("z", "multiplier_nodes", "partners", "c_n", "load_time", "past")
+RULED = (*LAW_ATTRIBUTES, "active", "branch", "redundant")
 # Stiffness of elastic stick over that of the bulk [1]. Curvature causes a slip of second order in
 # the strains e; the shear is then 1000 e times the pressure.
 ELASTIC = 1e3
 # Decrease of adhesion with the gap, over the diagonal stiffness of a node [1], above which it is
 # left out of the tangent. A surface node is about twice as compliant as its diagonal stiffness.
-FADES_FAST = 0.5
+MAX_SOFTENING = 0.5
 
 
 class ContactSides(Sides, Protocol):
@@ -108,7 +108,7 @@ class ContactFields(InterfaceFields):
         on_plane = np.isfinite(self.sides.plane_normals[:, 0])
         return np.where(on_plane, 0.0, self.state.partners.slip(self.operators))
 
-    @field(*SEEN)
+    @field(*LAW_ATTRIBUTES)
     def nodal(self) -> Nodal:
         """Arguments of the contact law, arrays (slave nodes,); see ``Nodal``."""
         stiffness = self.sides.modulus / self.nodal_lengths
@@ -173,14 +173,14 @@ class ContactFields(InterfaceFields):
         """
         (pull, by_gap), none = self.adhesion, np.zeros(len(self.state.z))
         if not self.operators.linearization.exact:
-            by_gap = np.where(self.fades_fast, 0.0, by_gap)
+            by_gap = np.where(self.decreases_fast, 0.0, by_gap)
         return self.tangential_row, Row(self.z_n + pull, by_gap, none, none + 1.0, none)
 
     @property
-    def fades_fast(self) -> Flags:
+    def decreases_fast(self) -> Flags:
         """Nodes where adhesion drops faster than elastic forces grow, (slave nodes,), bool."""
         slope = self.operators.diagonal * np.abs(self.adhesion[1])
-        return slope > FADES_FAST * self.sides.stiffness
+        return slope > MAX_SOFTENING * self.sides.stiffness
 
     @property
     def steepness(self) -> float:

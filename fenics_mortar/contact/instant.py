@@ -95,7 +95,7 @@ def instant_arrays(contact: Any) -> tuple[list[str], Array, Array]:
     return list(instant.memory), np.array([instant.time, instant.step]), values
 
 
-def take_instant(contact: Any, clock: Array, values: Array) -> None:
+def restore_instant(contact: Any, clock: Array, values: Array) -> None:
     """Set time and memory read from a file, with the names of the present law (local)."""
     time, step = map(float, clock)
     instant = contact.state.committed

@@ -104,7 +104,7 @@ class Integration:
             return self._at(x, m, state.multiplier_nodes, linearization, view), None
         kept = state.reference
         if kept is None or not np.array_equal(kept.multiplier_nodes, state.multiplier_nodes):
-            kept = self.refer(state.multiplier_nodes)
+            kept = self.evaluate_reference(state.multiplier_nodes)
         if self.obstacle is None:
             return kept.operators.after_small_motion(x, m), kept
         dq = (self.obstacle.place - kept.place) * [1.0, 1.0, self.arm]
@@ -127,7 +127,7 @@ class Integration:
         self._recent.appendleft((places, multiplier_nodes, linearization, operators))
         return operators
 
-    def refer(self, multiplier_nodes: Flags) -> Reference:
+    def evaluate_reference(self, multiplier_nodes: Flags) -> Reference:
         """Evaluate the operators of the undeformed mesh (collective).
 
         Args:
@@ -138,7 +138,7 @@ class Integration:
         place = np.zeros(3) if self.obstacle is None else self.obstacle.place.copy()
         return Reference(operators.freeze(), multiplier_nodes, place)
 
-    def refer_as_at(self, place: Array, multiplier_nodes: Flags) -> Reference | None:
+    def reference_at(self, place: Array, multiplier_nodes: Flags) -> Reference | None:
         """Operators of the undeformed mesh of an earlier state (collective).
 
         Args:
@@ -148,10 +148,10 @@ class Integration:
         if np.isnan(place).any():
             return None
         if self.obstacle is None:
-            return self.refer(multiplier_nodes)
+            return self.evaluate_reference(multiplier_nodes)
         now, self.obstacle.place = self.obstacle.place, place.copy()
         try:
-            return self.refer(multiplier_nodes)
+            return self.evaluate_reference(multiplier_nodes)
         finally:
             self.obstacle.place = now
 
@@ -172,7 +172,7 @@ class Integration:
         """View and positions of slave and master at ``u``, or undeformed (collective)."""
         sides = self.slave, self.master
         if self.sight is not None:
-            view, *moved = self.sight.look(u)
+            view, *moved = self.sight.view_at(u)
         else:
             view, moved = None, [0.0 * side.X if u is None else side.gather(u) for side in sides]
         x, m = (side.X + change for side, change in zip(sides, moved, strict=True))

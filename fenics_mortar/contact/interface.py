@@ -13,7 +13,7 @@ import numpy as np
 
 from fenics_mortar.contact.interface_fields import InterfaceFields
 from fenics_mortar.contact.rows import InterfaceRows
-from fenics_mortar.contact.sides import stand_ins_of, surfaces_of
+from fenics_mortar.contact.sides import substitutes_of, surfaces_of
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.interface.mortar import Block, Linearization, MortarOperators
 from fenics_mortar.interface.options import AT_VERTICES
@@ -59,7 +59,7 @@ class Interface(ABC):
         may_carry: Whether a slave node ever carries a multiplier, shape (slave nodes,), bool.
         oblique: Whether the one prescribed component of a slave node is neither along nor across
             its normal, and it carries a multiplier, shape (slave nodes,), bool.
-        stand_ins: Nodes without weight, and the nodes whose fields are shown in their place, each
+        substitutes: Nodes without weight, and the nodes whose fields are shown in their place, each
             (k,).
         rows: Rows of the multipliers, the law of the interface.
         state: The present state.
@@ -112,7 +112,7 @@ class Interface(ABC):
         self.may_carry = np.ones(count, bool)
         self.oblique = np.zeros(count, bool)
         self.at_vertices: bool = pair.discretization.basis in AT_VERTICES
-        self.stand_ins = stand_ins_of(self.slave, at_vertices=self.at_vertices)
+        self.substitutes = substitutes_of(self.slave, at_vertices=self.at_vertices)
         none = np.zeros(count, bool)
         self._state = InterfaceState(
             z=np.zeros((count, 2)), active=none, branch=np.zeros(count, np.int64),
@@ -129,7 +129,7 @@ class Interface(ABC):
         """Replace ``values`` of the state (local); see ``put``."""
         self.put(replace(self._state, **values))
 
-    def show(self, operators: MortarOperators) -> None:
+    def set_operators(self, operators: MortarOperators) -> None:
         """Set the operators of the present displacement (local)."""
         self.now = self._kind(self, self._state, operators)
 
@@ -138,7 +138,7 @@ class Interface(ABC):
         self.stiffness = stiffness
         self.modulus = stiffness / self.slave.mean_thickness
         if hasattr(self, "now"):
-            self.show(self.operators)
+            self.set_operators(self.operators)
 
     def limit_sight(self, outline: Outline) -> Outline:
         """Store the outlines of the bodies; return those for the next interface (local)."""
@@ -150,7 +150,7 @@ class Interface(ABC):
 
     @property
     @abstractmethod
-    def as_faced(self) -> MortarOperators:
+    def partner_operators(self) -> MortarOperators:
         """Operators at the positions that define the partners."""
 
     @abstractmethod
@@ -195,7 +195,7 @@ class Interface(ABC):
 
     # Nodes and forces
 
-    def faced(self) -> tuple[Indices, Indices]:
+    def coupled_by_slip(self) -> tuple[Indices, Indices]:
         """Slave nodes and the master nodes coupled to them in addition to M, each (k,)."""
         return NO_PAIRS
 

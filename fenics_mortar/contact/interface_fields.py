@@ -46,7 +46,7 @@ class Sides(Protocol):
     master: Surface
     stiffness: Array
     modulus: Array
-    stand_ins: tuple[Indices, Indices]
+    substitutes: tuple[Indices, Indices]
     at_vertices: bool
 
 
@@ -92,7 +92,7 @@ class InterfaceFields:
     @property
     def has_partner(self) -> Flags:
         """Whether facets at a slave node are at least partly covered, (slave nodes,), bool."""
-        covered, (alone, others) = self.operators.cover > 0.0, self.sides.stand_ins
+        covered, (alone, others) = self.operators.cover > 0.0, self.sides.substitutes
         covered[alone] = covered[others]
         return covered
 
@@ -172,7 +172,7 @@ class InterfaceFields:
         Only if multipliers are at vertices only. Nodes without weight get the values of their
         stand-ins. ``values`` (slave nodes,) are changed in place and returned.
         """
-        alone, others = self.sides.stand_ins
+        alone, others = self.sides.substitutes
         if alone.size:
             values[alone] = values[others]
         if self.sides.at_vertices:

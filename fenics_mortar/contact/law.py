@@ -47,7 +47,7 @@ from typing import Any
 import numpy as np
 
 from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row
-from fenics_mortar.utils.errors import in_words
+from fenics_mortar.utils.errors import as_text
 
 # Distance from a kink of the complementarity functions [1] within which a node counts as on the
 # kink: distance of the shear over the friction limit, or of the gap over the nodal length. It is
@@ -106,7 +106,7 @@ class Law(ABC):
 
     def __repr__(self) -> str:
         """Name and public numbers, equal on all ranks."""
-        return in_words(self)
+        return as_text(self)
 
     @abstractmethod
     def branch(self, node: Nodal, before: Branches) -> Branches:
@@ -229,15 +229,15 @@ class Law(ABC):
     @property
     def has_adhesion(self) -> bool:
         """Whether the law has adhesion."""
-        return type(self).adhesion is not Law.adhesion or self.pulls_by_node
+        return type(self).adhesion is not Law.adhesion or self.has_nodal_adhesion
 
     @property
-    def has_layer(self) -> bool:
+    def has_closing_gap(self) -> bool:
         """Whether the law defines a closing gap."""
         return type(self).closing_gap is not Law.closing_gap
 
     @property
-    def pulls_by_node(self) -> bool:
+    def has_nodal_adhesion(self) -> bool:
         """Whether the adhesion depends on more than the gap."""
         return type(self).adhesion_at is not Law.adhesion_at
 
@@ -248,15 +248,15 @@ class Law(ABC):
         return {name: value for name, value in given.items() if varies(value)}
 
     @property
-    def sees_nodes(self) -> bool:
+    def needs_nodal_state(self) -> bool:
         """Whether the law has more than a tangential row, a friction limit and an adhesion a(g)."""
         kind = type(self)
         return bool(
             self.memory
-            or self.has_layer
+            or self.has_closing_gap
             or self.bridges_gap
             or self.varying
-            or self.pulls_by_node
+            or self.has_nodal_adhesion
             or kind.friction_limit is Law.friction_limit
         )
 

@@ -2,7 +2,7 @@
 """Calls of contact laws, with checks of users' laws and errors on all ranks.
 
 Every rank evaluates a law at all slave nodes, between collective calls. An error is therefore
-stored and a finite placeholder returned; ``raise_noted`` later raises the error on all ranks. Laws
+stored and a finite placeholder returned; ``raise_stored`` later raises the error on all ranks. Laws
 of the package are called without checks.
 """
 
@@ -31,7 +31,7 @@ class LawCalls:
         name: Name of the slave surface, for messages.
 
     Attributes:
-        error: First error since the last ``raise_noted``, or ``None``.
+        error: First error since the last ``raise_stored``, or ``None``.
     """
 
     def __init__(self, name: str) -> None:
@@ -62,7 +62,7 @@ class LawCalls:
                 self._check_finite(law, "limit", finite, _all_finite(node), x)
             return whole.astype(np.int64)
 
-        return self._noting(call, before)
+        return self._storing_errors(call, before)
 
     def tangential(self, law: Law, node: Nodal, branch: Branches, used: Marks, x: Array) -> Row:
         """See ``Law.tangential``; ``used``: nodes to which the law applies."""
@@ -74,7 +74,7 @@ class LawCalls:
             return self._row(law, "tangential", row, node, used, x)
 
         none = np.zeros(branch.size)
-        return self._noting(call, Row(node.z_tau, none, none, none, none + 1.0))
+        return self._storing_errors(call, Row(node.z_tau, none, none, none, none + 1.0))
 
     def closing_gap(self, law: Law, node: Nodal, used: Marks, x: Array) -> Row:
         """See ``Law.closing_gap``; ``used``: nodes to which the law applies."""
@@ -84,7 +84,7 @@ class LawCalls:
             return self._row(law, "closing_gap", row, node, used, x)
 
         none = np.zeros(node.gap.size)
-        return self._noting(call, Row(node.gap, none + 1.0, none, none, none))
+        return self._storing_errors(call, Row(node.gap, none + 1.0, none, none, none))
 
     def adhesion_at(self, law: Law, node: Nodal, used: Marks, x: Array) -> Row:
         """See ``Law.adhesion_at``; ``used``: nodes to which the law applies."""
@@ -101,7 +101,7 @@ class LawCalls:
             return row
 
         none = np.zeros(node.gap.size)
-        return self._noting(call, Row(none, none, none, none, none))
+        return self._storing_errors(call, Row(none, none, none, none, none))
 
     def remember(self, law: Law, node: Nodal, branch: Branches) -> Mapping[str, Array]:
         """See ``Law.remember``."""
@@ -110,7 +110,7 @@ class LawCalls:
             answer = law.remember(_protected(node), _read_only(branch))
             return check_memory(law, "remember", answer, branch.size)
 
-        return self._noting(call, node.memory)
+        return self._storing_errors(call, node.memory)
 
     def friction_limit(self, law: Law, pressure: Array, x: Array) -> Array:
         """See ``Law.friction_limit``."""
@@ -137,7 +137,7 @@ class LawCalls:
                 )
             return limit
 
-        return self._noting(call, np.full_like(pressure, np.inf))
+        return self._storing_errors(call, np.full_like(pressure, np.inf))
 
     def adhesion(self, law: Law, gap: Array, x: Array) -> tuple[Array, Array]:
         """See ``Law.adhesion``."""
@@ -161,7 +161,7 @@ class LawCalls:
                 )
             return pull, by_gap
 
-        return self._noting(call, (np.zeros_like(gap), np.zeros_like(gap)))
+        return self._storing_errors(call, (np.zeros_like(gap), np.zeros_like(gap)))
 
     def _row(self, law: Law, what: str, row: Any, node: Nodal, used: Marks, x: Array) -> Row:
         """A row of arrays (slave nodes,), finite at the nodes where it is used."""
@@ -171,7 +171,7 @@ class LawCalls:
         self._check_finite(law, what, row, used & _all_finite(node), x)
         return row
 
-    def _noting(self, call: Callable[[], Any], instead: Any) -> Any:
+    def _storing_errors(self, call: Callable[[], Any], instead: Any) -> Any:
         """Result of ``call``, or ``instead`` if it raises; the error is stored."""
         try:
             return call()
@@ -202,7 +202,7 @@ class LawCalls:
             )
 
 
-def raise_noted(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
+def raise_stored(comm: MPI.Comm, contacts: Iterable[Any]) -> None:
     """Raise stored errors of users' laws on all ranks (collective).
 
     Args:

@@ -64,7 +64,7 @@ import numpy as np
 from fenics_mortar.contact.law import KINK, STICK, Frictionless, Law, Stick, varies
 from fenics_mortar.contact.nodal import Array, Branches, Nodal, Row, magnitude, row_of
 from fenics_mortar.utils.arguments import check_choice, check_number
-from fenics_mortar.utils.errors import in_words
+from fenics_mortar.utils.errors import as_text
 
 __all__ = [
     "Coulomb",
@@ -190,7 +190,7 @@ class Coulomb(Friction):
     def __repr__(self) -> str:
         """The coefficient; all numbers of a derived law."""
         if type(self) is not Coulomb:
-            return in_words(self)
+            return as_text(self)
         mu = type(self.mu).__name__ if varies(self.mu) else f"{self.mu:g}"
         return f"Coulomb({mu})"
 
@@ -240,7 +240,7 @@ class Tresca(Friction):
 
     def __repr__(self) -> str:
         """The friction limit; all numbers of a derived law."""
-        return f"Tresca({self.stress:g})" if type(self) is Tresca else in_words(self)
+        return f"Tresca({self.stress:g})" if type(self) is Tresca else as_text(self)
 
     def limit(self, node: Nodal) -> tuple[Any, Any, Any]:
         """Constant; see ``Friction.limit``."""

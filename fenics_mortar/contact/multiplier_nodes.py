@@ -42,7 +42,7 @@ PLANE_COSINE, OBLIQUE_COSINE = 0.94, 0.1
 MAX_CHANGES = 4
 # Distance of the cover from MIN_SHARE, over MIN_SHARE [1], within which a node is undecided: the
 # cover changes by about this much with the multiplier.
-VERGE = 0.1
+UNDECIDED = 0.1
 
 
 def normals_on_planes(normals: Array, free: Array) -> Array:
@@ -115,7 +115,7 @@ class MultiplierNodes:
         Returns:
             Numbers of the nodes, shape (k,).
         """
-        near = self._helped(cover) & (np.abs(cover - MIN_SHARE) < VERGE * MIN_SHARE)
+        near = self._helped(cover) & (np.abs(cover - MIN_SHARE) < UNDECIDED * MIN_SHARE)
         beside = ((self._sides >= 0) & active[self._sides]).any(axis=0)
         return np.flatnonzero(near & beside)
 

@@ -88,7 +88,7 @@ def magnitude(values: Any) -> Any:
     return np.where(np.real(values) < 0.0, -values, values)
 
 
-def through(row: Row, gap: Row) -> Row:
+def chain_rule(row: Row, gap: Row) -> Row:
     """Row of a law in terms of a gap that is itself a row: the chain rule."""
     first, *others = row[1:]
     chained = [a + first * b for a, b in zip(others, gap[2:], strict=True)]

@@ -56,7 +56,7 @@ def _check_that_they_differ(slave: Surface, master: Surface) -> None:
         )
 
 
-def stand_ins_of(slave: Surface, *, at_vertices: bool) -> tuple[Indices, Indices]:
+def substitutes_of(slave: Surface, *, at_vertices: bool) -> tuple[Indices, Indices]:
     """Nodes without weight, and the next nodes that may have a multiplier, each (k,)."""
     alone, step = np.flatnonzero(slave.weightless), slave.degree if at_vertices else 1
     before, after = slave.along(alone, range(-step, step + 1, 2 * step)).T

@@ -165,11 +165,11 @@ def find_partners(
         D, M = _sum(own, on_slave, len(o.x), len(o.x)), _sum(nearest, on_master, len(o.x), len(o.m))
         present = per_weight if measure == "operators" else none
     partners = Partners(D, M, feet, present, none, none, none, none, facing)
-    tangent = np.where(touches[:, None], o.tau, _midway(o, M, master_planes))
+    tangent = np.where(touches[:, None], o.tau, _mean_tangents(o, M, master_planes))
     return replace(partners, start=np.einsum("ja,ja->j", tangent, partners.apart(o)))
 
 
-def _midway(o: MortarOperators, M: csr_array, planes: Array) -> Array:
+def _mean_tangents(o: MortarOperators, M: csr_array, planes: Array) -> Array:
     """Mean tangents of slave nodes and the facets opposite, shape (slave nodes, 2).
 
     The slave's tangent is used where the nearest facet has a similar normal, as on the back of a

@@ -39,8 +39,8 @@ class InterfaceState(Value):
         past: ``Instant`` at the start of the step, whose memory is given to the law; ``None`` for a
             tie.
         committed: ``Instant`` of the last accepted state, used in the next step.
-        borne: Nodes with tensile multiplier and compressive force, and the forces of all nodes, for
-            the next active set; see ``Contact.move``.
+        force_decided: Nodes with tensile multiplier and compressive force, and the forces of all
+            nodes, for the next active set; see ``Contact.move``.
     """
 
     z: Array
@@ -56,7 +56,7 @@ class InterfaceState(Value):
     load_time: float = field(default=0.0, metadata=DERIVED)
     past: Any = field(default=None, metadata=DERIVED)
     committed: Any = field(default=None, metadata=DERIVED)
-    borne: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
+    force_decided: tuple[Flags, Array] | None = field(default=None, metadata=DERIVED)
 
 
 # Names of the attributes that determine all others.

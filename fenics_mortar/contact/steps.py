@@ -11,7 +11,7 @@ from mpi4py import MPI
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.instant import Instant
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.utils.errors import MortarError, check_same
 
 
@@ -25,7 +25,7 @@ def begin_step(contacts: Sequence[Interface]) -> None:
     """
     for contact in contacts:
         if isinstance(contact, Contact):
-            contact.take_law()
+            contact.adopt_law()
             _check_time(contact)
         contact.start_step()
 
@@ -49,7 +49,7 @@ def instants_of(comm: MPI.Comm, contacts: Sequence[Interface]) -> list[Instant |
         MortarError: On all ranks, if the memory of a law differs between ranks.
     """
     found = [_instant_of(c) if isinstance(c, Contact) else None for c in contacts]
-    raise_noted(comm, contacts)
+    raise_stored(comm, contacts)
     remembered = [
         (f"{name} of {contact.pair.law!r}", values)
         for contact, instant in zip(contacts, found, strict=True)

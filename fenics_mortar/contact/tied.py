@@ -136,7 +136,7 @@ class Tie(Interface):
             | constant
             | {"linearization": Linearization(False, False, frozen=True)}
         )
-        self.show(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
+        self.set_operators(TiedOperators(**values, apart=np.zeros((slave.num_nodes, 2))))
         self.may_carry = self.multiplier_nodes & (o.diagonal > 0.0)
         self.change(active=self.may_carry)
         s, shape = o.segments, (slave.num_nodes, master.num_nodes)
@@ -180,10 +180,10 @@ class Tie(Interface):
         x, m = self.slave.X + on_slave, self.master.X + on_master
         n, dn = evaluate_normals(self.slave, x, self.options.weighting)
         apart = self.D @ on_slave - self.M @ on_master
-        self.show(replace(self.operators, x=x, m=m, n=n, dn=dn, apart=apart))
+        self.set_operators(replace(self.operators, x=x, m=m, n=n, dn=dn, apart=apart))
 
     @property
-    def as_faced(self) -> MortarOperators:
+    def partner_operators(self) -> MortarOperators:
         """Operators with the nodes at their reference positions."""
         n, _ = evaluate_normals(self.slave, self.slave.X, self.options.weighting)
         return replace(self.operators, x=self.slave.X, m=self.master.X, n=n)
@@ -204,7 +204,7 @@ class Tie(Interface):
         space.move_nodes(slave.nodes[on], X)
         return True
 
-    def look_at(self, space: DisplacementSpace) -> None:
+    def update_reference(self, space: DisplacementSpace) -> None:
         """Update the reference positions from the mesh (collective)."""
         X = space.positions()
         self.slave = replace(self.slave, X=self.slave.gather(X))

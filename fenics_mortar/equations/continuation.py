@@ -24,11 +24,11 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.moving_frame import TOGETHER
+from fenics_mortar.equations.moving_frame import SAME_DIRECTION
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import in_words
+from fenics_mortar.utils.errors import as_text
 from fenics_mortar.utils.rounding import ROUNDING
 
 # Largest ratio of a step to the last one [1], for extrapolated loads and load steps.
@@ -105,7 +105,7 @@ class Continuation:
         on_obstacles = np.where(motions.driven, motions.push(), motions.places)
         values = [*self._equations.bulk.input_data.loads(), *on_obstacles]
         values += [np.array(contact.offset, float).ravel() for contact in contacts]
-        laws = [in_words(c.pair.law) for c in contacts if isinstance(c, Contact)]
+        laws = [as_text(c.pair.law) for c in contacts if isinstance(c, Contact)]
         return _Loads(values, laws)
 
     def _ratio(self, loads: _Loads) -> float:
@@ -127,4 +127,4 @@ class Continuation:
         ratio = float(product[first] / done2[first])
         aside2 = next2 - 2.0 * ratio * product + ratio**2 * done2
         continues = 0.0 < ratio <= LONGEST * (1.0 + ROUNDING)
-        return ratio if continues and (aside2 <= TOGETHER**2 * next2).all() else 0.0
+        return ratio if continues and (aside2 <= SAME_DIRECTION**2 * next2).all() else 0.0

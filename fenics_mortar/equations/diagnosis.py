@@ -13,14 +13,14 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.laws import Branches
-from fenics_mortar.contact.words import describe_overlap
+from fenics_mortar.contact.messages import describe_overlap
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, place
 
 # Number of last iterations in which nodes that open and close are reported.
-WAVERING = 4
+RECENT_SETS = 4
 # Active set and branches of each pair in one iteration.
 Sets = list[tuple[Flags, Branches]]
 

@@ -20,7 +20,7 @@ from fenics_mortar.bulk.bodies import FloatingBody
 from fenics_mortar.bulk.inertia import Inertia
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
@@ -141,9 +141,9 @@ class ContactEquations:
         self.bulk.assemble_residual()
         if self.floating.bodies:
             self.floating.add_spring_forces()
-        return self.look(start=start)
+        return self.evaluate_without_bulk(start=start)
 
-    def look(self, *, start: bool) -> Status:
+    def evaluate_without_bulk(self, *, start: bool) -> Status:
         """Evaluate operators and active sets, with the bulk residual already assembled."""
         if start:
             self._history.begin()
@@ -179,7 +179,7 @@ class ContactEquations:
                 contact.evaluate(self.bulk.u.x.array, self.linearization)
             changed += handed + contact.update_active(start=start and not self.last_converged)
         self._redundancy.mark()
-        raise_noted(self.comm, self.contacts)
+        raise_stored(self.comm, self.contacts)
         return changed
 
     def evaluate_forces(self) -> tuple[Array, Array]:
@@ -216,7 +216,7 @@ class ContactEquations:
             self._loose = self.floating.loose()
             self.floating.add_springs(self._loose, self.residual.total, self.residual.force)
         self.system.assemble()
-        raise_noted(self.comm, self.contacts)
+        raise_stored(self.comm, self.contacts)
 
     @clock("solve")
     def solve_linear(self) -> Increment:
@@ -297,7 +297,7 @@ class ContactEquations:
         """Restore a state without evaluating operators (local)."""
         self.bulk.u.x.array[:] = state.u
         self.motions.places = state.places
-        self.crossings.restore(state.standing, state.u)
+        self.crossings.restore(state.accepted_positions, state.u)
         if self.bulk.inertia is not None and state.rates is not None:
             self.bulk.inertia.rates = state.rates
         for contact, interface in zip(self.contacts, state.interfaces, strict=True):

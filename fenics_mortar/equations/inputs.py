@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from fenics_mortar.bulk.axis import HeldAxis, remark_on_radius
+from fenics_mortar.bulk.axis import AxisConditions, remark_on_radius
 from fenics_mortar.bulk.checks import have_common_facet
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
@@ -30,9 +30,9 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import (
     MortarError,
     NotFiniteError,
+    as_text,
     check_same,
     check_same_words,
-    in_words,
     together,
 )
 from fenics_mortar.utils.rounding import ROUNDING, SAME_PLACE
@@ -53,7 +53,7 @@ class Inputs:
         self._bulk, self._contacts, self._obstacles = bulk, contacts, obstacles
         self._as_bound = [_options(contact.pair) for contact in contacts]
         self._conflicts = Conflicts(bulk)
-        self._axis = HeldAxis(bulk.space, bulk.u, bulk.bcs)
+        self._axis = AxisConditions(bulk.space, bulk.u, bulk.bcs)
         self._on_radius = remark_on_radius(bulk.residual, bulk.u, bulk.space)
 
     def check(self, newton: Any, **flags: Any) -> list[str]:
@@ -183,7 +183,7 @@ class Conflicts:
 
 def _options(pair: Any) -> dict[str, str]:
     """Options of a pair that are fixed when a problem is set up: all but the law (local)."""
-    return {name: in_words(value) for name, value in vars(pair).items() if name != "law"}
+    return {name: as_text(value) for name, value in vars(pair).items() if name != "law"}
 
 
 def _check_contact(contact: Contact | Tie, as_bound: dict[str, str]) -> None:

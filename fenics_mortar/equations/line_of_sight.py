@@ -14,7 +14,7 @@ from fenics_mortar.interface.outline import Outline
 from fenics_mortar.utils.arrays import Array
 
 
-def show_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: Array) -> None:
+def set_outlines(contacts: Sequence[Contact | Tie], outline: Outline, labels: Array) -> None:
     """Pass the outlines of the bodies to each pair, ties first; tied bodies are treated as one.
 
     Args:

@@ -92,7 +92,7 @@ class LinearBulk:
         return all(
             isinstance(pair, ContactPair)
             and pair.sliding == "small"
-            and not (pair.law.has_friction or pair.law.has_adhesion or pair.law.has_layer)
+            and not (pair.law.has_friction or pair.law.has_adhesion or pair.law.has_closing_gap)
             for pair in (contact.pair for contact in self._general.contacts)
         )
 

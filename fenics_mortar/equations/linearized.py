@@ -39,7 +39,7 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.rigid.balance import linearize_balance
 from fenics_mortar.rigid.bordered import solve_bordered
@@ -106,7 +106,7 @@ class LinearizedEquations:
         bulk.assemble_tangent()
         system.assemble()
         border = linearize_balance(obstacles, system)
-        raise_noted(bulk.comm, contacts)
+        raise_stored(bulk.comm, contacts)
         self._border = border.scaled(obstacles.scales.ravel())
 
     def solve(self, rhs: LinearVector, *, transpose: bool = False) -> LinearVector:

@@ -76,7 +76,8 @@ class LinearizedContact:
             return False
         pressure = self._typical_pressure()
         return all(
-            isinstance(law, Coulomb | Frictionless) and not (law.has_adhesion or law.has_layer)
+            isinstance(law, Coulomb | Frictionless)
+            and not (law.has_adhesion or law.has_closing_gap)
             for law in laws
         ) and not any(contact.now.strength(pressure)[1].any() for contact in self._contacts)
 

@@ -31,7 +31,7 @@ def rounding_of(
     return 4.0 * EPSILON * float(roundoff)
 
 
-def check_alike(total: float, squares: float, force2: float, num_ranks: int) -> None:
+def check_equal_on_ranks(total: float, squares: float, force2: float, num_ranks: int) -> None:
     """Check that replicated contact rows are equal on all ranks (local).
 
     Args:

@@ -38,7 +38,7 @@ from fenics_mortar.utils.rounding import HALF_FACET
 # Two changes are considered equal if they differ by at most this fraction of their size [1], or by
 # 30 degrees for equal sizes. Applied to motions of the contacts on a body, and to loads of two
 # solves.
-TOGETHER = 0.5
+SAME_DIRECTION = 0.5
 
 
 class _Side(NamedTuple):
@@ -116,7 +116,7 @@ class MovingFrame:
             facet = min(self._sides[k].surface.lengths.min() for k in mine)
             size = np.hypot(*s)
             apart = np.hypot(*(moved[mine] - s).T).max()
-            if ratio * size > HALF_FACET * facet and apart <= TOGETHER * size:
+            if ratio * size > HALF_FACET * facet and apart <= SAME_DIRECTION * size:
                 found[body] = s
         return found
 

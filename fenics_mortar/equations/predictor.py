@@ -28,7 +28,7 @@ from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.moving_frame import MovingFrame
 from fenics_mortar.equations.state import State
-from fenics_mortar.newton.report import NewtonReport, after
+from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import NotConvergedError
 
@@ -189,4 +189,4 @@ class Predictor:
             self._problem.newton = options
         kind.failed()
         self._problem.restore(here)
-        return after(lost, solve)
+        return then_solve(lost, solve)

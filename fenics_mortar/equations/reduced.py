@@ -75,7 +75,7 @@ class ReducedEquations:
         if start:
             self._force = None
             self._bulk.assemble_residual()
-        return self._general.look(start=start)
+        return self._general.evaluate_without_bulk(start=start)
 
     def advance(self) -> Step:
         """Solve the small system; move the surfaces and the prescribed dofs."""

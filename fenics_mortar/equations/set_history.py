@@ -10,7 +10,7 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.diagnosis import WAVERING, Sets
+from fenics_mortar.equations.diagnosis import RECENT_SETS, Sets
 
 # Largest c_n after a cycle of the active set [1].
 LESS_WEIGHT = 1e-3
@@ -51,8 +51,8 @@ class SetHistory:
 
     @property
     def recent(self) -> list[Sets]:
-        """Sets of the last ``WAVERING`` iterations."""
-        return self._sets[-WAVERING:]
+        """Sets of the last ``RECENT_SETS`` iterations."""
+        return self._sets[-RECENT_SETS:]
 
     @property
     def is_unsettled(self) -> bool:

@@ -18,7 +18,7 @@ from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.equations.arguments import check_arguments, check_options
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.inputs import check_roles
-from fenics_mortar.equations.line_of_sight import show_outlines
+from fenics_mortar.equations.line_of_sight import set_outlines
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import Geometry, thickness_of
@@ -98,5 +98,5 @@ def equations_of(
     bulk.input_data.check()
     equations = ContactEquations(bulk, contacts, LINEARIZATIONS[linearization], newton)
     outline, labels = equations.crossings.outline, equations.floating.labels
-    show_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
+    set_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
     return equations

@@ -10,14 +10,14 @@ from functools import partial
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.messages import describe_start
 from fenics_mortar.contact.steps import begin_step, commit, instants_of
-from fenics_mortar.contact.words import describe_start
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linear_bulk import LinearBulk
 from fenics_mortar.la.system import LinearSystem
 from fenics_mortar.newton.damping import Damped
 from fenics_mortar.newton.loop import solve
-from fenics_mortar.newton.report import NewtonReport, once
+from fenics_mortar.newton.report import NewtonReport, merge_repeated
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_springs
 from fenics_mortar.utils.clock import clock
@@ -113,14 +113,14 @@ class Solver:
         e.bulk.free_garbage()
         passages = e.crossings.passages(e.motions.places)
         report.certificate = replace(
-            self.certificate(), drift=e.motions.own_slide(), passages=passages
+            self.certificate(), drift=e.motions.slide_along_driven(), passages=passages
         )
         violations = report.certificate.violations()
         told = [f"VIOLATED: {violation}" for violation in violations]
         judged = told or report.certificate.remarks()
         reactions = e.motions.record()
         begun = [*remarks, *filter(None, self._starts)]
-        report.notes[:] = once([*begun, *moved, *judged, *reactions, *report.notes])
+        report.notes[:] = merge_repeated([*begun, *moved, *judged, *reactions, *report.notes])
         self._starts = []
         if violations and not accept_violations:
             e.last_converged = False

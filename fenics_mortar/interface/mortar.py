@@ -307,7 +307,7 @@ class MortarOperators:
         """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
         return self.slave.near_dofs[:, : 2 * (2 * self.slave.degree + 1)]
 
-    def less_offset(self, offset: Array) -> MortarOperators:
+    def minus_offset(self, offset: Array) -> MortarOperators:
         """Operators for the gap minus an offset, interpolated between nodes (collective).
 
         The weighted gap becomes g_j - sum_k D[j, k] offset_k.

@@ -24,7 +24,7 @@ from fenics_mortar.utils.rounding import ROUNDING, TINY
 
 # Factor of the steps to which coordinates are rounded [1]. With an odd factor no node of a regular
 # mesh lies halfway between two steps, where the result would depend on the last digit.
-ODD = 0.97312
+STEP_FACTOR = 0.97312
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def extract_outline(space: DisplacementSpace, labels: Indices, bodies: Indices) 
     nodes, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     X = places.reshape(-1, 2)[first]
     extent = max(float(np.ptp(X, axis=0).max(initial=0.0)) if len(X) else 0.0, TINY)
-    steps = np.rint(X / (ODD * ROUNDING * extent))
+    steps = np.rint(X / (STEP_FACTOR * ROUNDING * extent))
     order = np.lexsort((steps[:, 1], steps[:, 0]))
     rank_of = np.empty_like(order)
     rank_of[order] = np.arange(order.size)
@@ -178,7 +178,7 @@ def _along_a_curve(X: Array, segments: Indices) -> Indices:
     middles = X[segments].mean(axis=1)
     low = middles.min(axis=0)
     bits = np.iinfo(np.int64).bits // 2 - 1
-    scale = ODD * (2**bits - 1) / max(float(np.ptp(middles, axis=0).max()), TINY)
+    scale = STEP_FACTOR * (2**bits - 1) / max(float(np.ptp(middles, axis=0).max()), TINY)
     place = np.rint((middles - low) * scale).astype(np.int64)
     key = np.zeros(len(segments), np.int64)
     for bit in range(bits):

@@ -88,7 +88,7 @@ class Sight:
     def _arrays(self, x: Array) -> tuple[Array, Indices, Indices]:
         return x, self.outline.segments, self._segment_bodies
 
-    def look(self, u: Array | None) -> tuple[View, Array, Array]:
+    def view_at(self, u: Array | None) -> tuple[View, Array, Array]:
         """The view at a displacement (collective).
 
         Args:

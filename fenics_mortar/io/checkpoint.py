@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.instant import instant_arrays, take_instant
+from fenics_mortar.contact.instant import instant_arrays, restore_instant
 from fenics_mortar.contact.integration import place_of
 from fenics_mortar.contact.state import INDEPENDENT
 from fenics_mortar.mesh.numbering import mesh_by_input_node
@@ -60,7 +60,7 @@ def save_state(problem: ContactProblem, path: str | Path) -> None:
     make_folder(problem.comm, file.parent)
     data, first = _arrays_of(problem), problem.comm.rank == 0
     if problem.adequacy is not None:
-        data |= problem.adequacy.kept(problem)
+        data |= problem.adequacy.saved_data(problem)
     write = partial(write_whole, file, partial(_write_arrays, data))
     try_together(problem.comm, first, write, f"cannot write '{file}'")
 
@@ -89,18 +89,18 @@ def load_state(problem: ContactProblem, path: str | Path) -> None:
     }
     for i, contact in enumerate(problem.equations.contacts):
         if isinstance(contact, Contact):
-            contact.refer_to(kept["reference_place"][i], kept["multiplier_nodes"][i])
+            contact.restore_reference(kept["reference_place"][i], kept["multiplier_nodes"][i])
         values = {name: kept[name][i] for name in INDEPENDENT}
         contact.change(**{name: value[()] for name, value in values.items()})
-        take_instant(contact, data[f"clock{i}"], data[f"memory{i}"])
+        restore_instant(contact, data[f"clock{i}"], data[f"memory{i}"])
     inertia = problem.equations.bulk.inertia
     if inertia is not None:
-        inertia.take_kept(data, problem.equations.bulk.u.x.array)
+        inertia.restore_data(data, problem.equations.bulk.u.x.array)
     here = problem.state()
     problem.restore(replace(here, places=data["places"], converged=bool(data["converged"])))
     problem.accept()
     if problem.adequacy is not None:
-        problem.adequacy.take(problem, data)
+        problem.adequacy.restore_data(problem, data)
 
 
 def _arrays_of(problem: ContactProblem) -> Arrays:
@@ -118,7 +118,7 @@ def _arrays_of(problem: ContactProblem) -> Arrays:
         "converged": np.array(problem.state().converged),
     }
     inertia = problem.equations.bulk.inertia
-    data |= {} if inertia is None else inertia.kept()
+    data |= {} if inertia is None else inertia.saved_data()
     for i, contact in enumerate(problem.equations.contacts):
         kept = {name: getattr(contact.state, name) for name in INDEPENDENT}
         kept["reference_place"] = place_of(contact.state.reference)

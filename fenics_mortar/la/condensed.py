@@ -88,7 +88,7 @@ class CondensedSystem(LinearSystem):
         R_blocks = self._R_blocks(laws, inverses)
         if self._update_pattern():
             self._make_room(R_blocks)
-        K = self.bulk.take_tangent()
+        K = self.bulk.tangent_to_change()
         add_blocks(K, self.force_derivative())
         R = self._R.assemble(R_blocks)
         self._slave_K = K.createSubMatrix(self._slave_rows, None, self._slave_K)

@@ -89,16 +89,16 @@ OPTIONS = {
 }
 # Excess iterations, so far and expected, after which the cycle is rebuilt. A new cycle costs as
 # much as ten to fifteen iterations but is used in several solves.
-COST = 5
+MAX_EXCESS = 5
 # Stiffness of motions outside the range of T over that of the node [1]: affects only the coarse
 # grids of the cycle, which would be too stiff with a large value.
-IDLE = 1e-2
+IDLE_STIFFNESS = 1e-2
 # Integral of a multiplier function over nodal area [1] below which a node is handled by the strip
 # only: for quadratic standard functions on partly covered facets it may be zero or negative.
-LIGHT = 1e-2
+MIN_WEIGHT = 1e-2
 
 
-class TouchingBodies:
+class ContactPreconditioner:
     """A preconditioner for PETSc (``pc_type python``); all methods are collective.
 
     Args:
@@ -147,7 +147,7 @@ class TouchingBodies:
             return True
         now = [contact.active for contact in self._contacts]
         changed = sum(int((a != b).sum()) for a, b in zip(now, self._sets, strict=True))
-        return self._excess + changed > COST
+        return self._excess + changed > MAX_EXCESS
 
     def postSolve(self, pc: PETSc.PC, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Record the number of iterations of a solve, as PETSc calls it."""
@@ -283,7 +283,7 @@ class TouchingBodies:
             axes = self._axes[dofs[:, 0]]
             idle = axes.transpose(0, 2, 1) @ F @ F @ axes
             dofs = dofs + self._bulk.first
-            yield Block(dofs, dofs, IDLE * k[:, None, None] * idle)
+            yield Block(dofs, dofs, IDLE_STIFFNESS * k[:, None, None] * idle)
 
     def _partners(self) -> Iterator[tuple[Indices, Indices, Array, Array]]:
         """Dofs (p, 2) of active slave nodes and of others, M_jl / D_jj (p, 1, 1), F F.
@@ -298,7 +298,7 @@ class TouchingBodies:
             weight = np.zeros(slave.num_nodes)
             np.add.at(weight, j[own], values[own])
             slave.comm.Allreduce(MPI.IN_PLACE, weight)
-            weight[weight < LIGHT * contact.slave.nodal_areas] = np.inf
+            weight[weight < MIN_WEIGHT * contact.slave.nodal_areas] = np.inf
             dofs, j, part = dofs[~own], j[~own], -values[~own] / weight[j[~own]]
             yield slave.dofs[j], dofs, part[:, None, None], followed[j]
 

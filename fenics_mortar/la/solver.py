@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from fenics_mortar.la.multigrid import TouchingBodies
+from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import (
     COMPLIANCE,
     DIRECT,
@@ -68,7 +68,7 @@ class LinearSolver:
         comm: MPI.Comm,
         prefix: str,
         options: dict[str, Any],
-        preconditioner: Callable[[], TouchingBodies],
+        preconditioner: Callable[[], ContactPreconditioner],
     ) -> None:
         self._comm, self._prefix, self._make_preconditioner = comm, prefix, preconditioner
         self.forcing, self.may_factor, self.remark = 0.0, False, ""
@@ -93,7 +93,7 @@ class LinearSolver:
             what = str(of_petsc).splitlines()[-1].removeprefix(f"[{PETSc.COMM_WORLD.rank}] ")
             error = MortarError(f"PETSc rejected an option '{self._prefix}...': {what}")
         raise_together(self._comm, error)
-        self.multigrid: TouchingBodies | None = None
+        self.multigrid: ContactPreconditioner | None = None
         if self.ksp.getPC().getType() == "python":
             self.multigrid = self._make_preconditioner()
             self.ksp.getPC().setPythonContext(self.multigrid)

@@ -35,7 +35,7 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.interface.mortar import Block
-from fenics_mortar.la.multigrid import TouchingBodies
+from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.reach import Reach
 from fenics_mortar.la.solver import LinearSolver
 from fenics_mortar.utils.arrays import Array, Indices
@@ -79,7 +79,7 @@ class LinearSystem(ABC):
         ]
         rows = 2 * self.num_multipliers if self.has_multipliers else None
         self.solver = LinearSolver(
-            self.comm, prefix, options, lambda: TouchingBodies(bulk, contacts, prefix, rows)
+            self.comm, prefix, options, lambda: ContactPreconditioner(bulk, contacts, prefix, rows)
         )
         self._reaches: list[Reach] = []
         self._pattern = 0
@@ -206,7 +206,7 @@ class LinearSystem(ABC):
 
     def _update_pattern(self) -> bool:
         """Replace the reaches if contact exceeds them; return whether it does (collective)."""
-        now = [(c.operators, c.faced()) for c in self.contacts]
+        now = [(c.operators, c.coupled_by_slip()) for c in self.contacts]
         fits = self._pattern == self.bulk.num_patterns
         if fits:
             for contact, reach, state in zip(self.contacts, self._reaches, now, strict=True):

@@ -190,7 +190,7 @@ class _Numbers:
         if not binary:
             self._text = np.array(section.split(), np.float64)
 
-    def take(self, kind: str, count: int = 1) -> npt.NDArray:
+    def read(self, kind: str, count: int = 1) -> npt.NDArray:
         """The next ``count`` numbers of a type."""
         if self._binary:
             found = np.frombuffer(self._section, kind, count, self._at)
@@ -216,34 +216,34 @@ def _read_names(file: MshFile, section: str) -> None:
 
 
 def _read_entities(file: MshFile, numbers: _Numbers) -> None:
-    counts = numbers.take(SIZE, 4)
+    counts = numbers.read(SIZE, 4)
     for dim, count in enumerate(counts):
         for _ in range(count):
-            tag = int(numbers.take(INT)[0])
-            numbers.take(DOUBLE, 6 if dim else 3)  # bounding box, or a point
-            groups = numbers.take(INT, int(numbers.take(SIZE)[0]))
+            tag = int(numbers.read(INT)[0])
+            numbers.read(DOUBLE, 6 if dim else 3)  # bounding box, or a point
+            groups = numbers.read(INT, int(numbers.read(SIZE)[0]))
             file.groups[dim, tag] = np.abs(groups).tolist()  # signs are directions
             if dim:
-                numbers.take(INT, int(numbers.take(SIZE)[0]))  # its boundary
+                numbers.read(INT, int(numbers.read(SIZE)[0]))  # its boundary
 
 
 def _read_nodes(file: MshFile, numbers: _Numbers) -> None:
-    num_blocks, *_ = numbers.take(SIZE, 4)
+    num_blocks, *_ = numbers.read(SIZE, 4)
     tags, x = [file.tags], [file.x]
     for _ in range(num_blocks):
-        dim, _, parametric = numbers.take(INT, 3)
-        count = int(numbers.take(SIZE)[0])
-        tags.append(numbers.take(SIZE, count))
+        dim, _, parametric = numbers.read(INT, 3)
+        count = int(numbers.read(SIZE)[0])
+        tags.append(numbers.read(SIZE, count))
         columns = 3 + dim * parametric
-        x.append(numbers.take(DOUBLE, count * columns).reshape(count, columns)[:, :3])
+        x.append(numbers.read(DOUBLE, count * columns).reshape(count, columns)[:, :3])
     file.tags, file.x = np.concatenate(tags), np.concatenate(x)
 
 
 def _read_elements(file: MshFile, numbers: _Numbers) -> None:
-    num_blocks, *_ = numbers.take(SIZE, 4)
+    num_blocks, *_ = numbers.read(SIZE, 4)
     for _ in range(num_blocks):
-        dim, tag, kind = numbers.take(INT, 3).tolist()
-        count = int(numbers.take(SIZE)[0])
+        dim, tag, kind = numbers.read(INT, 3).tolist()
+        count = int(numbers.read(SIZE)[0])
         columns = 1 + TYPES[kind][1]
-        rows = numbers.take(SIZE, count * columns).reshape(count, columns)
+        rows = numbers.read(SIZE, count * columns).reshape(count, columns)
         file.blocks.setdefault((dim, tag), []).append(_Block(kind, rows[:, 0], rows[:, 1:]))

@@ -154,7 +154,7 @@ class AdequacyCheck:
 
         return restore
 
-    def kept(self, problem: ContactProblem) -> dict[str, Array]:
+    def saved_data(self, problem: ContactProblem) -> dict[str, Array]:
         """Data of ``problem`` on which later solves depend, for a checkpoint (local).
 
         Returns:
@@ -165,17 +165,17 @@ class AdequacyCheck:
             self._slips.get(c, none) for c in problem.equations.contacts if isinstance(c, Contact)
         ]
         return {f"slips{i}": slip for i, slip in enumerate(slips)} | (
-            self._hierarchy.kept() if self._hierarchy else {}
+            self._hierarchy.saved_data() if self._hierarchy else {}
         )
 
-    def take(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
-        """Restore ``data`` as far as a file contains it (collective); see ``kept`` for shapes."""
+    def restore_data(self, problem: ContactProblem, data: Mapping[str, Array]) -> None:
+        """Restore ``data`` as far as present (collective); see ``saved_data`` for shapes."""
         contacts = [c for c in problem.equations.contacts if isinstance(c, Contact)]
         for i, contact in enumerate(contacts):
             if data.get(f"slips{i}", np.empty(0)).shape == (contact.slave.num_nodes,):
                 self._slips[contact] = data[f"slips{i}"]
         if self._hierarchy and "hierarchy" in data:
-            self._hierarchy.take(data)
+            self._hierarchy.restore_data(data)
 
     def assess(self, problem: ContactProblem) -> AdequacyReport:
         """Estimate the errors of the present solution; its state is restored (collective)."""
@@ -186,7 +186,7 @@ class AdequacyCheck:
             for contact, theirs in zip(
                 problem.equations.contacts, used.model.problem.equations.contacts, strict=True
             ):
-                contact.show(theirs.operators)
+                contact.set_operators(theirs.operators)
         mesh_error = self._hierarchy.mesh_error if self._hierarchy else self._discretisation
         return AdequacyReport(found, self._tolerance, self._quantity, mesh_error)
 

@@ -29,7 +29,7 @@ from fenics_mortar.models.model_error import (
     ENERGY,
     QUANTITIES,
     Errors,
-    Snapshot,
+    SolutionQuantities,
     correct,
     differences,
     largest_slip,
@@ -40,7 +40,7 @@ from fenics_mortar.models.model_error import (
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.arrays import Array
-from fenics_mortar.utils.errors import going_on
+from fenics_mortar.utils.errors import suppressed_failures
 
 # Relative error [1] above which the result of a model is not used as initial guess.
 MAX_ERROR = 0.5
@@ -127,7 +127,7 @@ class ModelHierarchy:
         self.used, self._has_estimated = None, False
         while self._model is not None:
             self._model.problem.adopt(problem)
-            with going_on():
+            with suppressed_failures():
                 report = self._model.problem.solve()
                 solved = self._model.problem.state()
                 start, self.used = self._judge(self._model, start)
@@ -138,7 +138,7 @@ class ModelHierarchy:
             self._next_model()
         return None
 
-    def kept(self) -> dict[str, Array]:
+    def saved_data(self) -> dict[str, Array]:
         """Arrays of numbers for a file, nan for missing values; units as stated (local).
 
         ``hierarchy``, shape (5,): insufficient models (inf: all), whether intermediate models are
@@ -160,8 +160,8 @@ class ModelHierarchy:
         numbers = np.array([*flags, self._mesh_error_at, self._mesh_error], float)
         return {"hierarchy": numbers, "hierarchy_checked": checked, "hierarchy_places": places}
 
-    def take(self, data: Mapping[str, Array]) -> None:
-        """Restore ``data``, see ``kept`` for shapes, at the same state (collective).
+    def restore_data(self, data: Mapping[str, Array]) -> None:
+        """Restore ``data``, see ``saved_data`` for shapes, at the same state (collective).
 
         Slip is counted from the partners in the operators of the model used.
         """
@@ -185,7 +185,7 @@ class ModelHierarchy:
             strict=True,
         ):
             if isinstance(contact, Contact):
-                contact.refer_to(reference, mine.multiplier_nodes)
+                contact.restore_reference(reference, mine.multiplier_nodes)
         if on_model:
             model.adopt(self._problem)
             model.accept()
@@ -231,7 +231,7 @@ class ModelHierarchy:
         error, known = errors[self._quantity], self._discretisation is not None
         decides = min(CHECK_FACTOR * self._mesh_error_at, self._mesh_error) < error < MAX_ERROR
         if decides and error > self._tolerance and self._quantity == ENERGY and not known:
-            with going_on():
+            with suppressed_failures():
                 if not self._has_estimated:
                     self._mesh_error_at, self._mesh_error = error, self._problem.estimate().relative
             self._has_estimated = True
@@ -280,8 +280,8 @@ def error_of_linear_bulk(other: ContactProblem, problem: ContactProblem) -> Erro
         other: The variant.
         problem: The problem at the corrected state.
     """
-    here = Snapshot.of(problem)
+    here = SolutionQuantities.of(problem)
     other.equations.bulk.assemble_residual()
     problem.equations.bulk.r.array[:] = other.equations.bulk.r.array_r
     problem.equations.advance()
-    return differences(other, Snapshot.of(problem), here)
+    return differences(other, SolutionQuantities.of(problem), here)

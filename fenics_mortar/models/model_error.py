@@ -45,7 +45,7 @@ Errors = dict[str, float]
 
 
 @dataclass
-class Snapshot:
+class SolutionQuantities:
     """Quantities of a solution, for comparison with another one on the same mesh.
 
     Attributes:
@@ -59,7 +59,7 @@ class Snapshot:
     peak: Array
 
     @classmethod
-    def of(cls, problem: ContactProblem) -> Snapshot:
+    def of(cls, problem: ContactProblem) -> SolutionQuantities:
         """Copy the quantities of the present state of a problem (collective)."""
         return cls(
             problem.equations.bulk.u.x.array[: problem.equations.bulk.num_owned].copy(),
@@ -90,12 +90,12 @@ def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
     Returns:
         Relative errors of the problem by quantity; inf where the richer model fails.
     """
-    cheap, last = Snapshot.of(problem), problem
+    cheap, last = SolutionQuantities.of(problem), problem
     errors = dict.fromkeys(QUANTITIES, 0.0)
     try:
         for model in richer:
             model.adopt(last)
-            errors = go_on(problem, cheap, model)
+            errors = take_steps(problem, cheap, model)
             last = model
     except RaisedElsewhereError:
         raise
@@ -104,7 +104,7 @@ def correct(problem: ContactProblem, *richer: ContactProblem) -> Errors:
     return errors
 
 
-def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> Errors:
+def take_steps(problem: ContactProblem, cheap: SolutionQuantities, model: ContactProblem) -> Errors:
     """Take steps of a model until another step would hardly change any error (collective).
 
     The expected change by a step is the remaining fraction of the residual after the last step,
@@ -114,7 +114,7 @@ def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> Er
     for _ in range(MAX_STEPS):
         part = model.equations.advance().fraction
         left = model.equations.evaluate(start=False).residual / start
-        errors = differences(problem, cheap, Snapshot.of(model))
+        errors = differences(problem, cheap, SolutionQuantities.of(model))
         settled = left * errors[ENERGY] <= max(SETTLED, 0.5 * min(errors.values()))
         if part == 1.0 and left <= LINEAR and settled:
             break
@@ -141,7 +141,9 @@ def estimate_wider(
     return errors
 
 
-def differences(problem: ContactProblem, one: Snapshot, other: Snapshot) -> Errors:
+def differences(
+    problem: ContactProblem, one: SolutionQuantities, other: SolutionQuantities
+) -> Errors:
     """Relative differences of two solutions by quantity (collective).
 
     Energies are those of the bulk tangent of ``problem``.

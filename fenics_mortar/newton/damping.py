@@ -17,7 +17,7 @@ from fenics_mortar.newton.loop import Equations, Status, Step
 from fenics_mortar.newton.options import NewtonOptions
 
 # Smallest fraction of a step [1] at which the line search halves the step again.
-SHORTEST = 0.1
+MIN_HALVED = 0.1
 
 
 class Stateful(Equations, Protocol):
@@ -64,7 +64,7 @@ class Damped:
         """Evaluate the state; halve the last step while it raises the residual."""
         status, fraction = self._equations.evaluate(start=start), 1.0
         if self._options.line_search and not start:
-            while not status.residual <= self._residual and fraction > SHORTEST:
+            while not status.residual <= self._residual and fraction > MIN_HALVED:
                 fraction *= 0.5
                 self._equations.restore(self._before.towards(self._after, fraction))
                 status = self._equations.evaluate(start=False)

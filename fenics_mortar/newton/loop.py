@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from fenics_mortar.newton.options import NewtonOptions
-from fenics_mortar.newton.report import Iteration, NewtonReport, once
+from fenics_mortar.newton.report import Iteration, NewtonReport, merge_repeated
 from fenics_mortar.utils.errors import (
     MortarError,
     NotConvergedError,
@@ -23,7 +23,7 @@ from fenics_mortar.utils.errors import (
 UNSETTLED = 12
 # Largest relative residual of a linear solve [1]; at 1e-4 additional Newton iterations cost more
 # than the linear iterations saved (measured).
-LOOSEST = 5e-6
+MAX_FORCING = 5e-6
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def solve(equations: Equations, options: NewtonOptions) -> NewtonReport:
         period = UNSETTLED if _is_stuck(sets, residuals) else period_of(sets)
         if period:
             note = f"iteration {number}: {equations.remedies.merge_sets(period)}"
-            report.notes[:] = once([*report.notes, note])
+            report.notes[:] = merge_repeated([*report.notes, note])
             sets = []
     failed = "; ".join(_failed_tests(status, step, report.force, options))
     reason = f"not converged in {options.max_iterations} iterations: {failed}"
@@ -197,9 +197,9 @@ def forcing(residuals: Sequence[float], goal: float) -> float:
         goal: Residual at which the iteration ends [force].
     """
     last, before = residuals[-1], residuals[-2] if len(residuals) > 1 else 0.0
-    expected = 0.1 * (last / before) ** 2 if before > 0.0 else LOOSEST
+    expected = 0.1 * (last / before) ** 2 if before > 0.0 else MAX_FORCING
     enough = 0.01 * goal / last if last > goal else 0.01
-    return min(max(expected, enough), LOOSEST)
+    return min(max(expected, enough), MAX_FORCING)
 
 
 def _failure(equations: Equations, report: NewtonReport, reason: str) -> NotConvergedError:

@@ -82,7 +82,7 @@ class NewtonReport(Markdown):
         return replace(
             other,
             iterations=self.iterations + other.iterations[1:],
-            notes=once([*self.notes, *other.notes]),
+            notes=merge_repeated([*self.notes, *other.notes]),
         )
 
     def total_seconds(self) -> dict[str, float]:
@@ -145,7 +145,7 @@ class NewtonReport(Markdown):
         return self.table()
 
 
-def once(notes: Sequence[str]) -> list[str]:
+def merge_repeated(notes: Sequence[str]) -> list[str]:
     """Merge notes that differ only in the iteration; their number is appended."""
     first, counts = dict[str, str](), dict[str, int]()
     for note in notes:
@@ -161,7 +161,7 @@ def once(notes: Sequence[str]) -> list[str]:
     ]
 
 
-def after(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
+def then_solve(report: NewtonReport, solve: Callable[[], NewtonReport]) -> NewtonReport:
     """The record followed by that of another solve; its error has the joint record, too."""
     try:
         return report.followed_by(solve())

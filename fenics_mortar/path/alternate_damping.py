@@ -9,7 +9,7 @@ from typing import Any
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.newton.options import NewtonOptions
-from fenics_mortar.newton.report import NewtonReport, after
+from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.errors import NotConvergedError
 
@@ -46,7 +46,7 @@ class AlternateDamping:
             self._damps_first = not self._damps_first
             lost, how = failure.report, "damped" if self._damps_first else "full"
             lost.notes.append(f"restarted with {how} steps: {failure}")
-        return after(lost, partial(self._solve, options))
+        return then_solve(lost, partial(self._solve, options))
 
     def _solve(self, options: NewtonOptions) -> NewtonReport:
         try:

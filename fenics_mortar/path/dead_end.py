@@ -35,7 +35,7 @@ MAX_SLIDING = 8
 Place = tuple[Contact, int]
 
 
-def why_path_ends(problem: ContactProblem) -> str:
+def reason_for_end(problem: ContactProblem) -> str:
     """Reason why there is no equilibrium next to a state; "" if uncertain (collective).
 
     Args:
@@ -46,7 +46,7 @@ def why_path_ends(problem: ContactProblem) -> str:
     )
 
 
-def why_path_turns(problem: ContactProblem) -> str:
+def describe_path_turn(problem: ContactProblem) -> str:
     """Describe the turn of the path in a failed step; "" if it does not turn (collective).
 
     The equations are linearized at the last equilibrium. The result is "" if bodies float, since
@@ -106,7 +106,7 @@ def _slipping_off(problem: ContactProblem) -> Iterator[str]:
             )
 
 
-def why_it_is_a_jump(problem: ContactProblem, before: State) -> str:
+def describe_jump(problem: ContactProblem, before: State) -> str:
     """Describe a jump since a state that no path of equilibria follows; "" if none (collective).
 
     Args:

@@ -25,12 +25,12 @@ from fenics_mortar.bulk.velocity import Velocity
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_input import (
     SCHEMES,
-    check_alike,
     check_dynamics,
+    check_equal_on_ranks,
     check_rates,
     check_step,
     rates_of,
@@ -106,7 +106,7 @@ class Dynamics:
         check_kind("problem", problem, ContactProblem, "a ContactProblem")
         with together(problem.comm, "Dynamics"):
             check_dynamics(problem, density, scheme, rho_inf, velocity, energy)
-        check_alike(problem, density, scheme, rho_inf, velocity, energy)
+        check_equal_on_ranks(problem, density, scheme, rho_inf, velocity, energy)
         self.problem, equations = problem, problem.equations
         self._scheme = GeneralizedAlpha(SCHEMES[scheme] if rho_inf is None else float(rho_inf))
         slaves = [c.slave.nodes for c in equations.contacts if not isinstance(c, Tie)]
@@ -139,7 +139,7 @@ class Dynamics:
         """
         with together(self.problem.comm, "step"):
             check_step(dt, self.time)
-        with undone_if_interrupted(self.problem.equations, None):
+        with restored_if_interrupted(self.problem.equations, None):
             self._begin()
             return self._advance(dt, forces_of(self.problem))[0]
 
@@ -193,15 +193,15 @@ class Dynamics:
         inertia, bulk = self._inertia, self.problem.equations.bulk
         check_rates(self.problem)
         if inertia.rates.begun:
-            inertia.take(inertia.rates, bulk.u.x.array)
+            inertia.set_rates(inertia.rates, bulk.u.x.array)
             return
         if self._rate is not None:  # the velocity at the present time
             self._rate.set(1.0, bulk.u.x.array - self.velocity.x.array)
-        inertia.take(inertia.rates, bulk.u.x.array)  # acceleration not included yet
+        inertia.set_rates(inertia.rates, bulk.u.x.array)  # acceleration not included yet
         forces, contact, _ = self.problem.forces()
         w = inertia.acceleration_of(-(forces + contact), bulk.prescribed)
         begun = replace(inertia.rates, acceleration=w, average=w, begun=True)
-        inertia.take(begun, bulk.u.x.array)
+        inertia.set_rates(begun, bulk.u.x.array)
 
     def _refuse_driven_obstacles(self) -> None:
         driven = self.problem.equations.motions.driven.any(axis=1)

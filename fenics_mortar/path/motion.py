@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import Before, raise_told
+from fenics_mortar.equations.undo import Snapshot, raise_cause
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.dynamics_report import DynamicsReport, Energies, TimeStep
 from fenics_mortar.path.options import SteppingOptions
@@ -72,7 +72,7 @@ class Motion:
             start = bodies.time
             dt = min(size, stop - start)
             dt = stop - start if stop - start - dt < ROUNDING * dt else dt
-            before = Before(problem.equations, None)
+            before = Snapshot(problem.equations, None)
             accepted = problem.state()
             try:
                 if set_loads is not None:
@@ -89,8 +89,8 @@ class Motion:
                 size = max(options.cut * dt, options.smallest)
                 continue
             except BaseException as interruption:
-                before.take_back(renew=True)
-                raise_told(interruption)
+                before.revert(renew=True)
+                raise_cause(interruption)
             forces = after
             done = TimeStep(bodies.time, newton, report.failures, error, work, bodies.energies())
             report.steps.append(done)

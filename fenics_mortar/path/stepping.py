@@ -14,10 +14,10 @@ from fenics_mortar.bulk.residual import MIN_FRACTION
 from fenics_mortar.contact.steps import start_clock
 from fenics_mortar.equations.general import State
 from fenics_mortar.equations.predictor import Predictor
-from fenics_mortar.equations.undo import Before, as_interruption
+from fenics_mortar.equations.undo import Snapshot, as_interruption
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.path.alternate_damping import AlternateDamping
-from fenics_mortar.path.dead_end import why_it_is_a_jump, why_path_ends, why_path_turns
+from fenics_mortar.path.dead_end import describe_jump, describe_path_turn, reason_for_end
 from fenics_mortar.path.options import SteppingOptions
 from fenics_mortar.path.progress import Progress, check_bar
 from fenics_mortar.path.report import PathReport, PathStep
@@ -96,7 +96,10 @@ def follow_path(
     start_clock(problem.equations.contacts, start)
     largest = options.largest or options.step
     predictor = Predictor(problem.equations, start)
-    forces, last = forces_of(problem), _LastStep(start, Before(problem.equations, problem.adequacy))
+    forces, last = (
+        forces_of(problem),
+        _LastStep(start, Snapshot(problem.equations, problem.adequacy)),
+    )
     solver = AlternateDamping(problem)
 
     def load(time: float) -> None:
@@ -121,9 +124,9 @@ def follow_path(
                 problem.restore(accepted)
                 shown.cut(time + step, str(failure), failure.report)
                 if step <= options.smallest:
-                    turns = why_path_turns(problem)
+                    turns = describe_path_turn(problem)
                     load(min(time + MIN_FRACTION * options.step, stop))
-                    path.dead_end = why_path_ends(problem) or turns
+                    path.dead_end = reason_for_end(problem) or turns
                     load(time)
                     words = _last_words(time, step, path.dead_end, failure)
                     raise NotConvergedError(words, path) from failure
@@ -132,7 +135,7 @@ def follow_path(
             before_forces, forces = forces, forces_of(problem)
             work = work_of(problem, accepted, predictor.last, before_forces, forces)
             time = stop if step == stop - time else time + step
-            last.reached = time, Before(problem.equations, problem.adequacy)
+            last.reached = time, Snapshot(problem.equations, problem.adequacy)
             path.steps.append(PathStep(time, step, report, path.failures, work))
             path.failures = []
             shown.accept(time, report)
@@ -169,7 +172,7 @@ class _LastStep:
             one assignment.
     """
 
-    def __init__(self, time: float, before: Before) -> None:
+    def __init__(self, time: float, before: Snapshot) -> None:
         self.reached = time, before
 
 
@@ -183,7 +186,7 @@ def _kept(last: _LastStep) -> Iterator[None]:
     except BaseException as error:
         ours = isinstance(error, MortarError) and not isinstance(error, RaisedElsewhereError)
         time, before = last.reached
-        before.take_back(renew=not ours)
+        before.revert(renew=not ours)
         told = as_interruption(error)
         told.add_note(f"the problem is at time {time:.6g} of the path, its last accepted step")
         if told is error:
@@ -203,7 +206,7 @@ def _solve_soundly(
 ) -> NewtonReport:
     """Solve; refuse states that violate their certificate or lie beyond a jump (collective)."""
     report = solver.solve()
-    wrong = "; ".join(report.certificate.violations()) or why_it_is_a_jump(problem, before)
+    wrong = "; ".join(report.certificate.violations()) or describe_jump(problem, before)
     if wrong:
         report.converged, report.reason = False, f"converged to a wrong state: {wrong}"
         raise NotConvergedError(report.reason, report)

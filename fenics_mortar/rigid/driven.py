@@ -157,6 +157,6 @@ class DrivenObstacles(ObstacleMotions):
         self._start = self.motions_of(self.places)
         return moved
 
-    def own_slide(self) -> float:
-        """Slide of obstacles along driven motions in the last solve; see ``settling.own_slide``."""
-        return settling.own_slide(self, self._start)
+    def slide_along_driven(self) -> float:
+        """Slide of obstacles along driven motions in the last solve [1]; see ``settling``."""
+        return settling.slide_along_driven(self, self._start)

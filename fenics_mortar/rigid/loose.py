@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fenics_mortar.contact.rows import gap_by_motions
-from fenics_mortar.rigid.motions import ObstacleMotions, in_words
+from fenics_mortar.rigid.motions import ObstacleMotions, describe_motion
 from fenics_mortar.rigid.springs import tangent_stiffness, unresisted
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import SUM_ROUNDING
@@ -61,5 +61,5 @@ def describe_loose(motions: ObstacleMotions, residual: Array, force: float) -> s
     ):
         drive = loose @ rest
         if np.linalg.norm(drive) > SUM_ROUNDING * force:
-            found.append(f"obstacle '{obstacle.name}' can {in_words(drive @ loose)}")
+            found.append(f"obstacle '{obstacle.name}' can {describe_motion(drive @ loose)}")
     return ", ".join(found)

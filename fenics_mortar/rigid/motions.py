@@ -143,7 +143,7 @@ def _moved(where: Array) -> str:
     return ", " + " and ".join(words) if words else ""
 
 
-def in_words(motion: Array) -> str:
+def describe_motion(motion: Array) -> str:
     """Description of a ``motion`` x, y, turn, shape (3,) [length] (local)."""
     x, y, turn = motion / np.abs(motion).max()
     if abs(turn) < 0.1:

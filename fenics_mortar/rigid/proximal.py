@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Protocol
 
 from fenics_mortar.newton.loop import Equations, solve
 from fenics_mortar.newton.options import NewtonOptions
-from fenics_mortar.newton.report import NewtonReport, after
+from fenics_mortar.newton.report import NewtonReport, then_solve
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.utils.rounding import SOLVED
@@ -103,7 +103,7 @@ def solve_with_springs(
     arrived = equations.state()
     equations.springs.remove_springs()
     try:
-        return after(report, partial(solve, equations, options))
+        return then_solve(report, partial(solve, equations, options))
     except NotConvergedError as error:
         equations.restore(arrived)
         again = NotConvergedError(failed.report.reason, error.report)
@@ -137,7 +137,7 @@ def solve_with_weak_springs(
     report = failed.report
     for _ in range(repeats):
         equations.springs.anchor(ELONGATION)
-        report = after(report, partial(solve, equations, options))
+        report = then_solve(report, partial(solve, equations, options))
     carried = equations.springs.remaining()
     if carried.fraction > max_fraction:
         raise NotConvergedError(f"{failed}; {carried.words}", report) from failed
@@ -159,7 +159,7 @@ def _move_on_springs(
         start = equations.state()
         equations.springs.anchor(aim)
         try:
-            report = after(report, partial(solve, equations, rough))
+            report = then_solve(report, partial(solve, equations, rough))
         except NotConvergedError as error:
             report, aim, failures = error.report, BACK_OFF * aim, failures + 1
             equations.restore(start)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fenics_mortar.contact.rows import gap_by_motions
-from fenics_mortar.rigid.motions import ObstacleMotions, in_words, slip_by_motions
+from fenics_mortar.rigid.motions import ObstacleMotions, describe_motion, slip_by_motions
 from fenics_mortar.rigid.moves import closest_move
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.arrays import Array
@@ -70,7 +70,7 @@ def settle(motions: ObstacleMotions, evaluate: Callable[[], object]) -> list[str
         motions.move(moves)
     free = moving[0]
     raise MortarError(
-        f"obstacle '{motions.obstacles[free].name}' can {in_words(moves[free])} freely: its "
+        f"obstacle '{motions.obstacles[free].name}' can {describe_motion(moves[free])} freely: its "
         "push drives it, and no contact stops it; prescribe that motion by move()"
     )
 
@@ -97,7 +97,7 @@ def _next_move(motions: ObstacleMotions, number: int) -> Array:
     return np.zeros(3)
 
 
-def own_slide(motions: ObstacleMotions, start: Array) -> float:
+def slide_along_driven(motions: ObstacleMotions, start: Array) -> float:
     """Largest slide of obstacles along driven motions, over their contact width [1] (local).
 
     Zero for obstacles with a node that sticks or has no friction.

@@ -82,7 +82,7 @@ def has_history(contact: Any) -> bool:
     if not isinstance(contact, Contact):
         return False
     law = contact.pair.law
-    return bool(law.has_friction or law.memory or law.sees_nodes)
+    return bool(law.has_friction or law.memory or law.needs_nodal_state)
 
 
 def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> Earlier:
@@ -96,7 +96,7 @@ def earlier_of(e: ContactEquations, i: int, contact: Contact, before: State) -> 
         place = before.places[e.motions.obstacles.index(contact.obstacle)]
     earlier = Earlier(contact, before.u, before.interfaces[i], place)
     measure = contact.slip_measure
-    with earlier.at_its_place():
+    with earlier.at_earlier_position():
         found = find_partners(
             earlier.operators, earlier.fields.covered, earlier.touches, measure,
             master_planes=contact.master_planes,

@@ -114,7 +114,7 @@ def check_law(contact: Any) -> None:
         MortarError: For such a law.
     """
     law = contact.pair.law if isinstance(contact, Contact) else None
-    if law is not None and (law.bridges_gap or law.pulls_by_node):
+    if law is not None and (law.bridges_gap or law.has_nodal_adhesion):
         raise MortarError(
             f"{law!r} has an adhesion that depends on more than the gap, or shear at open nodes "
             "(adhesion_at, bridges_gap), which have no sensitivities: expected a law with "
@@ -130,7 +130,7 @@ def check_exact(contact: Any) -> None:
     """
     terms = contact.operators.linearization
     if isinstance(contact, Contact) and contact.pair.sliding == "small":
-        if (contact.now.fades_fast & contact.attracted).any():
+        if (contact.now.decreases_fast & contact.attracted).any():
             raise MortarError(
                 "adhesion that decreases fast with the gap has no derivative with "
                 "sliding='small': expected "

@@ -16,7 +16,7 @@ from dolfinx import fem
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.state import InterfaceState
 from fenics_mortar.equations.general import State
-from fenics_mortar.equations.undo import Before, raise_told
+from fenics_mortar.equations.undo import Snapshot, raise_cause
 from fenics_mortar.interface.mortar import EXACT
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.sensitivity.checkpoints import Checkpoints
@@ -227,7 +227,7 @@ class RecordedPath:
         self._data.put(step.data)
         for contact, law in zip(_with_law(self.problem), step.laws, strict=True):
             vars(contact.pair.law).update(law)
-            contact.take_law()
+            contact.adopt_law()
         for obstacle, load in zip(self.problem.obstacles, step.loads, strict=True):
             if not np.array_equal(obstacle.load, load, equal_nan=True):
                 obstacle.load = load
@@ -240,7 +240,7 @@ class RecordedPath:
     def visited(self) -> Iterator[None]:
         """Context of visits to steps, with exact derivatives; changes are reverted at the end."""
         equations = self.problem.equations
-        present, before = self.present(), Before(equations, self.problem.adequacy)
+        present, before = self.present(), Snapshot(equations, self.problem.adequacy)
         residual, linearization = equations.bulk.r.array_r.copy(), equations.linearization
         self._linearization = linearization
         equations.linearization, renew = EXACT, True
@@ -251,11 +251,11 @@ class RecordedPath:
             renew = isinstance(error, RaisedElsewhereError)
             raise
         except BaseException as error:
-            raise_told(error)
+            raise_cause(error)
         finally:
             equations.linearization = linearization
             self._put_values(present)
-            before.take_back(renew=renew)
+            before.revert(renew=renew)
             equations.bulk.r.array[:] = residual
 
     def check(self) -> None:

@@ -7,7 +7,7 @@ ones they would be wrong without any indication.
 
 from __future__ import annotations
 
-from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.errors import MortarError
 
@@ -28,7 +28,7 @@ def check_solved(problem: ContactProblem) -> None:
         raise MortarError(
             "the present state is not the result of a solve: record a state after solve()"
         )
-    with undone_if_interrupted(e, problem.adequacy):
+    with restored_if_interrupted(e, problem.adequacy):
         e.evaluate_operators()
         e.bulk.assemble_residual()
         if e.floating.bodies:

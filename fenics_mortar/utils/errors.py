@@ -126,7 +126,7 @@ def together(comm: MPI.Comm, what: str) -> Iterator[None]:
 
 
 @contextmanager
-def going_on() -> Iterator[None]:
+def suppressed_failures() -> Iterator[None]:
     """Context that suppresses ``MortarError``, except a ``RaisedElsewhereError``."""
     try:
         yield
@@ -169,7 +169,7 @@ def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> No
     Raises:
         MortarError: On all ranks.
     """
-    mine, error = [(name, in_words(value)) for name, value in values.items()], None
+    mine, error = [(name, as_text(value)) for name, value in values.items()], None
     first = comm.bcast(mine)
     for (name, here), (_, there) in zip(mine, first, strict=False):
         if here != there and error is None:
@@ -180,7 +180,7 @@ def check_same_words(comm: MPI.Comm, what: str, values: Mapping[str, Any]) -> No
     raise_together(comm, error)
 
 
-def in_words(value: Any) -> str:
+def as_text(value: Any) -> str:
     """Describe a value, equal for equal values and without addresses in memory (local)."""
     if isinstance(value, np.generic):
         value = value.item()
@@ -190,12 +190,12 @@ def in_words(value: Any) -> str:
         numbers = ", ".join(map(str, value.ravel()[:6].tolist()))
         return f"[{numbers}] of shape {value.shape}, with a sum of {value.sum():.17g}"
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{in_words(k)}: {in_words(v)}' for k, v in value.items())}}}"
+        return f"{{{', '.join(f'{as_text(k)}: {as_text(v)}' for k, v in value.items())}}}"
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(in_words, value))}]"
+        return f"[{', '.join(map(as_text, value))}]"
     plain = (bool, int, float, str, np.generic, type(None))
     shown = {k: v for k, v in getattr(value, "__dict__", {}).items() if isinstance(v, plain)}
-    numbers = ", ".join(f"{k}={in_words(v)}" for k, v in shown.items() if not k.startswith("_"))
+    numbers = ", ".join(f"{k}={as_text(v)}" for k, v in shown.items() if not k.startswith("_"))
     return f"{type(value).__name__}({numbers})"
 
 

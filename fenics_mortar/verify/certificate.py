@@ -17,9 +17,9 @@ import numpy as np
 
 from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
+from fenics_mortar.contact.messages import describe_reach
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.contact.words import describe_reach
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.errors import place
 from fenics_mortar.utils.markdown import Markdown
@@ -132,7 +132,7 @@ def certify(
         _certify_tie(c) if isinstance(c, Tie) else _certify_pair(bulk, c, labels, paired)
         for c in contacts
     ]
-    raise_noted(bulk.comm, contacts)
+    raise_stored(bulk.comm, contacts)
     balance = balance_of_bodies(bulk, contacts, labels, unbalanced)
     return Certificate(pairs, balance, inverted)
 

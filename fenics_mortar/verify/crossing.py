@@ -42,8 +42,8 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together, place
 from fenics_mortar.utils.rounding import HALF_FACET
+from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
 from fenics_mortar.verify.outline_names import OutlineNames
-from fenics_mortar.verify.ways import Motions, own_frame, passed_through
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Crossing:
 
 
 @dataclass(frozen=True)
-class Standing:
+class AcceptedPositions:
     """Positions of outlines and obstacles at the last accepted state.
 
     Attributes:
@@ -117,7 +117,7 @@ class Crossings:
         self._names = OutlineNames(self.outline, contacts, name_of_body)
         self._excused: dict[tuple[int, int], float] = {}
         self._excused = self._as_meshed()
-        self.accepted = Standing(self._positions(), np.zeros((0, 3)))
+        self.accepted = AcceptedPositions(self._positions(), np.zeros((0, 3)))
         self._left: Array = self.accepted.x
         self._restored: Array | None = None
 
@@ -185,10 +185,10 @@ class Crossings:
         Args:
             places: Positions of the obstacles, shape (obstacles, 3).
         """
-        self.accepted = Standing(self._positions(), places.copy())
+        self.accepted = AcceptedPositions(self._positions(), places.copy())
         self._left, self._restored = self.accepted.x, None
 
-    def restore(self, accepted: Standing, u: Array) -> None:
+    def restore(self, accepted: AcceptedPositions, u: Array) -> None:
         """Restore the start of a step at the displacement ``u``, shape (local dofs,) [length]."""
         self.accepted, self._restored = accepted, u
 
@@ -219,12 +219,12 @@ class Crossings:
             found = []
         elif motions.are_small:
             found = self._through_bodies(np.array([x0, x1]), OTHERS)
-            found += self._through_bodies(np.array([motions.carried(), x1]), OWN)
+            found += self._through_bodies(np.array([motions.moved_with_own_body(), x1]), OWN)
         else:
             found = []
             for i, body in enumerate(motions.labels):
-                seen = Motions(motions.seen_from(i), x1, self.outline.bodies)
-                found += self._through_bodies(seen.ways(), ALL, self._segment_bodies == body)
+                seen = Motions(motions.moved_with(i), x1, self.outline.bodies)
+                found += self._through_bodies(seen.node_paths(), ALL, self._segment_bodies == body)
         return found + self._through_obstacles(x1, places)
 
     def _through_bodies(
@@ -289,7 +289,7 @@ class Crossings:
             number = obstacles.index(obstacle)
             start = own_frame(obstacle, self.accepted.x, self.accepted.places[number])
             end = own_frame(obstacle, x1, places[number])
-            knots = Motions(start, end, self.outline.bodies).ways()[:, there]
+            knots = Motions(start, end, self.outline.bodies).node_paths()[:, there]
             given = knots, contact.now.offset, contact.slave.nodal_lengths
             depth = call_together(
                 self.outline.comm,

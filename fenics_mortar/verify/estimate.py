@@ -47,7 +47,7 @@ from fenics_mortar.utils.errors import together
 from fenics_mortar.utils.markdown import Markdown
 from fenics_mortar.utils.rounding import ROUNDING, TINY
 from fenics_mortar.verify.interface_defects import interface_defects
-from fenics_mortar.verify.sides import Sides
+from fenics_mortar.verify.sides import CellSides
 from fenics_mortar.verify.tractions import interface_tractions
 
 # Factors b and c of the terms in cells and on sides, by degree [1].
@@ -142,7 +142,7 @@ class Estimator:
     def __init__(self, bulk: Bulk) -> None:
         self._mesh = bulk.V.mesh
         self._fluxes = Fluxes(bulk.residual, bulk.u, bulk.space)
-        self._sides = Sides(bulk, self._fluxes.cell.sides)
+        self._sides = CellSides(bulk, self._fluxes.cell.sides)
         self._degree = self._sides.nodes.shape[2] - 1
         self._prescribed = bulk.prescribed.astype(float)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
-from fenics_mortar.contact.law_calls import raise_noted
+from fenics_mortar.contact.law_calls import raise_stored
 from fenics_mortar.contact.nodal import at_points
 from fenics_mortar.interface.facing import GAUSS, Points, face, points_of
 from fenics_mortar.interface.on_obstacle import ObstacleOperators
@@ -34,7 +34,7 @@ def interface_defects(pair: Interface) -> dict[str, Defects]:
     """
     if isinstance(pair, Contact):
         return {"gap": gap_defects(pair), "slip": slip_defects(pair)}
-    o, facing = pair.operators, face(pair.as_faced, pair.intersections())
+    o, facing = pair.operators, face(pair.partner_operators, pair.intersections())
     jump = facing.apart(o.x - pair.slave.X, o.m - pair.master.X)
     return {"gap": _on_facets(pair, facing, jump, 0.0 * facing.s)}
 
@@ -69,7 +69,7 @@ def _gaps(contact: Contact, segments: Segments) -> Array:
 
     With small sliding gaps are linear in the motion, like nodal gaps.
     """
-    o, first = contact.operators, contact.as_faced
+    o, first = contact.operators, contact.partner_operators
     gap = first.sample_gaps(first.x + contact.now.offset[:, None] * o.n, segments, GAUSS[0])
     if isinstance(first, ObstacleOperators) and isinstance(o, ObstacleOperators):
         return gap + points_of(segments).of(o.phi - first.phi)
@@ -92,7 +92,7 @@ def slip_defects(contact: Contact) -> Defects:
     sticking = contact.sticking[ends]
     sticks = ((sticking | prescribed[ends]).all(axis=1) & sticking.any(axis=1))[:, None]
     node, bound = contact.nodal, contact.now.friction_limit(contact.pressure)
-    raise_noted(contact.slave.comm, [contact])
+    raise_stored(contact.slave.comm, [contact])
     shear, bound = (here.of(np.where(contact.active, a, 0.0)) for a in (node.z_tau, bound))
     lost = np.maximum(bound * np.abs(slip) - shear * slip, 0.0)
     work = np.where(sticks | (bound <= 0.0), 0.0, lost)

@@ -100,7 +100,7 @@ def _solve_on_covered(surface: Surface, blocks: Array, forces: Array, clamped: F
 
 def _covers(pair: Interface) -> list[Points]:
     """Points on the parts of slave and master that face each other (local)."""
-    o, segments = pair.as_faced, pair.intersections()
+    o, segments = pair.partner_operators, pair.intersections()
     behind = [points_behind(o, segments)] if pair.master.num_nodes else []
     return [points_of(segments), *behind]
 

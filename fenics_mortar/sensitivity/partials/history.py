@@ -59,7 +59,7 @@ class Earlier:
     ) -> None:
         self.contact, self.place = contact, place
         view, obstacle = contact.integration.view, contact.obstacle
-        with self.at_its_place():
+        with self.at_earlier_position():
             try:
                 operators, _ = contact.integration.evaluate(u, state, EXACT)
             finally:
@@ -71,7 +71,7 @@ class Earlier:
                 self.V_at_feet = obstacle.motions(_feet(self.operators), contact.arm)
 
     @contextmanager
-    def at_its_place(self) -> Iterator[None]:
+    def at_earlier_position(self) -> Iterator[None]:
         """Context in which the obstacle is at its position in that state (local)."""
         obstacle = self.contact.obstacle
         if obstacle is None or self.place is None:
@@ -210,7 +210,7 @@ class _Terms:
         planes = np.isfinite(earlier.contact.master_planes)
         self.n = np.where(planes, earlier.contact.master_planes, n)
         self.dn = np.where(planes[:, :, None], 0.0, dn)
-        self.t, y, meets = midway(o.n, -(partners.M @ self.n), self.apart)
+        self.t, y, meets = mean_tangents(o.n, -(partners.M @ self.n), self.apart)
         self.t = np.where(counts, np.where(touches, o.tau, self.t), 0.0)
         self.y = np.where(touches, 0.0, y)
         self.y_master = np.where(touches | ~meets[:, None], 0.0, y)
@@ -301,7 +301,7 @@ class _Terms:
             yield Block(j[:, None], surface.dofs_of(nodes[:, None]), (scale * change)[:, None])
 
 
-def midway(n: Array, opposite: Array, apart: Array) -> tuple[Array, Array, Flags]:
+def mean_tangents(n: Array, opposite: Array, apart: Array) -> tuple[Array, Array, Flags]:
     """Mean tangents of both sides, and their derivative with respect to the normals (local).
 
     Args:

@@ -150,7 +150,7 @@ def _residuals(
     numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
     node = replace(given, fields=fields, memory=memory, **numbers)
     found = np.zeros((3, len(f.state.z)), complex)
-    if law.has_layer:
+    if law.has_closing_gap:
         node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
     if law.has_friction:
         found[0] = law.tangential(node, f.state.branch).residual

@@ -183,7 +183,7 @@ def _remembered(
     given = _given(f)
     numbers: dict[str, Any] = {name: getattr(given, name).astype(complex) for name in NUMBERS}
     node = replace(given, **{**numbers, "fields": fields, **changes})
-    if law.has_layer:
+    if law.has_closing_gap:
         node = replace(node, gap=np.where(f.covered, law.closing_gap(node).residual, node.gap))
     answer = law.remember(node, f.state.branch)
     return np.array([np.asarray(answer[name], complex) for name in law.memory])

@@ -82,7 +82,7 @@ def change_by_shape(
     o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
     dtau = np.stack([-dn[:, 1], dn[:, 0]], axis=1)
     slip = np.zeros(len(gap))
-    if contact.pair.law.has_friction or contact.pair.law.sees_nodes:
+    if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
         slip = np.einsum("jc,jc->j", dtau, contact.partners.apart(o))
         if earlier is not None:
             slip += _slip_of_earlier(contact, earlier, name, direction)
@@ -145,7 +145,7 @@ def _slip_of_earlier(contact: Contact, earlier: Earlier, name: str, direction: A
     """Change of the slip due to the nearest points of the earlier state, (slave nodes,) (local)."""
     now, o, obstacle = contact.operators, earlier.operators, contact.obstacle
     assert obstacle is not None
-    with earlier.at_its_place():
+    with earlier.at_earlier_position():
         changed = _Changed(obstacle, name, direction)
         phi, dn = changed.evaluate(o.x)[0], _normals(contact, o, changed)
     along = -now.tau @ obstacle.turn @ earlier.turn.T

@@ -59,16 +59,16 @@ class Motions:
         """Whether all rotations are small, so that no rotating frames are needed."""
         return float(np.abs(self.angles).max(initial=0.0)) <= SMALL_ANGLE
 
-    def carried(self) -> Array:
+    def moved_with_own_body(self) -> Array:
         """Initial positions moved rigidly with the body of each node, shape (n, 2) [length]."""
         i = self._of_node
         return self._end[i] + _turned(self._x0 - self._start[i], self.angles[i])
 
-    def seen_from(self, body: int) -> Array:
+    def moved_with(self, body: int) -> Array:
         """Initial positions moved rigidly with one body, shape (n, 2) [length]."""
         return self._end[body] + _turned(self._x0 - self._start[body], self.angles[body])
 
-    def ways(self) -> Array:
+    def node_paths(self) -> Array:
         """Positions at start, intermediate times and end, shape (m + 1, n, 2) [length].
 
         Centres of bodies move on straight lines, and bodies rotate about them. A common motion of
