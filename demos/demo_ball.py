@@ -10,12 +10,12 @@
 #
 # where E* = E / (2 (1 - nu^2)): the peak p0 is 3/2 of the mean pressure. P is the computed contact
 # force. The computed radius is that of the second moment of nodal forces, sum f r^2 = 2/5 a^2 P;
-# the peak that of a fit, p^2 being linear in r^2.
+# the peak is that of a linear fit of p^2 over r^2.
 #
-# The pressure ends like a square root, which the last facet, of length h, does not resolve: an
-# error in p of order sqrt(h) over this length. So its root mean square should fall like h. Radius
-# and peak depend less on the end. Errors vary with the place of the end in its facet: they are
-# averaged over nine loads.
+# The pressure ends like a square root, which the last facet, of length h, does not resolve: the
+# error in p is of order sqrt(h) over this length, and its root mean square should decrease like h.
+# Radius and peak depend less on the end. Errors vary with the position of the end in its facet;
+# they are averaged over nine loads.
 #
 # ## Implementation
 
@@ -39,9 +39,9 @@ from meshes.mapped_grids import Grid, build, mapped
 comm, R, E, nu, size, meshes = MPI.COMM_WORLD, 8.0, 200e3, 0.3, 4.0, np.array([16, 32, 64, 128])
 # -
 
-# The axis is x = 0. There are n x n cells, whose lengths grow like a power from the origin on; of
-# the ball there is only the part below y = 4 mm. Hertz's theory neglects that points of the surface
-# move sideways. So does `sliding="small"`; then all loads share one factorization.
+# The axis is x = 0. There are n x n cells, whose lengths grow like a power with the distance from
+# the origin; only the part of the ball below y = 4 mm is meshed. Hertz's theory neglects tangential
+# motion of surface points. So does `sliding="small"`, and all loads then share one factorization.
 
 
 # +

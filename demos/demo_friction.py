@@ -10,7 +10,7 @@
 #
 # with the half-width a and the peak p0 of Hertz. P and Q are the computed forces. In the theory the
 # pressing is without friction and the bodies are half planes. Few facets are in contact, and the
-# shear has kinks: it is right to 7 %, by `accuracy/cattaneo.py` to 1 % on graded meshes.
+# shear has kinks: its error is 7 %, and 1 % on the graded meshes of `accuracy/cattaneo.py`.
 #
 # ## Implementation
 
@@ -45,7 +45,7 @@ if comm.rank == 0:
     )
 data = fm.read_gmsh(model, comm)
 
-# The law is an option of the pair. Slip counts from the last solve: each is a step of the loading.
+# The law is an option of the pair. Slip is counted from the last solve: each solve is a load step.
 
 # +
 V = fm.vector_space(data.mesh, 1)
@@ -74,7 +74,7 @@ P, Q = pair.total_force[1], -pair.total_force[0]
 a = np.sqrt(8 * P * R * (1 - nu**2) / (np.pi * E))
 c = a * np.sqrt(1 - Q / (friction * P))
 x, weights = pair.operators.x[:, 0], pair.operators.weight
-x = x - (weights * node.z_n) @ x / (weights @ node.z_n)  # the place of contact has moved
+x = x - (weights * node.z_n) @ x / (weights @ node.z_n)  # the contact zone has moved
 p, stuck = (2 * P / (np.pi * a**2) * np.sqrt(np.maximum(r**2 - x**2, 0)) for r in (a, c))
 exact = friction * (p - stuck)
 error = np.sqrt(weights @ (np.abs(node.z_tau) - exact) ** 2 / (weights @ exact**2))

@@ -9,8 +9,9 @@
 #
 # J = 1/2 sum_k (P_k - P_k measured)^2 + (Q_k - Q_k measured)^2.
 #
-# The "measured" forces are those of E = 210 and mu = 0.35 here, without noise. L-BFGS-B of scipy
-# needs J and its gradient, which is that of the adjoint method: one transposed solve per step.
+# Here the "measured" forces are computed with E = 210 and mu = 0.35, without noise. L-BFGS-B of
+# scipy needs J and its gradient, which the adjoint method computes by one transposed solve per
+# step.
 #
 # ## Implementation
 
@@ -59,7 +60,7 @@ forces = [fm.sensitivity.TotalForce(0, axis) for axis in np.eye(2)]
 mu = fm.sensitivity.LawParameter(0, "mu")
 
 
-def misfit(parameters):  # and its derivatives by E / 100 and mu
+def misfit(parameters):  # and its derivatives with respect to E / 100 and mu
     E.value, law.mu = 100 * parameters[0], parameters[1]
     problem.restore(unloaded)
     path = fm.RecordedPath(problem)

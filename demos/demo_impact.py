@@ -7,9 +7,9 @@
 #
 # ## Problem
 # A soft block falls on a wider one that stands on the ground, and bounces several times under
-# gravity. Both are neo-Hookean, plane strain, with friction. Time steps of the trapezoidal rule
-# would gain energy in each impact; here nodes of the contact surface have no mass, and what the
-# steps take is returned.
+# gravity. Both are neo-Hookean, plane strain, with friction. With the trapezoidal rule the energy
+# would increase in each impact; here nodes of the contact surface have no mass, and energy lost by
+# errors of the time steps is returned.
 #
 # ## Implementation
 
@@ -47,7 +47,7 @@ if comm.rank == 0:
     gmsh.finalize()
 # -
 
-# The residual is that of statics: internal forces less gravity.
+# The residual is that of statics: internal forces minus gravity.
 
 # +
 V = fm.vector_space(blocks.mesh, 1)
@@ -89,7 +89,7 @@ if comm.rank == 0:
 # -
 
 # ## Check
-# The block rebounded; nothing but friction took energy.
+# The block rebounded, and only friction dissipated energy.
 
 assert np.count_nonzero(np.diff(force != 0.0)) >= 2
 assert 0.0 < impact.friction_work < 0.1 * impact.start.total

@@ -1,16 +1,17 @@
 # # Interference of a press fit for a wanted pressure
 #
-# This demo computes by how much a shaft has to be thicker, at each place, for a given pressure.
+# This demo computes the oversize of a shaft, as a function of position, for a given pressure.
 #
 # ## Problem
 # A hub of steel, outer radius c = 20 mm and 40 mm long, sits on a solid shaft of radius b = 10 mm.
-# If the shaft is too thick by the same length everywhere, the hub presses most at its ends, where
-# fits wear by fretting. Wanted is p0 = 100 MPa in the middle that falls to p0 / 5 at the ends,
+# With a uniform oversize of the shaft, the pressure is largest at the ends of the hub, where fits
+# wear by fretting. The desired pressure is p0 = 100 MPa in the middle and decreases to p0 / 5 at
+# the ends,
 #
 # p = p0 (1 - 0.8 (2 z / 40 mm)^4).
 #
-# Unknown is the interference D(z) at each node of the hub: it minimizes the mean square of the
-# difference to that pressure. In a long hub it is that of Lame for the local pressure,
+# The unknowns are the interferences D(z) at the nodes of the hub, which minimize the mean square
+# difference from that pressure. In a long hub D is that of Lame for the local pressure,
 #
 # D = p b / E ((c^2 + b^2) / (c^2 - b^2) + 1).
 #
@@ -62,7 +63,8 @@ options = {"geometry": "axisymmetric", "petsc_options_prefix": "interference_"}
 problem = fm.ContactProblem(residual, u, [pair], bcs=bcs, **options)
 # -
 
-# The offset of a node is the interference there. L-BFGS-B takes it in units of Lame's for p0.
+# The offset of a node is the interference there. In L-BFGS-B its unit is Lame's interference for
+# p0.
 
 # +
 contact, offset = problem.contacts[0], fm.sensitivity.Offset(0)

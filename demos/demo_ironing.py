@@ -58,7 +58,7 @@ problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefi
 # -
 
 # ## Load steps
-# The path is the way of the tool, down and along [mm].
+# The path parameter is the travel of the indenter, down and along [mm].
 
 
 # +
@@ -79,8 +79,8 @@ way, H, V, iterations = np.abs(rows).T
 # -
 
 # ## Comparison
-# There are six published pairs of V and H when the tool is down, and 5 mm further [N/mm]. They are
-# far apart: how far meshes and steps change one's own says more.
+# Six pairs of V and H have been published, for the indenter at full depth and 5 mm further [N/mm].
+# They differ widely; the influence of meshes and steps on the present results is more informative.
 
 # +
 places = (1.0, 1.0, 6.0, 6.0)

@@ -8,8 +8,8 @@
 # ## Problem
 # The paper says: 10 x 10 elements in the slave body, 20 x 10 in the master body, displacements
 # prescribed on the upper halves of the slave's sides and on the master's bottom, accuracy 1e-9. It
-# gives neither dimensions nor material nor load; those below are ours, so the numbers can be
-# compared in kind, not digit by digit. Our norms are relative to the contact force.
+# states neither dimensions nor material nor load; those below are chosen here, so that the numbers
+# can be compared qualitatively, not digit by digit. Our norms are relative to the contact force.
 #
 # ## Implementation
 
@@ -73,7 +73,7 @@ OURS = {"Alg. 1": solve(algorithm="saddle"), "Alg. 2": solve(algorithm="condense
 OURS["fixed point"] = solve(linearization="frozen")
 # -
 
-# ## Table 1, the paper's beside ours
+# ## Table 1 of the paper, and computed here
 
 if comm.rank == 0:
     columns = {f"{name}, paper": PAPER[name].split() for name in PAPER}

@@ -1,6 +1,6 @@
 # # Press fit: a hub on a shaft, and the force that pulls it off
 #
-# Bodies of revolution need the mesh of their meridian half plane only, and one word:
+# For bodies of revolution only the meridian half plane is meshed, and one argument is needed:
 # `geometry="axisymmetric"`.
 #
 # ## Problem
@@ -10,9 +10,9 @@
 #
 # p = D E / (b ((c^2 + b^2) / (c^2 - b^2) + 1)).
 #
-# The shaft beyond the hub adds to the pressure at its ends, and gets thinner where it is pulled.
-# Once all of it slips, the axial force is that of friction, mu times the integral of the pressure,
-# 2 pi b int p dz.
+# The shaft beyond the hub increases the pressure at the ends, and the shaft gets thinner where it
+# is pulled. Once all nodes slip, the axial force is that of friction, mu times the integral of the
+# pressure, 2 pi b int p dz.
 #
 # ## Implementation
 
@@ -67,8 +67,8 @@ residual = 2 * np.pi * r * work * ufl.dx(metadata={"quadrature_degree": 3})
 # On the axis the radius does not change. The hub leans on a ring at its upper end, where the shaft
 # is pulled. The hub is put on warm: it slides freely until it has shrunk.
 #
-# The mesh is without interference, which is a negative initial gap: in the picture both bodies are
-# that much apart, 200 times.
+# The mesh has no interference; it is prescribed as a negative initial gap. In the picture both
+# bodies are apart by 200 times this length.
 
 # +
 pull, law = fem.Constant(data.mesh, 0.0), fm.Coulomb(0.0)
@@ -92,7 +92,7 @@ for step in range(1, 9):
 # ## Comparison
 
 # +
-slides = contact.sliding  # all but the node on the ring: prescribed nodes are without friction
+slides = contact.sliding  # all but the node on the ring: prescribed nodes have no friction
 limit = friction * contact.operators.weight[slides] @ contact.pressure[slides]
 lame = interference * E / (b * ((c**2 + b**2) / (c**2 - b**2) + 1))
 middle = fitted[np.abs(z) < length / 4].mean()
@@ -107,6 +107,6 @@ if comm.rank == 0:
 # -
 
 # ## Check
-# The pressure has an axial part where the shaft is indented.
+# The pressure has an axial component where the shaft is indented.
 
 assert slides.sum() == len(z) - 1 and abs(force[-1] / limit - 1) < 0.01 > abs(middle / lame - 1)

@@ -1,12 +1,12 @@
-# # The profile of a roller that presses alike everywhere
+# # The profile of a roller with uniform pressure
 #
 # This demo finds the shape of a rigid body by the gradient of the pressure under it.
 #
 # ## Problem
 # A rigid roller is pressed on an elastic block, in plane strain and without friction. With a flat
 # profile the pressure would be infinite at its ends, with a circular one it is that of Hertz. Which
-# profile presses with p0 at |x| < a and not at all beyond? On a half plane, where such a pressure
-# makes the dent of that profile, with s = x / a and E* = E / (1 - nu^2),
+# profile has the pressure p0 at |x| < a and zero beyond? It is the indentation of a half plane by
+# such a pressure; with s = x / a and E* = E / (1 - nu^2),
 #
 # z = 2 p0 a / (pi E*) ((1 + s) ln(1 + s) + (1 - s) ln(1 - s)).
 #
@@ -14,8 +14,8 @@
 # profile that Lundberg (1939) derived for the long and narrow contact of a bearing's roller,
 # z ~ ln 1 / (1 - s^2), which is steeper.
 #
-# Unknown are the heights of the points of a spline; L-BFGS-B of scipy minimizes the mean square of
-# (p - p_wanted) / p0. It starts from the circle that Hertz's theory has the same half-width a for.
+# The unknowns are the heights of the points of a spline; L-BFGS-B of scipy minimizes the mean
+# square of (p - p_wanted) / p0. It starts from the circle with the half-width a by Hertz's theory.
 #
 # ## Implementation
 
@@ -52,8 +52,8 @@ bcs = [fm.dirichlet(V, data, "block/left", 0.0, 0), fm.dirichlet(V, data, "block
 # -
 
 # The roller is driven by its load, half of which acts on this half of the block. The pressure
-# depends on the slopes between the points, from which the heights follow. Each slope is taken times
-# the root of its interval: so L-BFGS-B has unknowns of about equal effect.
+# depends on the slopes between the points, from which the heights follow. Each slope is multiplied
+# by the root of its interval, so that the unknowns of L-BFGS-B have similar effects.
 
 # +
 at = 1.05 * a * np.sin(np.linspace(0, 1, 13) * np.pi / 2)
@@ -77,7 +77,7 @@ objective = fm.sensitivity.PressureFunctional(
 )
 
 
-def misfit(slopes):  # and its derivatives by the slopes
+def misfit(slopes):  # and its derivatives with respect to the slopes
     shape.set(problem, points(slopes))
     problem.solve()
     pressures.append(contact.pressure / p0)

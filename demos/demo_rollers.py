@@ -1,11 +1,11 @@
-# # Three-point bending between rigid rollers, by force and beyond the largest force
+# # Three-point bending with rigid rollers, by force and beyond the maximum force
 #
 # A beam lies on two rollers and is bent by a third one. Rigid bodies need no mesh.
 #
 # ## Problem
 # A beam of height 1 mm, large deflections, neo-Hookean, plane strain, no friction. By symmetry one
-# half is computed. The force that bends it rises to a largest value; then the beam slips through
-# between the rollers. So the punch is driven by a force first, and by displacement beyond.
+# half is computed. The bending force rises to a maximum; then the beam slips through between the
+# rollers. The punch is therefore driven by a force first, and by displacement beyond the maximum.
 #
 # ## Implementation
 
@@ -56,7 +56,7 @@ P = ufl.diff(psi, F)
 residual = ufl.inner(P, ufl.grad(v)) * ufl.dx(metadata={"quadrature_degree": 4})
 # -
 
-# The rollers, and what each of them touches.
+# The rollers, and the surfaces in contact with them.
 
 support = fm.Circle((span, -radius), radius, name="support")
 punch = fm.Circle((0.0, 1.0 + radius), radius, name="punch")
@@ -65,8 +65,8 @@ bcs = [fm.dirichlet(V, data, "middle", 0.0, component=0)]
 problem = fm.ContactProblem(residual, u, pairs, bcs=bcs, petsc_options_prefix="rollers_")
 
 # ## By force, then by displacement
-# What `move` prescribes and `push` drives may change: first the place of the punch follows from
-# the force, later the force from its place.
+# Motions may be prescribed by `move` or driven by `push`, alternately: first the position of the
+# punch follows from the force, later the force from its position.
 
 # +
 rows = []

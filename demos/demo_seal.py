@@ -3,13 +3,14 @@
 # This demo shows how to
 # - bring a whole outline into contact with several rigid obstacles,
 # - use Taylor-Hood elements for an incompressible body,
-# - let a load follow contact: the fluid wets what no contact shuts off.
+# - apply a load that depends on contact: the fluid acts on the surface that contact does not shut
+#   off.
 #
 # ## Problem
 # A cord of rubber (neo-Hookean, incompressible, plane strain, friction 0.1) of radius 1 mm lies in
 # a groove. Its lid comes down by 0.4 mm; then a fluid presses on the cord from the left, up to
-# three times its shear modulus; then the lid lifts. Such seals help themselves: the pressure of
-# contact grows with that of the fluid.
+# three times its shear modulus; then the lid lifts. Such seals are self-energizing: the contact
+# pressure grows with that of the fluid.
 #
 # ## Implementation
 
@@ -41,8 +42,8 @@ if comm.rank == 0:
 data = fm.read_gmsh(gmsh.model, comm)
 # -
 
-# The fluid acts on the deformed surface. On the upper half of the cord it reaches to the place
-# `above`, on the lower half to `below`, reference positions x [mm].
+# The fluid acts on the deformed surface. On the upper half of the cord it extends to `above`, on
+# the lower half to `below`, reference positions x [mm].
 
 # +
 W = fm.mixed_space(data.mesh, ("Lagrange", 2, (2,)), ("Lagrange", 1))
@@ -74,8 +75,8 @@ for y in (-0.1, -0.2, -0.3):
 # -
 
 # ## Fluid
-# Contact shuts off the fluid at places that depend on the solution: solve until they stay. At the
-# full pressure of the fluid the lid lifts again.
+# Contact shuts off the fluid at positions that depend on the solution: solve until they do not
+# change. At the full pressure of the fluid the lid lifts again.
 
 # +
 path = [(0.5 * k, -0.4) for k in range(7)] + [(3.0, 0.1 * k) for k in (-3, -2, -1, 0)]

@@ -1,12 +1,12 @@
 # # Snap fit: a hook is pushed over a ridge, and pulled out again
 #
-# This demo shows large sliding with friction, there and back, the balance of work, and how little
-# it matters which side is the slave.
+# This demo shows large sliding with friction in both directions, the balance of work, and the small
+# effect of the choice of the slave.
 #
 # ## Problem
 # An elastic arm with a hook is pushed over a ridge of the same plastic, snaps in, and is pulled out
-# (plane strain, neo-Hookean, mu = 0.2). In the end both are as they were, so that all the work of
-# the hand that moves the arm is that of friction.
+# (plane strain, neo-Hookean, mu = 0.2). In the end both have their initial shape, so that the total
+# work of the hand that moves the arm is that of friction.
 #
 # ## Implementation
 
@@ -103,7 +103,8 @@ if comm.rank == 0:
 # -
 
 # ## Check
-# All work is that of friction. The peaks, which feel the facets most, differ by some per cent.
+# All work is that of friction. The peaks, which are most sensitive to the facets, differ by some
+# per cent.
 
 assert max(abs(work / loss - 1) for _, _, work, loss in (hook, ridge)) < 0.01
 assert abs(hook[2] / ridge[2] - 1) < 0.01 and abs(hook[1].min() / ridge[1].min() - 1) < 0.04

@@ -1,4 +1,4 @@
-# # A bolt in a nut: the first thread carries most
+# # A bolt in a nut: the first thread carries the largest load
 #
 # This demo shows one pair of surfaces that touch in many places; bulk is linear, sliding small:
 # one factorization for all loads.
@@ -6,8 +6,8 @@
 # ## Problem
 # A bolt of steel, about M10, with a round thread of 1.5 mm is pulled out of its nut, which rests on
 # its lower face. Both are of revolution, the threads are rings, without friction. The bolt gets
-# longer and the nut shorter, so that the pitches fit worse from thread to thread, and the first one
-# carries most: about a third of the load in handbooks, more without friction.
+# longer and the nut shorter, so that the pitches differ increasingly from thread to thread, and the
+# first one carries the largest part: about a third of the load by handbooks, more without friction.
 #
 # ## Implementation
 

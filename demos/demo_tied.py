@@ -1,7 +1,7 @@
 # # Tied meshes: a finely meshed inclusion in a coarse plate under tension
 #
-# Where two bodies are joined their meshes need not match: `TiedPair` stands beside `ContactPair` in
-# the list of pairs.
+# The meshes of joined bodies need not match: `TiedPair` is used like `ContactPair` in the list of
+# pairs.
 #
 # ## Problem
 # A round inclusion of radius 1 mm, ten times as stiff as the plate around it, plane strain, linear
@@ -57,7 +57,7 @@ for name, shear_modulus in G.items():
 # -
 
 # The inclusion is fixed by symmetry and by the tie. Its ends lie on planes of symmetry, where nodes
-# are prescribed: there the neighbours take over the multipliers.
+# are prescribed: their multiplier functions are handed over to the neighbours.
 
 # +
 bcs = [fm.dirichlet(V, data, [f"{body}/left" for body in G], 0.0, component=0)]
@@ -69,7 +69,7 @@ fm.plot(problem, "results/tied.png", stress=strain[0, 0], label="strain in x", s
 # -
 
 # ## Comparison
-# The force on the quarter of the inclusion is the stress in it times the radius.
+# The force on the quarter of the inclusion is its stress times the radius.
 
 # +
 arc, kappa = problem.equations.contacts[0], 3 - 4 * nu
@@ -83,7 +83,8 @@ if comm.rank == 0:
 # -
 
 # ## Check
-# A plate of finite width is off by about its squared ratio to the inclusion, here (1 / 8)^2.
+# The relative error by the finite width of the plate is about the squared ratio of the sizes, here
+# (1 / 8)^2.
 
 assert np.abs(arc.total_force - exact).max() < 0.03
 assert problem.certificate().violations() == []

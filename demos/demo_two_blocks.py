@@ -3,7 +3,7 @@
 # This demo shows how to
 # - name bodies and contact surfaces in gmsh and read them under `mpirun`,
 # - write any bulk energy in UFL,
-# - say with one line that two surfaces are in contact,
+# - define contact of two surfaces in one line,
 # - solve load steps by the semismooth Newton method, and look at the results.
 #
 # ## Problem
@@ -33,7 +33,8 @@ from meshes import two_blocks
 comm = MPI.COMM_WORLD
 # -
 
-# The mesh is made on the first rank; a file works the same: `fm.read_gmsh("blocks.msh", comm)`.
+# The mesh is made on the first rank; a file is read in the same way:
+# `fm.read_gmsh("blocks.msh", comm)`.
 
 model = None
 if comm.rank == 0:
@@ -65,7 +66,7 @@ fixed = fem.Constant(blocks.mesh, (0.0, 0.0))
 push = fem.Constant(blocks.mesh, (0.0, 0.0))
 bcs = [fm.dirichlet(V, blocks, "lower/bottom", fixed), fm.dirichlet(V, blocks, "upper/top", push)]
 
-# Contact is one line: the slave carries the multiplier, its points are projected to the master.
+# Contact is one line: the slave carries the multiplier, its points are projected onto the master.
 
 contact = fm.ContactPair(blocks, slave="upper/bottom", master="lower/top")
 problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefix="two_blocks_")
@@ -90,7 +91,7 @@ if comm.rank == 0:
     print(f"\n{table}")
 
 # ## Check
-# Newton ends quadratically, and the two blocks push each other with forces that cancel.
+# Newton's method converges quadratically, and the contact forces on the two blocks cancel.
 
 on_slave, on_master = problem.equations.contacts[0].operators.force(problem.equations.contacts[0].z)
 assert report.num_iterations <= 8

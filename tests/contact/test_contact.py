@@ -93,14 +93,14 @@ def test_node_whose_cover_grows_presses_on(monkeypatch):
         scene.problem.solve()
     edge = contact.active_nodes[0]
     before = contact.operators.cover[edge]
-    look, active = scene.problem.equations.look, []
+    look, active = scene.problem.equations.evaluate_without_bulk, []
 
     def note(*, start):
         status = look(start=start)
         active.append(contact.active[edge])
         return status
 
-    monkeypatch.setattr(scene.problem.equations, "look", note)
+    monkeypatch.setattr(scene.problem.equations, "evaluate_without_bulk", note)
     scene.loads["push"].value[:] = (0.04 + 0.9 * facet, -0.1)
     scene.problem.solve()
     assert contact.operators.cover[edge] > 3.0 * before
@@ -125,8 +125,10 @@ def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
     def note(z, fraction, step):
         old, weight = contact.z.copy(), contact.operators.weight.copy()
         move(z, fraction, step)
-        if contact.state.borne is not None:
-            moved.append((begun[-1], old, weight, fraction * step, contact.z, contact.state.borne))
+        if contact.state.force_decided is not None:
+            moved.append(
+                (begun[-1], old, weight, fraction * step, contact.z, contact.state.force_decided)
+            )
 
     monkeypatch.setattr(contact, "move", note)
     monkeypatch.setattr(equations, "linearize", begin)

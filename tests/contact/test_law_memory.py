@@ -77,7 +77,7 @@ def test_restart_on_another_number_of_ranks(tmp_path):
 def test_checkpoint_with_the_memory_of_another_law_is_refused(tmp_path):
     path = comm.bcast(tmp_path) / "state"
     fm.save_state(blocks(rate_and_state()).problem, path)
-    with refused(fm.MortarError, "memory of another contact law: theta; here is depth"):
+    with refused(fm.MortarError, "memory of another contact law: theta; this problem has depth"):
         fm.load_state(blocks(Worn(0.1, 0.1)).problem, path)
 
 
@@ -231,7 +231,7 @@ def test_law_with_a_rate_needs_the_time():
     "mu, words",
     [
         (np.array([0.1]), r"mu has shape \(1,\)"),
-        (lambda X: X[:, 0] - 10.0, "mu=-.*: expected zero or more"),
+        (lambda X: X[:, 0] - 10.0, "mu=-.*: expected zero or a positive number"),
         (lambda X: np.nan * X[:, 0], "mu is not finite at"),
         (lambda X: 1 / 0, "division by zero"),
     ],

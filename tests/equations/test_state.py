@@ -16,8 +16,8 @@ from fenics_mortar.equations.state import State
 PACKAGE = Path(fm.__file__).parent
 PARTS = {field.name for field in fields(InterfaceState)}
 # Parts that may be set, and those that an interface shows by its state only.
-NOT_SHOWN = {"offset", "c_n", "reference", "borne", "load_time", "past"}
-# Of an interface, beside its state: replaced by ``show`` and ``set_stiffness``.
+NOT_SHOWN = {"offset", "c_n", "reference", "force_decided", "load_time", "past"}
+# Of an interface, beside its state: replaced by ``set_operators`` and ``set_stiffness``.
 OTHERS = {"now", "operators", "stiffness", "state", "_state"}
 
 
@@ -86,7 +86,7 @@ def numbers(value, name="", seen=None):
 
 def everything(problem):
     """Status, state, operators, fields and rows of a problem, evaluated at its present state."""
-    status = problem.equations.look(start=False)
+    status = problem.equations.evaluate_without_bulk(start=False)
     found = dict(numbers(status, "status")) | dict(numbers(problem.state(), "state"))
     for contact in problem.equations.contacts:
         rows, f = contact.rows.linearized(), contact.now

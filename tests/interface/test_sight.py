@@ -10,7 +10,7 @@ from scenes import internal, linear_elastic, neo_hookean, nodal, pair_options, r
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.words import describe_overlap
+from fenics_mortar.contact.messages import describe_overlap
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, mapped, sector
 

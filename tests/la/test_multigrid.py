@@ -16,7 +16,7 @@ import ufl
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.la.multigrid import TouchingBodies
+from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import ITERATIVE
 from meshes import half_cylinder_on_block, two_blocks
 
@@ -260,7 +260,7 @@ def test_an_error_of_petsc_in_an_iteration_leaves_nothing_locked(monkeypatch):
         raise PETSc.Error(76)
 
     monkeypatch.setattr("fenics_mortar.la.choice.MANY", 0)
-    monkeypatch.setattr(TouchingBodies, "apply", fail)
+    monkeypatch.setattr(ContactPreconditioner, "apply", fail)
     scene = pressed_blocks(problem={"newton": fm.NewtonOptions()}, **MESH)
     scene.loads["push"].value[1] = -0.05
     report = scene.problem.solve()

@@ -9,7 +9,7 @@ from scenes import TIGHT, internal, neo_hookean, nodal, pressed_blocks
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.models.model_error import ENERGY, QUANTITIES, Snapshot, differences
+from fenics_mortar.models.model_error import ENERGY, QUANTITIES, SolutionQuantities, differences
 
 STRICT = {"tolerance": 1e-6, "discretisation": 1e-6}
 PATH = [(0.0, -0.02), (0.05, -0.1), (0.1, -0.1)]
@@ -59,7 +59,7 @@ def test_climb_stays_where_it_is_enough():
         (assumption,) = report.adequacy.assumptions
         assert assumption.name == "linear strain and small sliding" and report.adequacy.suffices
         assert report.certificate.violations() == []
-        true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
+        true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))
         for name in QUANTITIES:  # of the rung's own forces, not of its pressures on moved segments
             assert 0.9 < assumption.errors[name] / true[name] < 1.1, (name, true)
     assert len(few) == 2 and len(steps) >= 8
@@ -73,7 +73,7 @@ def test_climb_ends_on_a_rung_between():
     names = [a.name for a in problem.solve().adequacy.assumptions]
     assert names == ["linear strain"]
     full.solve()
-    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))
+    true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))
     assert 1e-5 < true[ENERGY] < 0.02
     del steps[:]
     problem.solve()
@@ -99,7 +99,7 @@ def test_the_error_of_the_mesh_is_not_that_of_the_model():
     adequacy = problem.solve().adequacy
     full.solve()
     assert adequacy.discretisation == pytest.approx(full.estimate().relative, rel=0.2)
-    true = differences(problem, Snapshot.of(problem), Snapshot.of(full))[ENERGY]
+    true = differences(problem, SolutionQuantities.of(problem), SolutionQuantities.of(full))[ENERGY]
     assert true < adequacy.discretisation
 
 

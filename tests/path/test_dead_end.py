@@ -10,7 +10,7 @@ import pytest
 
 from demos.studies.stability import family
 from demos.studies.stability.model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
-from fenics_mortar.path.dead_end import why_path_ends
+from fenics_mortar.path.dead_end import reason_for_end
 
 # A little load beyond a state, as a part of the whole.
 ONWARD = 1e-4
@@ -88,7 +88,7 @@ def test_no_end_is_seen_where_the_path_goes_on(end):
     assert end == "slip off" or at.problem.equations.contacts[0].sliding.any()
     before = at.problem.state()
     at.set_loads(7 / 18 + ONWARD)
-    assert why_path_ends(at.problem) == ""
+    assert reason_for_end(at.problem) == ""
     after = at.problem.state()
     assert np.array_equal(before.u, after.u)
     for one, other in zip(before.interfaces, after.interfaces, strict=True):

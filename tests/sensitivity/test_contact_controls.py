@@ -133,7 +133,7 @@ def test_parameters_of_a_layer_and_fields():
     assert friction.vjp(problem, y) @ dm == pytest.approx(y.dot(change, comm), rel=DOT)
     value = scenes.rows(problem, frames)
     friction.set(problem, start + dm)
-    scene.contact.take_law()
+    scene.contact.adopt_law()
     problem.equations.evaluate_operators()
     moved = scenes.rows(problem, frames)  # linear in the coefficient
     assert np.abs(moved - value - change.z[0].ravel()).max() < 1e-12

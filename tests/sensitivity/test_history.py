@@ -118,7 +118,7 @@ def test_obstacle_that_moves_and_turns(law, degree):
 
 def test_another_state_before_is_refused():
     scene, before, now = scenes.two_steps(fm.Coulomb(0.3))
-    with pytest.raises(fm.MortarError, match="does not count from the state before"):
+    with pytest.raises(fm.MortarError, match="is not counted from the state before"):
         History(scene.problem, now)
     assert History(scene.problem, before).any
 
