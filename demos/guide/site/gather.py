@@ -47,7 +47,9 @@ GROUPS = {
 }
 # Classes that users meet and do not make.
 MET = (Iteration, InterfaceState, PairView, State, PathStep, OperatorMatrices)
-OF_CLASSES = ("   :members:", "   :inherited-members: ABC, BaseException, Exception, tuple")
+# Members of laws and obstacles are described once, at their base classes.
+NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
+OF_CLASSES = ("   :members:", "   :show-inheritance:", f"   :inherited-members: {NOT_REPEATED}")
 STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
 
 
