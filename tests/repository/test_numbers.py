@@ -84,6 +84,19 @@ def test_factors_of_the_ladder_and_of_the_estimate():
     )
 
 
+def test_cost_of_an_accuracy_and_gain_of_grading():
+    accuracy, choices = STUDIES / "accuracy" / "README.md", SITE / "choices.md"
+    number = r"([\d.]+)"
+    uniform, graded = rf"{number} s and P2 {number} s on", rf"{number}(?: s)? and {number} s on"
+    first = rf"energy error of 1 %,? Q2 \w+ {uniform} uniform meshes, {graded} graded ones; Q1 .*?"
+    pattern = rf"{first}{number} s and P1 {number} s"
+    assert said(choices, pattern) == said(accuracy, pattern)
+    gains = said(accuracy, rf"with {number} \(P1\) and {number} \(P2\) times fewer")
+    assert said(choices, rf"with {number} \(P1\) and {number} \(P2\) times fewer") == [
+        round(gain) for gain in gains
+    ]
+
+
 def test_the_readme_has_ten_features_eight_limits_and_all_demos():
     text = (ROOT / "README.md").read_text()
     parts = dict(re.findall(r"^## ([^\n]*)\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL))
