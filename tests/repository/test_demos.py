@@ -45,12 +45,12 @@ def _case(demo):
 
 
 def shown(demo):
-    """Lines of the text blocks that follow the name of a demo in the gallery."""
+    """Lines of text blocks and rows of tables that follow the name of a demo in the gallery."""
     lines, named = [], None
-    pieces = re.compile(r"`(demo_\w+)\.py`|^```text\n(.*?)\n```$", re.MULTILINE | re.DOTALL)
-    for name, block in pieces.findall(GALLERY.read_text()):
+    names = r"`(demo_\w+)\.py`|^```text\n(.*?)\n```$|^(\|[^\n]*)$"
+    for name, block, row in re.findall(names, GALLERY.read_text(), re.MULTILINE | re.DOTALL):
         named = name or named
-        lines += block.splitlines() if named == demo.stem else []
+        lines += (block or row).splitlines() if named == demo.stem else []
     return lines
 
 
