@@ -44,6 +44,7 @@ def totals(record):
 # The mass matrix
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_massless_nodes_leave_the_inertia_of_rigid_bodies(degree):
     made = rings(12, 4, degree=degree)
@@ -93,6 +94,7 @@ def test_a_bar_rebounds_from_a_wall_as_waves_say():
     assert record.num_iterations < 2.5 * len(record.steps)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_the_trapezoidal_rule_with_massive_contact_gains_energy():
     made = bar(20)
@@ -123,6 +125,7 @@ def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
     assert abs(total[-1] - total[0]) < 1e-3
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_two_rings_exchange_momentum():
     for scheme, allowed in (("massless", 1e-11), ("conserving", 1e-4)):
@@ -200,6 +203,7 @@ def test_a_belt_carries_an_oscillator_until_it_slides_about_its_rest():
     assert np.abs(place - exact).max() < 0.03 * speed / omega
 
 
+@pytest.mark.once
 def test_drag_slows_a_body_exponentially():
     errors = []
     for dt in (0.1, 0.05):
@@ -211,6 +215,7 @@ def test_drag_slows_a_body_exponentially():
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("scheme", "rho_inf"),
@@ -310,6 +315,7 @@ def test_ranks_do_not_matter():
         assert one == pytest.approx(other, rel=1e-8, abs=1e-10)
 
 
+@pytest.mark.once
 def test_linear_bulk_is_the_same():
     found = []
     for linear_bulk in (True, False):
@@ -366,6 +372,7 @@ def test_energy_and_work_balance():
     assert "friction" in str(record)
 
 
+@pytest.mark.once
 def test_the_tangent_is_exact():
     made = dropped_block(3)
     motion = made.dynamics("conserving")
