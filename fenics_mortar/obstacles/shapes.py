@@ -192,7 +192,7 @@ class Spline(Obstacle):
             step = np.clip(slope / np.where(bend > 0.0, bend, square), -longest, longest)
             t = t - step
             if np.abs(step).max(initial=0.0) < ROUNDING * self._end:
-                break  # the error of the last step is of second order
+                break  # the error of the last step is quadratic in the step
         return t
 
     def _seen_from_foot(self, x: Array, t: Array) -> tuple[Array, Array, Array, Array]:
@@ -290,7 +290,7 @@ class Polygon(Obstacle):
         return phi, gradient, np.where(round_[:, None, None], across / size[:, :, None], 0.0)
 
     def _is_inside(self, x: Array) -> npt.NDArray[np.bool_]:
-        """Whether a ray from each point meets the inner polygon an odd number of times."""
+        """Whether a ray from each point intersects the inner polygon an odd number of times."""
         start = self._corners - x[:, None]
         end = np.roll(start, -1, axis=1)
         meets = (start[..., 1] > 0.0) != (end[..., 1] > 0.0)

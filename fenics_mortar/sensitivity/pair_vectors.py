@@ -72,10 +72,10 @@ def rows_at(x: LinearVector, i: int, contact: Any) -> Array:
 
 
 def check_pair(pair: Any) -> int:
-    """The number of a pair, refused if it is none (local).
+    """Check the number of a pair and return it (local).
 
     Raises:
-        ValueError: For another value.
+        ValueError: If it is not a number of a pair.
     """
     check_number("pair", pair, "the number of a pair, from 0 on", lambda i: i >= 0, whole=True)
     return int(pair)
@@ -106,16 +106,17 @@ def contact_of(equations: ContactEquations, i: int) -> Contact:
 
 
 def check_exact(contact: Any) -> None:
-    """Raise if the operators of a contact lack derivatives (local, equal on all ranks).
+    """Raise an error if the operators of a contact lack derivatives (local, equal on all ranks).
 
     Raises:
         MortarError: If terms of the linearization are left out.
     """
     terms = contact.operators.linearization
     if isinstance(contact, Contact) and contact.pair.sliding == "small":
-        if (contact.now.fades_fast & contact.attracted).any():
+        if (contact.now.decreases_fast & contact.attracted).any():
             raise MortarError(
-                "adhesion that fades fast with sliding='small' has no derivative: expected "
+                "adhesion that decreases fast with the gap has no derivative with "
+                "sliding='small': expected "
                 "sliding='finite'"
             )
     elif terms != EXACT:

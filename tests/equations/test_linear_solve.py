@@ -125,6 +125,7 @@ def rubbing(algorithm, *, pair=None, degree=1, material=neo_hookean, **options):
     return scene.problem
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_friction(algorithm):
     problem = rubbing(algorithm)
@@ -133,6 +134,7 @@ def test_friction(algorithm):
     check(problem)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "pair, options",
     [
@@ -219,6 +221,7 @@ def test_factors_of_other_data_are_not_used():
     check(problem)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 @pytest.mark.parametrize("kind", ["open", "plane"])
 def test_driven_obstacle(algorithm, kind):
@@ -231,6 +234,7 @@ def test_driven_obstacle(algorithm, kind):
     check(problem)
 
 
+@pytest.mark.once
 def test_two_obstacles_on_one_body():
     """One at rest, one driven, each with a border of its own."""
     problem, _ = test_several_masters.disk(np.pi / 3, 0.02)
@@ -262,6 +266,7 @@ def test_several_pairs_and_ties(algorithm):
     check(problem)
 
 
+@pytest.mark.once
 def test_ties_with_a_crosspoint():
     data, pairs = tied_scenes.four_blocks()
     around = ["c/bottom", "d/bottom", "a/top", "b/top"]
@@ -270,6 +275,7 @@ def test_ties_with_a_crosspoint():
     check(problem)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_mixed_function(algorithm):
     residual = partial(test_mixed.neo_hookean, nu=0.4999)
@@ -277,6 +283,7 @@ def test_mixed_function(algorithm):
     check(scene.problem, 1e-9)  # the pressure and its equation have other units
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_multigrid(algorithm):
     problem = rubbing(algorithm, solver="iterative", petsc_options={"ksp_rtol": 1e-13})
@@ -297,6 +304,7 @@ def test_multigrid_of_tied_bodies():
     assert problem.equations.system.ksp.getType() == "gmres"
 
 
+@pytest.mark.once
 def test_transposed_iterations_are_about_as_many():
     problem = rubbing("condensed", solver="iterative")
     b, counts = random_vector(problem, 0, (1.0, 1.0, 1.0)), []
@@ -306,6 +314,7 @@ def test_transposed_iterations_are_about_as_many():
     assert counts[1] <= 1.5 * counts[0]
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_sensitivities_are_those_of_the_solution():
     """By the push and by a prescribed motion, against central differences of solves."""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Derivative of a contact's rows by the shape of its obstacle.
+"""Derivative of a contact's rows with respect to the shape of its obstacle.
 
-The distance of a point changes by dphi, the gradient by dgrad. This changes the weighted gaps
-int Phi_j phi, the normals n = -grad phi / |grad phi| of the slave nodes, and the slip: by the
-present tangents, and by the nearest points of the accepted state that it is counted from. Forces of
+The distance of a point changes by dphi, the gradient by dgrad. This changes the weighted gaps int
+Phi_j phi, the normals n = -grad phi / |grad phi| of the slave nodes, and the slip, through the
+present tangents and the nearest points of the accepted state from which it is counted. Forces of
 given multipliers do not depend on the obstacle.
 """
 
@@ -28,9 +28,9 @@ class FieldChange(NamedTuple):
     """Changes of nodal fields along m directions, each of shape (m, slave nodes); z is fixed.
 
     Attributes:
-        gap: Of the weighted gaps [length^2].
-        z_n, z_tau: Of pressure and shear [stress].
-        slip: Of the slip of the step [length].
+        gap: Change of the weighted gaps [length^2].
+        z_n, z_tau: Changes of pressure and shear [stress].
+        slip: Change of the slip of the step [length].
     """
 
     gap: Array
@@ -55,10 +55,10 @@ def change_by_shape(
     """Change of fields along directions of a parameter of the shape (collective).
 
     Args:
-        contact: The contact, evaluated; its obstacle in the present place.
+        contact: The contact, evaluated, with the obstacle at its present position.
         name: Name of the parameter, see ``Obstacle.shape``.
         directions: Shape (m, *shape of the parameter), in its unit.
-        earlier: Accepted state that slip is counted from; needed with friction.
+        earlier: Accepted state from which slip is counted; needed with friction.
 
     Raises:
         MortarError: If sliding is small.
@@ -75,7 +75,7 @@ def change_by_shape(
     o.slave.comm.Allreduce(MPI.IN_PLACE, gap)
     dtau = np.stack([-dn[..., 1], dn[..., 0]], axis=-1)
     slip = np.zeros_like(gap)
-    if contact.pair.law.has_friction or contact.pair.law.sees_nodes:
+    if contact.pair.law.has_friction or contact.pair.law.needs_nodal_state:
         slip = np.einsum("mjc,jc->mj", dtau, contact.partners.apart(o))
         if earlier is not None:
             slip += _slip_of_earlier(contact, earlier, name, directions)
@@ -140,10 +140,10 @@ def _normals(contact: Contact, o: ObstacleOperators, name: str, directions: Arra
 
 
 def _slip_of_earlier(contact: Contact, earlier: Earlier, name: str, directions: Array) -> Array:
-    """Change of the slip by the nearest points of the earlier state, (m, slave nodes) (local)."""
+    """Change of the slip due to nearest points of the earlier state, (m, slave nodes) (local)."""
     now, o, obstacle = contact.operators, earlier.operators, contact.obstacle
     assert obstacle is not None
-    with earlier.at_its_place():
+    with earlier.at_earlier_position():
         phi = _distances(obstacle, o.x, name, directions)[0]
         dn = _normals(contact, o, name, directions)
     along = -now.tau @ obstacle.turn @ earlier.turn.T
