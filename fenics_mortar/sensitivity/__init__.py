@@ -7,6 +7,7 @@ the adjoint method (``fm.gradient``) or in one direction (``fm.tangent_linear``)
 quantities and functions of the values of all steps are attributes of this package.
 """
 
+from fenics_mortar.sensitivity.bridge import Simulation, to_autograd
 from fenics_mortar.sensitivity.controls import (
     Interference,
     LawParameter,
@@ -57,11 +58,13 @@ __all__ = [
     "PressureIntegral",
     "Quantity",
     "RecordedPath",
+    "Simulation",
     "TangentLinear",
     "TotalForce",
     "by_numerics",
     "effective_length",
     "last",
     "least_squares",
+    "to_autograd",
     "total",
 ]
