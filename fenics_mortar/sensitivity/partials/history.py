@@ -65,7 +65,7 @@ class Earlier:
             finally:
                 contact.integration.view = view
             if state.offset.any():
-                operators = operators.less_offset(state.offset)
+                operators = operators.minus_offset(state.offset)
             self.fields: ContactFields = type(contact.now)(contact, state, operators)
             if obstacle is not None:
                 self.turn = obstacle.turn
