@@ -16,9 +16,12 @@ from printed_lines import missing
 GALLERY = Path(__file__).resolve().parents[2] / "demos" / "README.md"
 DEMOS = sorted((Path(__file__).resolve().parents[2] / "demos").glob("demo_*.py"))
 # two_blocks runs on two ranks in the set-up of each machine; many steps take long on busy cores
-ON_RANKS = {"demo_tied": 3}
-# four to sixteen seconds each: of many steps or meshes
-LONG = ("demo_ball", "demo_identify", "demo_ironing", "demo_seal", "demo_snap_fit")
+ON_RANKS = {"demo_tied": 2}
+# four to thirty seconds each: of many steps, solves or meshes
+LONG = (
+    "demo_ball", "demo_identify", "demo_interference", "demo_ironing", "demo_profile", "demo_seal",
+    "demo_snap_fit",
+)  # fmt: skip
 # a demo promises a minute; a loaded machine gets four
 LIMIT = 240
 # what MPI leaves in the environment: a process that mpirun starts would take it for its own

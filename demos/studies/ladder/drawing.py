@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Picture of the ladder of models."""
+"""Picture of the model hierarchy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TITLES = {"climb": "hierarchy=True"}
 
 
 def draw(rows: list[Row]) -> Figure:
-    """Estimates over true errors; cost of simpler models; cost of climbs."""
+    """Estimates over true errors; cost of simpler models; cost of automatic choices."""
     figure = Figure((11, 8.5), layout="constrained")
     top, bottom = figure.subfigures(2, 1, height_ratios=(5, 3.5))
     left, right = top.subplots(1, 2)
@@ -69,7 +69,7 @@ def draw_costs(axes, rows: list[Row]) -> None:
 
 
 def draw_climbs(axes, pairs: list[tuple[Row, Row]]) -> None:
-    """Seconds of climbs over those of the full model, with where they ended."""
+    """Seconds of automatic choices over those of the full model, with the model they ended on."""
     for place, (row, full) in enumerate(pairs):
         part = (row.setup + row.seconds) / (full.setup + row.against)
         axes.barh(place, part, color=SCENE_COLOURS[row.scene], height=0.7)
