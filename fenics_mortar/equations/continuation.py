@@ -58,22 +58,22 @@ class Continuation:
         self._past: list[_Loads] = []
         self._step = 1.0
 
-    def forget(self) -> None:
-        """Make no guess before two more solves (local)."""
-        self._past = []
-
-    def solve(self, solve: Callable[[], NewtonReport]) -> NewtonReport:
+    def solve(self, solve: Callable[[], NewtonReport], *, guess: bool) -> NewtonReport:
         """Solve from a guess where loads continue, else from the present state (collective).
 
         Args:
             solve: Solves from the present state.
+            guess: Whether to guess; never for bodies in motion, whose loads are not known here.
 
         Raises:
             NotConvergedError: On all ranks, if the solve fails; from a guess, if that from the
                 present state fails as well.
         """
+        if not guess or self._equations.bulk.inertia is not None:
+            self._past = []
+            return solve()
         if self._past and not self._is_last_state():
-            self.forget()
+            self._past = []
         loads = self._loads()
         ratio = self._ratio(loads) if len(self._past) == 2 else 0.0
         step = self._step * ratio if ratio else 1.0
