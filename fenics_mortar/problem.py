@@ -56,7 +56,7 @@ class ContactProblem:
         algorithm: "condensed" (Foltyn & Vlach 2016, Alg. 2; dual multipliers only) or "saddle"
             (Alg. 1). Default: condensed if D can be inverted node by node.
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
-            "auto" selects the iterative solver from 100,000 unknowns (``la.options.MANY``) for
+            "auto" selects the iterative solver from 100,000 unknowns (``la.costs``) for
             nonlinear bulk without PETSc options, else the direct one. If an iterative solve fails,
             the direct solver is used and the report has a note.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).

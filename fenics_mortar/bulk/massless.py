@@ -16,6 +16,7 @@ all moments without S, but the pressure behind a wave rings with the frequency o
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import combinations_with_replacement
 from typing import Any
 
 from mpi4py import MPI
@@ -31,7 +32,7 @@ from fenics_mortar.utils.errors import MortarError, place
 from fenics_mortar.utils.rounding import EPSILON, MAX_STEPS, ROUNDING, SAME_PLACE
 
 # Pairs of the fields 1, x and y whose products are the moments of a body.
-MOMENTS = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+MOMENTS = list(combinations_with_replacement(range(3), 2))
 # Weights of points at offsets; None if there are too few points.
 Weigh = Callable[[Array], Array | None]
 

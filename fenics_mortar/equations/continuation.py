@@ -25,15 +25,13 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.moving_frame import TOGETHER
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.predictor import Predictor
 from fenics_mortar.newton.report import NewtonReport
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import in_words
 from fenics_mortar.utils.rounding import ROUNDING
 
-# Longest step over the last one [1], in extrapolated loads and in load steps.
-LONGEST = 2.0
 # Parts of the state of an interface that a user may have changed since the last solve.
 KEPT = ("z", "active", "branch", "multiplier_nodes", "partners", "accepted", "committed")
 
@@ -127,5 +125,5 @@ class Continuation:
         first = np.flatnonzero(done2)[0]
         ratio = float(product[first] / done2[first])
         aside2 = next2 - 2.0 * ratio * product + ratio**2 * done2
-        continues = 0.0 < ratio <= LONGEST * (1.0 + ROUNDING)
-        return ratio if continues and (aside2 <= TOGETHER**2 * next2).all() else 0.0
+        continues = 0.0 < ratio <= EQUATIONS.longest * (1.0 + ROUNDING)
+        return ratio if continues and (aside2 <= EQUATIONS.together**2 * next2).all() else 0.0

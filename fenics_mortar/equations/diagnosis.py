@@ -19,8 +19,6 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, place
 
-# Number of last iterations in which a node that opened and closed wavers.
-WAVERING = 4
 # Active set and branches of each pair in one iteration.
 Sets = list[tuple[Flags, Branches]]
 

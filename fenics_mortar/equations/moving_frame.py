@@ -28,15 +28,12 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.state import State
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels.locate import locate
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.rounding import HALF_FACET
-
-# Changes go together if they differ by no more than this fraction of their size [1]: motions of the
-# contacts on a body, and loads of two solves, 30 degrees if the sizes are equal.
-TOGETHER = 0.5
 
 
 class _Side(NamedTuple):
@@ -114,7 +111,7 @@ class MovingFrame:
             facet = min(self._sides[k].surface.lengths.min() for k in mine)
             size = np.hypot(*s)
             apart = np.hypot(*(moved[mine] - s).T).max()
-            if ratio * size > HALF_FACET * facet and apart <= TOGETHER * size:
+            if ratio * size > HALF_FACET * facet and apart <= EQUATIONS.together * size:
                 found[body] = s
         return found
 

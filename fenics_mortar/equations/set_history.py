@@ -8,15 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from fenics_mortar.contact.contact import Contact
+from fenics_mortar.contact.discretization import Discretization
 from fenics_mortar.contact.laws import STICK
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.diagnosis import WAVERING, Sets
-
-# Largest c_n after a cycle of the active set [1].
-LESS_WEIGHT = 1e-3
-# Largest number of linearized contact problems in a solve: walls and arches need one or a few; more
-# only cost time if there is no equilibrium.
-MAX_CALLS = 8
+from fenics_mortar.equations.diagnosis import Sets
+from fenics_mortar.equations.options import EQUATIONS
 
 
 class SetHistory:
@@ -51,8 +47,8 @@ class SetHistory:
 
     @property
     def recent(self) -> list[Sets]:
-        """Sets of the last ``WAVERING`` iterations."""
-        return self._sets[-WAVERING:]
+        """Sets of the last ``EQUATIONS.wavering`` iterations."""
+        return self._sets[-EQUATIONS.wavering :]
 
     @property
     def is_unsettled(self) -> bool:
@@ -61,7 +57,7 @@ class SetHistory:
         If it does, the sets have settled except for nodes at roundoff.
         """
         residuals = self.residuals
-        if not self._changed or len(residuals) < 2 or self._calls == MAX_CALLS:
+        if not self._changed or len(residuals) < 2 or self._calls == EQUATIONS.max_calls:
             return False
         return not residuals[-1] < 0.1 * residuals[-2]
 
@@ -72,11 +68,11 @@ class SetHistory:
     def merge(self, period: int) -> str:
         """Leave a cycle of the active set or of branches; return a remark.
 
-        All nodes that were active in the cycle are active for one iteration. c_n is reduced in this
-        and later solves: a large c_n opens nodes for small gaps left by a step. Nodes that changed
-        branch in the cycle stick for one iteration.
+        All nodes that were active in the cycle are active for one iteration. c_n is at most its
+        default in this and later solves: a large c_n opens nodes for small gaps left by a step.
+        Nodes that changed branch in the cycle stick for one iteration.
         """
-        wavering = opening = 0
+        wavering, opening, c_n = 0, 0, Discretization.c_n
         for i, contact in enumerate(self._contacts):
             recent = [sets[i] for sets in self._sets[-period:]]
             active, branches = (np.array(sets) for sets in zip(*recent, strict=True))
@@ -84,7 +80,7 @@ class SetHistory:
             wavers = merged & (branches != branches[-1]).any(axis=0)
             contact.change(
                 active=merged,
-                c_n=min(contact.c_n, LESS_WEIGHT),
+                c_n=min(contact.c_n, c_n),
                 branch=np.where(wavers, STICK, contact.branch),
             )
             wavering += int(wavers.sum())
@@ -93,5 +89,5 @@ class SetHistory:
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
             f"the active set does not settle (last {period} iterations); all nodes active in them "
-            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on{stuck}"
+            f"stay so for one iteration, and c_n is at most {c_n:g} from now on{stuck}"
         )

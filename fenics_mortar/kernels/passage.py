@@ -21,7 +21,7 @@ from fenics_mortar.utils.rounding import ROUNDING
 # degrees, so that a path round the corner of a block does not.
 OPPOSED = -0.17
 # Segments to check for a node: of other bodies, of its own, of all
-OTHERS, OWN, ALL = 0, 1, 2
+OTHERS, OWN, ALL = range(3)
 
 
 @kernel

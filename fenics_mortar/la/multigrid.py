@@ -65,8 +65,11 @@ from fenics_mortar.utils.rounding import TINY
 # interpolation for which iterations grow less where contact is curved (by 6 to 8 % in the mean as
 # facets are halved). On flat contact at 645,000 unknowns they cost 20 % more time. With "l1" the
 # cycle is positive definite on any number of ranks; without, small bodies on three ranks made CG
-# break down.
+# break down. Conjugate gradients have a tolerance with which GMRES around them, with a tolerance of
+# its own, needs one iteration.
 CYCLE = {
+    "ksp_rtol": 1e-9,
+    "ksp_max_it": 500,
     "pc_type": "hypre",
     "pc_hypre_boomeramg_coarsen_type": "HMIS",
     "pc_hypre_boomeramg_interp_type": "ext+i",
@@ -76,9 +79,6 @@ CYCLE = {
     "pc_hypre_boomeramg_strong_threshold": 0.5,
     "pc_hypre_boomeramg_P_max": 4,
 }
-# Relative tolerance [1] and largest number of iterations of conjugate gradients: GMRES around them,
-# with a tolerance of its own, then needs one iteration.
-CG_TOLERANCE, CG_MAX = 1e-9, 500
 # Options of both, below the prefix of the solver.
 OPTIONS = {
     f"{part}_{name}": value
@@ -168,7 +168,6 @@ class TouchingBodies:
             self._cycle.destroy()
         self._cycle = PETSc.KSP().create(self._bulk.comm)
         self._cycle.setOptionsPrefix(self._prefix)
-        self._cycle.setTolerances(rtol=CG_TOLERANCE, max_it=CG_MAX)
         self._cycle.setFromOptions()
         reduced = self._condensed and self._all_tied(nodes) and is_symmetric(B)
         self._cycle.setType("cg" if reduced else "preonly")

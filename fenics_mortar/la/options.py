@@ -40,16 +40,6 @@ ITERATIVE = {
     "pc_type": "python",
     **OPTIONS,
 }
-# Number of unknowns from which solver="auto" is iterative. CPU time of a Newton iteration, direct
-# over iterative (two blocks): 1.0 with 10,000 unknowns, 1.5 with 41,000, 1.9 with 161,000.
-MANY = 100_000
-# Number of unknowns up to which ``SMALL`` factors a condensed system, and mean number of entries in
-# a row of the factors above which MUMPS takes over: its dense kernels gain with it. Milliseconds of
-# the processor for factors and a solution, ``SMALL`` in blocks and MUMPS: 0.5 and 1.9 with 1,300
-# unknowns, 26 and 40 with 18,200 and 97 entries, 50 and 53 with 20,800 and 116 entries; on
-# unstructured meshes 20 and 20 with 6,700 and 126 entries, 53 and 38 with 11,900 and 147.
-FEW = 20_000
-LONG_ROWS = 120
 # Options with this prefix belong to another solver, see ``la.factored``.
 COMPLIANCE = "compliance_"
 # Prefixes and names of options set in PETSc's database by ``options_added`` at present.

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fenics_mortar.interface.segments import POINTS
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.rounding import HALF_FACET, SOLVED
@@ -37,6 +39,12 @@ class Limits:
         around_corner: Facets beside a corner that define the direction of the opposite surface.
         end_pressure: Remark where the pressure beside clamped slave nodes is this multiple of that
             of the next nodes.
+        turn: Largest rotation of a body in one straight section of its path [radian], which shrinks
+            it by 8 %; largest angle between normals of an obstacle at the ends of a path between
+            which nothing is sought.
+        max_points: Points on a path.
+        bare: Covered length of a facet, of its length 2 in the reference element, below which
+            tractions on it are zero.
         samples: Points on a segment at which gaps are evaluated.
     """
 
@@ -52,6 +60,9 @@ class Limits:
     corner: float = 0.3
     around_corner: int = 3
     end_pressure: float = 2.0
+    turn: float = np.pi / 4
+    max_points: int = 400
+    bare: float = 0.02
     samples: int = POINTS
 
 
