@@ -23,8 +23,6 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
-# Results that are kept: of the last state, and of two initial guesses.
-RECENT = 3
 # Position of the obstacle if there are no frozen operators.
 NO_PLACE = np.full(3, np.nan)
 
@@ -69,9 +67,8 @@ class Integration:
         self.options, self.small = options, small
         self.sight: Sight | None = None
         self.view: View | None = None
-        self._recent: deque[tuple[Array, Flags, Linearization, MortarOperators]] = deque(
-            maxlen=RECENT
-        )
+        # of the last state, and of two initial guesses
+        self._recent = deque[tuple[Array, Flags, Linearization, MortarOperators]](maxlen=3)
 
     def limit_sight(self, outline: Outline) -> None:
         """Limit the distance of partners behind the slave by the thickness of the bodies (local).

@@ -21,6 +21,8 @@ class EquationOptions:
             extrapolation may leave [1]. Measured on 300 steps of sliding and rolling: above it this
             guess costs more than it saves. The moving frame has no limit: it leaves 0.06 of the
             force where the last state leaves 0.5.
+        at_rest: Displacement over the shortest facet [1] below which increments of the solution are
+            measured by the facet: bodies that do not move have converged.
         wavering: Number of last iterations in which a node that opened and closed wavers.
         max_calls: Largest number of linearized contact problems in a solve: walls and arches need
             one or a few; more only cost time if there is no equilibrium.
@@ -39,6 +41,7 @@ class EquationOptions:
     together: float = 0.5
     max_guess_iterations: int = 8
     max_residual_left: float = 0.4
+    at_rest: float = 1e-8
     wavering: int = 4
     max_calls: int = 8
     max_touching: int = 250

@@ -28,7 +28,7 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 TURN = np.pi / 3.0
 # Master facets count as equally near to a corner if their distances differ by less than this
 # fraction of the corner's shorter facet [1]; their mean direction is taken.
-ALIKE = 0.1
+EQUALLY_NEAR = 0.1
 
 
 def links_at_corners(
@@ -77,7 +77,7 @@ def choose_facets(
     before, after = surface.chords(x, corners)
     tangents = np.stack([_unit(before), _unit(_unit(before) + _unit(after)), _unit(after)])
     normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1)
-    reach = ALIKE * np.minimum(np.hypot(*before.T), np.hypot(*after.T))
+    reach = EQUALLY_NEAR * np.minimum(np.hypot(*before.T), np.hypot(*after.T))
     towards = np.array([
         _facing(x[j], n, reach[k], master if candidates is None else master[candidates[k]])
         for k, (j, n) in enumerate(zip(corners, normals[1], strict=True))

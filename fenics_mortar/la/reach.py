@@ -20,7 +20,7 @@ from fenics_mortar.utils.arrays import Indices
 
 # Master facets with room on either side of those that a slave facet meets, and slave facets with
 # room on either side of contact [facets]: a Newton iteration rarely slides further.
-MARGIN = 4
+ROOM = 4
 
 
 class Reach:
@@ -34,7 +34,7 @@ class Reach:
     def __init__(self, o: MortarOperators, faced: tuple[Indices, Indices]) -> None:
         self._slave, self._master = o.slave, o.master
         everywhere = np.ones(o.slave.num_nodes, bool)
-        self._met = np.union1d(_met(o, MARGIN, everywhere), _faced(o, *faced))
+        self._met = np.union1d(_met(o, ROOM, everywhere), _faced(o, *faced))
         facet, partner = np.divmod(self._met, o.master.num_nodes + 1)
         meets = partner < o.master.num_nodes
         self._own, self._facet, self._partner = np.unique(facet), facet[meets], partner[meets]

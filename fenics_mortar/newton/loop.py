@@ -189,8 +189,8 @@ def period_of(sets: list[bytes]) -> int:
 def forcing(residuals: Sequence[float], goal: float) -> float:
     """Relative tolerance of the next linear solve [1] (Eisenstat & Walker 1996).
 
-    The linear residual may be as large as the expected nonlinear one, of second order, or as the
-    tolerance of the iteration.
+    The linear residual may be a tenth of the expected nonlinear one, of second order, or a
+    hundredth of the tolerance of the iteration.
 
     Args:
         residuals: Residuals of the iterations so far [force].

@@ -29,7 +29,7 @@ from fenics_mortar.utils.errors import MortarError, RaisedElsewhereError
 
 # Largest difference of multipliers of a step solved twice, over the largest one [1]: errors of
 # solves are far below it, differences from other solutions far above.
-ALIKE = 1e-5
+SAME_SOLUTION = 1e-5
 
 
 @dataclass(frozen=True)
@@ -272,7 +272,7 @@ def _alike(one: InterfaceState, other: InterfaceState) -> bool:
     """Whether two states of an interface have the same sets and, to the tolerance, forces."""
     size = np.abs(other.z).max(initial=0.0)
     sets = np.array_equal(one.active, other.active) and np.array_equal(one.branch, other.branch)
-    return sets and bool((np.abs(one.z - other.z) <= ALIKE * size).all())
+    return sets and bool((np.abs(one.z - other.z) <= SAME_SOLUTION * size).all())
 
 
 def path_of_state(problem: ContactProblem) -> RecordedPath:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fenics_mortar.interface.segments import POINTS
+from fenics_mortar.interface.measures import POINTS
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.utils.rounding import HALF_FACET, SOLVED
 

@@ -12,7 +12,7 @@ from dolfinx import fem
 
 import fenics_mortar as fm
 from fenics_mortar.bulk.residual import MAX_GROWTHS
-from fenics_mortar.la.reach import MARGIN
+from fenics_mortar.la.reach import ROOM
 from meshes import half_cylinder_on_block
 
 comm = MPI.COMM_WORLD
@@ -37,9 +37,9 @@ def test_pattern_stays_while_contact_slides_over_fewer_facets_than_the_margin(de
     scene.problem.solve()
     before, matrix = entries(scene), scene.problem.equations.system.matrix
     for _ in range(3):
-        slide(scene, 0.3 * MARGIN)
+        slide(scene, 0.3 * ROOM)
         assert entries(scene) == before and scene.problem.equations.system.matrix is matrix
-    slide(scene, 0.5 * MARGIN)
+    slide(scene, 0.5 * ROOM)
     assert entries(scene) > before
 
 
@@ -49,7 +49,7 @@ def test_zeros_that_contact_left_behind_go():
     scene.problem.solve()
     matrices, sizes = scene.problem.equations.bulk.num_patterns, []
     for _ in range(2 * MAX_GROWTHS):
-        slide(scene, 0.6 * MARGIN)
+        slide(scene, 0.6 * ROOM)
         sizes.append(entries(scene))
     assert scene.problem.equations.bulk.num_patterns == matrices + 1
     assert np.diff(sizes).min() < 0.0 and sizes[-1] < 1.2 * sizes[0]
@@ -63,7 +63,7 @@ def test_pattern_stays_where_other_nodes_come_to_carry_multipliers():
     before, matrix = entries(scene), scene.problem.equations.system.matrix
     carry = scene.contact.multiplier_nodes
     for _ in range(3):
-        slide(scene, 0.3 * MARGIN)
+        slide(scene, 0.3 * ROOM)
         assert entries(scene) == before and scene.problem.equations.system.matrix is matrix
     assert (scene.contact.multiplier_nodes != carry).any()
 
@@ -114,7 +114,7 @@ def test_multiplier_of_a_node_that_has_just_left_needs_room(monkeypatch):
     system, contact, u = scene.problem.equations.system, scene.contact, scene.u
     assert not system._update_pattern()
     X = u.function_space.tabulate_dof_coordinates()
-    u.x.array[::2][X[:, 1] > 1.0] += 2 * MARGIN * MASTER_FACET
+    u.x.array[::2][X[:, 1] > 1.0] += 2 * ROOM * MASTER_FACET
     contact.evaluate(u.x.array, scene.problem.equations.linearization)
     z = contact.z
     contact.change(active=np.zeros_like(contact.active), z=np.zeros_like(z))

@@ -27,9 +27,9 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.rounding import EPSILON
 
-# Real step of difference quotients, relative to the parameter, and largest relative difference to
-# the complex step [1]: errors of the quotients are of the order of the step.
-QUOTIENT, ALIKE = 1e-6, 1e-3
+# Real step of difference quotients, relative to the parameter [1]. Errors of the quotients are of
+# the order of the step; a relative difference to the complex step of its square root is an error.
+QUOTIENT = 1e-6
 
 
 # Arguments of laws that are made complex, so that arrays like them may be.
@@ -187,7 +187,7 @@ def differentiate(
         moved = np.real(function(value + sign * direction))
         errors.append(np.abs((moved - start) / sign - derivative))
     rounding = 10.0 * EPSILON * np.maximum(np.abs(start).max(axis=1), terms) / step
-    allowed = ALIKE * np.abs(derivative).max(axis=1) + rounding
+    allowed = np.sqrt(QUOTIENT) * np.abs(derivative).max(axis=1) + rounding
     if (np.minimum(*errors) > allowed[:, None]).any():
         raise ValueError(
             f"{words} contradicts difference quotients; expected the law to be analytic in the "
