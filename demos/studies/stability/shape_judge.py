@@ -14,7 +14,7 @@ import numpy as np
 
 from demos.studies.stability.case import Case
 from demos.studies.stability.random_bodies import Array, distances
-from demos.studies.stability.shape_scenes import ShapeCase
+from demos.studies.stability.shape_case import ShapeCase
 from demos.studies.stability.user_laws import Rule
 
 # Straight facets stand for circles: the pressure between tubes may be off by this part.
