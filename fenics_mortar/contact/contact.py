@@ -46,7 +46,7 @@ from fenics_mortar.contact.rows import ContactRows
 from fenics_mortar.contact.sides import points_of
 from fenics_mortar.contact.slip import Measure, find_partners
 from fenics_mortar.interface.integrals import evaluate_normals
-from fenics_mortar.interface.mortar import Linearization, MortarOperators
+from fenics_mortar.interface.mortar import Linearization, MortarOperators, less_offset
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments
 from fenics_mortar.interface.self_contact import in_contact_with_itself, starts_of_holes
@@ -145,7 +145,7 @@ class Contact(Interface):
             self.change(reference=reference)
         offset = self._state.offset
         if offset.any():
-            operators = operators.less_offset(offset)
+            operators = less_offset(operators, offset)
         self.show(operators)  # also if they are kept ones: the law may have changed
         if self.pair.discretization.slip == "operators":
             _ = self.operators.vectors  # by all ranks
