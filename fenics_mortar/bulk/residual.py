@@ -26,10 +26,10 @@ from fenics_mortar.utils.arrays import Array, Flags, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
-# Fraction of its present area that a Newton step leaves each cell at each node. It keeps iterates
-# away from inverted cells and does not affect converging iterations.
+# Fraction of its present area that a Newton step leaves each cell at each node [1]. It keeps
+# iterates away from inverted cells and does not affect converging iterations.
 MIN_AREA_RATIO = 0.2
-# Fraction of a step below which it is not halved any more: ten halvings.
+# Fraction of a step below which it is not halved any more [1]: ten halvings.
 MIN_FRACTION = 1e-3
 # Extensions of the pattern of K before it is created anew: sliding contact leaves explicit zeros.
 MAX_GROWTHS = 4

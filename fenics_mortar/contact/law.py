@@ -53,6 +53,7 @@ from fenics_mortar.utils.errors import in_words
 # that of the shear over the friction limit, and that of the gap over the nodal length. Larger than
 # the errors that Newton's method leaves.
 KINK = 1e-8
+# Branch of nodes that stick.
 STICK = 0
 
 

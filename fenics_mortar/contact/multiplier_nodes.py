@@ -33,8 +33,9 @@ import numpy.typing as npt
 from fenics_mortar.interface.surfaces import MIN_SHARE, Surface
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Cosine between the normal of a slave node with one prescribed component and the free component:
-# on a symmetry plane above the first (20 degrees), prescribed along its normal below the second.
+# Cosine between the normal of a slave node with one prescribed component and the free component
+# [1]: on a symmetry plane above the first (20 degrees), prescribed along its normal below the
+# second.
 PLANE_COSINE, OBLIQUE_COSINE = 0.94, 0.1
 # Largest number of changes of a node in one solve: the cover may depend on whether the node carries
 # a multiplier, and the iteration would not end.

@@ -148,7 +148,7 @@ class _Touching:
 
     def __init__(self, contact: Contact, obstacle: Obstacle, surface: Surface) -> None:
         self._contact, self._obstacle, o = contact, obstacle, contact.operators
-        self._points = points_of(o.segments, gauss_rule(MODELS.points))
+        self._points = points_of(o.segments, gauss_rule(MODELS.points_on_facet))
         self._measure = self._points.measure(o.x)
         if contact.slave.thickness is not None:
             self._measure = self._measure * self._points.of(contact.slave.thickness.at(o.x))

@@ -198,7 +198,7 @@ class ModelHierarchy:
     def _judge(self, model: Model, start: State) -> tuple[State, UsedModel | None]:
         """State to continue from, and the model if it suffices (collective)."""
         problem, (before, errors), now = self._problem, self._checked, deviations(model)
-        if (now <= MODELS.growth * before).all():
+        if (now <= MODELS.recheck * before).all():
             growth = max(1.0, float((now / np.where(before > 0.0, before, 1.0)).max()))
             if self._is_allowed(growth**2 * errors[self._quantity]):
                 grown = {name: growth * error for name, error in errors.items()}
@@ -224,7 +224,7 @@ class ModelHierarchy:
         where it decides, or where the error of the model has doubled, once per solve.
         """
         error, known = errors[self._quantity], self._discretisation is not None
-        checked = min(MODELS.growth * self._mesh_error_at, self._mesh_error)
+        checked = min(MODELS.recheck * self._mesh_error_at, self._mesh_error)
         decides = checked < error < MODELS.max_error
         if decides and error > self._tolerance and self._quantity == ENERGY and not known:
             with going_on():

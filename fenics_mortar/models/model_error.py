@@ -105,7 +105,7 @@ def go_on(problem: ContactProblem, cheap: Snapshot, model: ContactProblem) -> Er
     the change by all steps before.
     """
     start = model.equations.evaluate(start=True).residual or np.inf
-    for _ in range(MODELS.max_steps):
+    for _ in range(MODELS.max_corrections):
         part = model.equations.advance().fraction
         left = model.equations.evaluate(start=False).residual / start
         errors = differences(problem, cheap, Snapshot.of(model))

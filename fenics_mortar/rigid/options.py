@@ -37,9 +37,10 @@ class RigidOptions:
             combinations of motions that move them less than others, as rolling, are left to the
             solve.
         elongation: Elongation of anchored springs per solve [shortest facets].
-        growth: Factor by which a smaller elongation grows after a solve [1]; after a failure it
+        recovery: Factor by which a smaller elongation grows after a solve [1]; after a failure it
             shrinks by the cube of this factor.
-        max_solves: Solves with springs; ``max_failures``: failures in a row.
+        max_solves: Solves with springs: they end at rest, or by failures.
+        max_failures: Failures in a row, after which the elongation is below 1e-4 facets.
         repeats: Solves with springs that remain: contact then carries all that it can.
         sliver: Length over the shortest facet that counts as zero [1]: the advance of an obstacle
             in a move, or the overlap of surfaces that slip off each other.
@@ -57,7 +58,7 @@ class RigidOptions:
     max_creeping: int = 10
     followed: float = 0.5
     elongation: float = 0.25
-    growth: float = 2.0
+    recovery: float = 2.0
     max_solves: int = 24
     max_failures: int = 5
     repeats: int = 3

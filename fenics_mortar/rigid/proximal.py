@@ -153,12 +153,12 @@ def _move_on_springs(
         try:
             report = after(report, partial(solve, equations, rough))
         except NotConvergedError as error:
-            report, aim, failures = error.report, aim / RIGID.growth**3, failures + 1
+            report, aim, failures = error.report, aim / RIGID.recovery**3, failures + 1
             equations.restore(start)
             if failures == RIGID.max_failures:
                 raise NotConvergedError(failed.report.reason, report) from error
             continue
         if equations.springs.max_motion() < RIGID.overlap * aim / RIGID.elongation:
             break
-        aim, failures = min(RIGID.growth * aim, RIGID.elongation), 0
+        aim, failures = min(RIGID.recovery * aim, RIGID.elongation), 0
     return report

@@ -67,7 +67,7 @@ class Motions:
         two bodies is reproduced only in the frame of one of them.
         """
         i, largest = self._of_node, float(np.abs(self.angles).max(initial=0.0))
-        sections = max(int(np.ceil(largest / LIMITS.turn)), 1)
+        sections = max(int(np.ceil(largest / LIMITS.section_turn)), 1)
         y0 = self._x0 - self._start[i]
         y1 = _turned(self._x1 - self._end[i], -self.angles[i])
         along = [self._x0]
@@ -102,7 +102,7 @@ def passed_through(obstacle: Obstacle, knots: Array, offset: Array, lengths: Arr
         _distance(obstacle, knots[k], offset) for k in (0, -1)
     )
     reaches = np.maximum(start, 0.0) + np.maximum(end, 0.0) <= far[-1]
-    turned = (start_slope * end_slope).sum(axis=1) < np.cos(LIMITS.turn)
+    turned = (start_slope * end_slope).sum(axis=1) < np.cos(LIMITS.section_turn)
     which = np.flatnonzero(reaches & turned & (far[-1] > 0.0))
     through = np.zeros(len(offset))
     if which.size:
