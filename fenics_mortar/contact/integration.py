@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fenics_mortar.contact.state import InterfaceState
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.integrals import evaluate_mortar, evaluate_normals
 from fenics_mortar.interface.mortar import LINEARIZATIONS, Linearization, MortarOperators
 from fenics_mortar.interface.on_obstacle import evaluate_obstacle
 from fenics_mortar.interface.options import MortarOptions
 from fenics_mortar.interface.outline import Outline
 from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import Sight, View
+from fenics_mortar.interface.sight import Sight
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags

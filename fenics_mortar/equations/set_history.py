@@ -9,10 +9,13 @@ import numpy as np
 
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.discretization import Discretization
-from fenics_mortar.contact.laws import STICK
+from fenics_mortar.contact.laws import STICK, Branches
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.diagnosis import Sets
 from fenics_mortar.equations.options import EQUATIONS
+from fenics_mortar.utils.arrays import Flags
+
+# Active set and branches of each pair in one iteration.
+SetsOfPairs = list[tuple[Flags, Branches]]
 
 
 class SetHistory:
@@ -35,7 +38,7 @@ class SetHistory:
     def begin(self) -> None:
         """Discard the data of the last solve."""
         self.residuals: list[float] = []
-        self._sets: list[Sets] = []
+        self._sets: list[SetsOfPairs] = []
         self._changed = self._calls = 0
         self.has_merged = self.opens_and_closes = False
 
@@ -46,7 +49,7 @@ class SetHistory:
         self._changed = changed
 
     @property
-    def recent(self) -> list[Sets]:
+    def recent(self) -> list[SetsOfPairs]:
         """Sets of the last ``EQUATIONS.wavering`` iterations."""
         return self._sets[-EQUATIONS.wavering :]
 

@@ -24,8 +24,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.behind import View, open_view
 from fenics_mortar.interface.measures import POINTS
-from fenics_mortar.interface.sight import View, open_view
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import search
 from fenics_mortar.utils.arrays import Array, Indices

@@ -57,34 +57,10 @@ from fenics_mortar.interface.mortar import Block
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.la.axes import quarter_turns, sliding_nodes, turned_axes
 from fenics_mortar.la.sparse import BlockMatrix, is_symmetric
-from fenics_mortar.la.strip import STRIP, Strip, near
+from fenics_mortar.la.strip import Strip, near
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.rounding import TINY
 
-# Measured: sweeps at half the cost of the default ones, for a few iterations more; coarse grids and
-# interpolation for which iterations grow less where contact is curved (by 6 to 8 % in the mean as
-# facets are halved). On flat contact at 645,000 unknowns they cost 20 % more time. With "l1" the
-# cycle is positive definite on any number of ranks; without, small bodies on three ranks made CG
-# break down. Conjugate gradients have a tolerance with which GMRES around them, with a tolerance of
-# its own, needs one iteration.
-CYCLE = {
-    "ksp_rtol": 1e-9,
-    "ksp_max_it": 500,
-    "pc_type": "hypre",
-    "pc_hypre_boomeramg_coarsen_type": "HMIS",
-    "pc_hypre_boomeramg_interp_type": "ext+i",
-    "pc_hypre_boomeramg_relax_type_down": "l1-Gauss-Seidel",
-    "pc_hypre_boomeramg_relax_type_up": "backward-l1-Gauss-Seidel",
-    "pc_hypre_boomeramg_no_CF": None,
-    "pc_hypre_boomeramg_strong_threshold": 0.5,
-    "pc_hypre_boomeramg_P_max": 4,
-}
-# Options of both, below the prefix of the solver.
-OPTIONS = {
-    f"{part}_{name}": value
-    for part, options in (("cycle", CYCLE), ("strip", STRIP))
-    for name, value in options.items()
-}
 # Excess iterations, so far and expected, after which the cycle is rebuilt: a new one costs as much
 # as ten to fifteen iterations, but is used in several solves.
 COST = 5

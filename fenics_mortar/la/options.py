@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 from petsc4py import PETSc
 
-from fenics_mortar.la.multigrid import OPTIONS
 from fenics_mortar.utils import compat
 
 Solver = Literal["auto", "direct", "iterative"]
@@ -31,6 +30,31 @@ SMALL = {
     "pc_factor_mat_ordering_type": "amd",
     "pc_factor_zeropivot": 0.0,
 }
+# Multigrid's cycle. Measured: sweeps at half the cost of the default ones, for a few iterations
+# more; coarse grids and interpolation for which iterations grow less where contact is curved (by 6
+# to 8 % in the mean as facets are halved). On flat contact at 645,000 unknowns they cost 20 % more
+# time. With "l1" the cycle is positive definite on any number of ranks; without, small bodies on
+# three ranks made CG break down. Conjugate gradients have a tolerance with which GMRES around them,
+# with a tolerance of its own, needs one iteration.
+CYCLE = {
+    "ksp_rtol": 1e-9,
+    "ksp_max_it": 500,
+    "pc_type": "hypre",
+    "pc_hypre_boomeramg_coarsen_type": "HMIS",
+    "pc_hypre_boomeramg_interp_type": "ext+i",
+    "pc_hypre_boomeramg_relax_type_down": "l1-Gauss-Seidel",
+    "pc_hypre_boomeramg_relax_type_up": "backward-l1-Gauss-Seidel",
+    "pc_hypre_boomeramg_no_CF": None,
+    "pc_hypre_boomeramg_strong_threshold": 0.5,
+    "pc_hypre_boomeramg_P_max": 4,
+}
+# The strip along the contact surfaces. Each rank factors all of it: little work, and solves need
+# one exchange only.
+STRIP = {
+    "pc_type": "redundant",
+    "redundant_pc_type": "lu",
+    "redundant_pc_factor_mat_solver_type": "mumps",
+}
 ITERATIVE = {
     "ksp_type": "gmres",
     "ksp_pc_side": "right",
@@ -38,7 +62,8 @@ ITERATIVE = {
     "ksp_rtol": 1e-8,
     "ksp_max_it": 300,
     "pc_type": "python",
-    **OPTIONS,
+    **{f"cycle_{name}": value for name, value in CYCLE.items()},
+    **{f"strip_{name}": value for name, value in STRIP.items()},
 }
 # Options with this prefix belong to another solver, see ``la.factored``.
 COMPLIANCE = "compliance_"
