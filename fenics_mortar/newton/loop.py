@@ -174,7 +174,7 @@ def _stagnates(residuals: Sequence[float]) -> bool:
 
 
 def _is_stuck(sets: list[bytes], residuals: list[float]) -> bool:
-    """Whether the sets changed in many iterations without a decrease of the residual."""
+    """Whether the sets changed in many iterations and the residual did not fall tenfold."""
     return len(sets) > UNSETTLED and residuals[-1] > 0.1 * residuals[-1 - UNSETTLED]
 
 
