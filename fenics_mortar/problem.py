@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The contact problem that a user sets up: UFL residual, Dirichlet conditions, contact pairs.
+"""The contact problem: UFL residual, Dirichlet conditions, contact pairs.
 
-The class has more than 20 methods, one for each thing that users do with a problem.
+The class has more than 20 methods: one for each operation of users on a problem.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from fenics_mortar.equations.inputs import Inputs
 from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.present import PresentState
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm
 from fenics_mortar.mesh.thickness import Geometry
@@ -49,32 +49,31 @@ class ContactProblem:
         u: Displacement, or a mixed function with the displacement and further unknowns, such as a
             pressure. Its present value is the initial guess of the next solve.
         pairs: Contact and tied pairs.
-        bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
+        bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; their values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver, in addition to those of ``solver``. With a
-            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults hold, as GMRES.
+            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults apply (GMRES).
         algorithm: "condensed" (Foltyn & Vlach 2016, Alg. 2; dual multipliers only) or "saddle"
             (Alg. 1). Default: condensed if D can be inverted node by node.
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
-            "auto" selects the iterative solver from 100,000 unknowns (``la.costs``) for
-            nonlinear bulk without PETSc options, else the direct one. If an iterative solve fails,
-            the direct solver is used and the report has a note.
+            "auto" is iterative from 100,000 unknowns (``la.costs``) for nonlinear bulk without
+            PETSc options. The direct solver is used, with a note, if an iterative solve fails.
         linearization: "full", "no_normals", "no_segments" or "frozen" (fixed point).
         newton: Tolerances and limits of Newton's method.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
         displacement: Index of the displacement's sub-space if ``u`` is a mixed function.
-        linear_bulk: Whether the bulk tangent is constant and may be factored once; see ``reduced``.
-            Default: detected from ``residual`` and used where it pays, but never with
-            solver="iterative".
+        linear_bulk: Whether the bulk tangent is constant and may be factorized once; see
+            ``reduced``. Default: detected from ``residual`` and used if it saves time, but never
+            with solver="iterative".
         geometry: "plane", or "axisymmetric": the mesh is the meridian half plane x >= 0 of bodies
             of revolution about x = 0. Interface integrals are then weighted by 2 pi r: pressures
-            are stresses, and forces are those of the whole bodies; ``residual`` has to have
-            2 pi X[0] in its measures and the hoop strain. Radial components on the axis have to be
-            prescribed as 0. Obstacles are bodies of revolution, e.g. a ``Circle`` about a point of
-            the axis is a sphere. See ``mesh.thickness``.
+            are stresses, and forces act on the whole bodies; ``residual`` must contain 2 pi X[0] in
+            its measures and the hoop strain. Radial components on the axis must be prescribed as 0.
+            Obstacles are bodies of revolution, e.g. a ``Circle`` about a point of the axis is a
+            sphere. See ``mesh.thickness``.
         thickness: Out-of-plane thickness of plane bodies, by which interface integrals are
-            weighted as the measures of ``residual`` have to be: a positive length, or a function of
-            reference positions (n, 2); ``None`` is one, without a unit.
+            weighted; the measures of ``residual`` must contain it, too. A positive length, or a
+            function of reference positions (n, 2); ``None`` means one, without a unit.
         adequacy: An ``AdequacyCheck`` that estimates the model error after each solve
             (``report.adequacy``) and may start each solve on a cheaper model.
 
@@ -162,9 +161,9 @@ class ContactProblem:
 
     @property
     def time(self) -> float:
-        """Time of the loads [time], for laws with a memory or a rate; set it before ``solve``.
+        """Time of the loads [time], for laws with memory or rates; set it before ``solve``.
 
-        A step of the law is as long as the time since the last accepted state. ``follow_path`` and
+        The step of a law is the time since the last accepted state. ``follow_path`` and
         ``Dynamics`` set it.
         """
         return max((c.state.load_time for c in self.equations.contacts), default=0.0)
@@ -192,10 +191,10 @@ class ContactProblem:
         Collective.
 
         Args:
-            predict: Extrapolate the initial guess from the last two solves where the loads continue
-                in their direction, see ``continuation``; the last state is the guess otherwise.
-            accept_violations: Return a state that violates its certificate instead of raising; see
-                ``report.certificate``.
+            predict: Whether to extrapolate the initial guess from the last two solves if the loads
+                continue in their direction, see ``continuation``; it is the last state otherwise.
+            accept_violations: Whether to return a state that violates its certificate instead of
+                raising an error; see ``report.certificate``.
 
         Returns:
             The record of the Newton iterations.
@@ -203,7 +202,7 @@ class ContactProblem:
         Raises:
             NotConvergedError: On all ranks, with the record, if Newton's method does not converge
                 or converges to a state that violates its certificate. ``u`` and the multipliers
-                keep the values of the last iterate; slip still counts from the last accepted
+                keep the values of the last iterate; slip is still counted from the last accepted
                 state. Before the next solve reset ``u``, or ``restore`` a value of ``state``.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
                 if input differs between ranks, if the mesh was moved after set-up, or if bodies
@@ -216,7 +215,7 @@ class ContactProblem:
         remarks = self._inputs.check(
             self.newton, accept_violations=accept_violations, predict=predict
         )
-        with undone_if_interrupted(self.equations, self._adequacy):
+        with restored_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
                 solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
@@ -227,7 +226,7 @@ class ContactProblem:
         return report
 
     def accept(self) -> None:
-        """Take the last evaluated state as the accepted one: slip counts from it (collective)."""
+        """Accept the last evaluated state: slip is counted from it (collective)."""
         self._solver.accept()
 
     def state(self) -> State:
@@ -274,7 +273,7 @@ class ContactProblem:
             return ContactProblem(**{**self._given, "pairs": pairs, **form})
 
     def adopt(self, other: ContactProblem) -> None:
-        """Take over the present state of ``other``, a variant of this problem (collective)."""
+        """Adopt the present state of ``other``, a variant of this problem (collective)."""
         for contact, theirs in zip(self.equations.contacts, other.equations.contacts, strict=True):
             if isinstance(contact, Contact) and isinstance(theirs, Contact):
                 contact.adopt(theirs)
@@ -288,10 +287,11 @@ class ContactProblem:
         return self._adequacy
 
     def certificate(self) -> Certificate:
-        """Measure balance, signs, penetration and crossings of the last evaluated state.
+        """Measure balance, signs, penetration and crossings of the present state (collective).
 
-        Collective.
+        Balance is that with the present loads.
         """
+        self.equations.residual.forces()
         return self._solver.certificate()
 
     def estimate(self) -> ErrorEstimate:
@@ -320,8 +320,8 @@ class ContactProblem:
 
         For sensitivities. Unknowns, rows and units are those of ``equations.linearized``; active
         sets, branches and multipliers are those of the present state, which is not changed. The
-        relative residual is that of rounding with a direct solver, ``ksp_rtol`` (1e-8 by default)
-        with an iterative one.
+        relative residual is of the order of rounding with a direct solver, and at most ``ksp_rtol``
+        (1e-8 by default) with an iterative one.
 
         Args:
             rhs: Right-hand side.

@@ -12,7 +12,7 @@ from fenics_mortar.bulk.checks import refuse_inertia
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.solver import Solver
-from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.verify.estimate import ErrorEstimate, Estimator
 from fenics_mortar.verify.matrices import OperatorMatrices
@@ -76,7 +76,7 @@ class PresentState:
         """See ``ContactProblem.linear_solve``."""
         self.renew_if_interrupted()
         e = self._equations
-        with undone_if_interrupted(e, self._adequacy):
+        with restored_if_interrupted(e, self._adequacy):
             e.evaluate_operators()
             e.bulk.free_garbage()
             linearized = LinearizedEquations(e.bulk, e.contacts, e.motions, e.system)
@@ -85,5 +85,5 @@ class PresentState:
     def check_tangent(self, **options: Any) -> TangentCheck:
         """See ``ContactProblem.check_tangent``."""
         self.renew_if_interrupted()
-        with undone_if_interrupted(self._equations, self._adequacy):
+        with restored_if_interrupted(self._equations, self._adequacy):
             return check_tangent(self._equations, **options)

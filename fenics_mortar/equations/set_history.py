@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Active sets and residuals of the iterations of a solve; how to leave cycles of sets."""
+"""Active sets and residuals of the iterations of a solve, and a remedy for cycles of sets."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ class SetHistory:
 
     @property
     def recent(self) -> list[SetsOfPairs]:
-        """Sets of the last ``EQUATIONS.wavering`` iterations."""
-        return self._sets[-EQUATIONS.wavering :]
+        """Sets of the last ``EQUATIONS.recent_sets`` iterations."""
+        return self._sets[-EQUATIONS.recent_sets :]
 
     @property
     def is_unsettled(self) -> bool:
         """Whether sets change although the residual does not decrease tenfold.
 
-        If it does, the sets have settled except for nodes at roundoff.
+        If the residual decreases tenfold, the sets have settled except for nodes at roundoff.
         """
         residuals = self.residuals
         if not self._changed or len(residuals) < 2 or self._calls == EQUATIONS.max_calls:
@@ -71,7 +71,7 @@ class SetHistory:
     def merge(self, period: int) -> str:
         """Leave a cycle of the active set or of branches; return a remark.
 
-        All nodes that were active in the cycle are active for one iteration. c_n is at most its
+        All nodes that were active in the cycle are set active for one iteration. c_n is at most its
         default in this and later solves: a large c_n opens nodes for small gaps left by a step.
         Nodes that changed branch in the cycle stick for one iteration.
         """
@@ -92,5 +92,5 @@ class SetHistory:
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
             f"the active set does not settle (last {period} iterations); all nodes active in them "
-            f"stay so for one iteration, and c_n is at most {c_n:g} from now on{stuck}"
+            f"remain active for one iteration, and c_n is limited to {c_n:g}{stuck}"
         )

@@ -12,17 +12,17 @@ from petsc4py import PETSc
 from fenics_mortar.utils import compat
 
 Solver = Literal["auto", "direct", "iterative"]
-# The elimination order is kept while values change, so that MUMPS needs more memory than its
-# analysis estimates: 50 %.
+# The elimination order is reused while values change; MUMPS then needs up to 50 % more memory than
+# estimated by its analysis.
 DIRECT = {
     "ksp_type": "preonly",
     "pc_type": "lu",
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 50,
 }
-# Factors of PETSc itself without pivoting, for few unknowns on one rank, where MUMPS spends most of
-# its time on analysis, pivoting and copies. Only an exact zero is refused as a pivot; small pivots
-# show in the residual of the solution.
+# PETSc's own factorization without pivoting, for few unknowns on one rank, where MUMPS spends most
+# of its time on analysis, pivoting and copies. Only an exact zero pivot is an error; small pivots
+# are detected by the residual of the solution.
 SMALL = {
     "ksp_type": "preonly",
     "pc_type": "lu",
@@ -30,12 +30,12 @@ SMALL = {
     "pc_factor_mat_ordering_type": "amd",
     "pc_factor_zeropivot": 0.0,
 }
-# Multigrid's cycle. Measured: sweeps at half the cost of the default ones, for a few iterations
-# more; coarse grids and interpolation for which iterations grow less where contact is curved (by 6
-# to 8 % in the mean as facets are halved). On flat contact at 645,000 unknowns they cost 20 % more
-# time. With "l1" the cycle is positive definite on any number of ranks; without, small bodies on
-# three ranks made CG break down. Conjugate gradients have a tolerance with which GMRES around them,
-# with a tolerance of its own, needs one iteration.
+# Multigrid's cycle. Measured: sweeps have half the cost of the default ones and need a few more
+# iterations. With these coarse grids and interpolation, iterations grow less if contact is curved
+# (by 6 to 8 % in the mean if facets are halved); on flat contact with 645,000 unknowns they take
+# 20 % more time. With "l1" the cycle is positive definite on any number of ranks; without it CG
+# broke down for small bodies on three ranks. The enclosing GMRES, with a separate tolerance, needs
+# one iteration with this tolerance of conjugate gradients.
 CYCLE = {
     "ksp_rtol": 1e-9,
     "ksp_max_it": 500,
@@ -48,8 +48,8 @@ CYCLE = {
     "pc_hypre_boomeramg_strong_threshold": 0.5,
     "pc_hypre_boomeramg_P_max": 4,
 }
-# The strip along the contact surfaces. Each rank factors all of it: little work, and solves need
-# one exchange only.
+# The strip along the contact surfaces. Each rank factorizes all of it: this takes little time, and
+# a solve needs one exchange only.
 STRIP = {
     "pc_type": "redundant",
     "redundant_pc_type": "lu",
@@ -72,13 +72,13 @@ _added: set[tuple[str, str]] = set()
 
 
 def with_defaults(prefix: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Options together with ``DIRECT``, or alone where they choose no factorization (local).
+    """Options together with ``DIRECT``, or alone if they do not choose a factorization (local).
 
-    A ``pc_type`` of the user other than "lu" and "cholesky" does not fit MUMPS and "preonly";
-    beside it PETSc's own defaults hold.
+    A ``pc_type`` of the user other than "lu" and "cholesky" does not fit MUMPS and "preonly"; with
+    it PETSc's own defaults apply.
 
     Args:
-        prefix: Prefix of the options; those in PETSc's database come first.
+        prefix: Prefix of the options; those in PETSc's database take precedence.
         options: Values by name.
     """
     kind = options.get("pc_type", DIRECT["pc_type"])

@@ -12,16 +12,17 @@ class ModelOptions:
 
     Attributes:
         max_corrections: Largest number of steps of the richer model.
-        linear: Fraction of the residual left by a step above which another one follows [1].
-        settled: Change of an error by another step that is accepted in any case, relative to the
-            solution [1].
-        max_error: Relative error above which the result of a model is not used as initial guess
-            [1].
-        recheck: Growth of deviations or errors of a model since the last check from which they are
+        linear: Remaining fraction of the residual after a step [1] above which another step
+            follows.
+        settled: Expected change of an error by another step, relative to the solution [1], that is
+            always accepted.
+        max_error: Relative error [1] above which the result of a model is not used as initial
+            guess.
+        recheck: Growth of a model's deviations or errors since the last check above which they are
             checked again [1].
         points_on_facet: Gauss points on a facet of the slave, which may face several facets of an
             elastic obstacle with kinks.
-        batch: Points whose nearest facets are searched at a time, which limits memory.
+        batch: Number of points whose nearest facets are searched at a time, to limit memory.
     """
 
     max_corrections: int = 6

@@ -82,6 +82,7 @@ def plates(outlines, slave="lower", height=0.1, degree=1, **options):
     return Scene(grids, [pair], fixed, degree=degree, **options)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["lower", "upper"])
 @pytest.mark.parametrize("options", [
     {}, {"strain": "linear"}, {"integration": "elements"}, {"integration": "nodes"},
@@ -100,6 +101,7 @@ def test_plates_with_whole_outlines_are_those_with_the_sides_that_meet(options, 
     assert abs(found[0][1][1]) > 1.0
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["lower", "upper"])
 @pytest.mark.parametrize("degree, depths", [(1, [0.025, 0.05, 0.075, 0.1]), (2, [0.025, 0.05])])
 def test_thin_plates_are_pressed_deep(slave, degree, depths):
@@ -129,6 +131,7 @@ def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
     assert abs(scene.contact.total_force[1]) > 1.0
 
 
+@pytest.mark.once
 def test_a_radius_is_a_bound_behind_as_well():
     """One below the overlap of two bodies finds nothing in it."""
     data = read(lambda: mapped_grids.build([
@@ -146,6 +149,7 @@ def test_a_radius_is_a_bound_behind_as_well():
         assert problem.equations.contacts[0].covered.any() == found
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("coated", ["slave", "master"])
 def test_tied_bodies_are_as_thick_as_both_together(coated):
     """Pressed in one step by more than the coating is thick."""
@@ -169,6 +173,7 @@ def test_tied_bodies_are_as_thick_as_both_together(coated):
     assert abs(scene.contact.total_force[1]) > 1.0
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["left", "right"])
 @pytest.mark.parametrize("outlines", [False, True])
 def test_beam_goes_past_a_beam(slave, outlines):
@@ -266,6 +271,7 @@ def on_its_corner(tilt, reach, wall):
     return scene.contact
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("tilt, reach", [(-10.0, 0.1), (-25.0, 0.1), (-10.0, 0.3)])
 def test_corner_that_touches_does_not_feel_a_wall_that_its_other_side_sees(tilt, reach):
     """The wall is on the same facet as the floor beneath the corner, 3 to 4 facets away."""

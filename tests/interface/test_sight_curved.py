@@ -11,7 +11,7 @@ from test_sight import E, Scene, at, whole
 from dolfinx import fem
 
 import fenics_mortar as fm
-from fenics_mortar.contact.words import describe_overlap
+from fenics_mortar.contact.messages import describe_overlap
 from meshes import mapped_grids
 from meshes.mapped_grids import Grid, block, mapped, sector
 
@@ -31,6 +31,7 @@ def tubes(outlines, slave="inner", degree=1, **options):
     return Scene(grids, [pair], [(axes[0], 1), (axes[1], 0)], degree=degree, **options)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["inner", "outer"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tube_in_a_tube_with_whole_outlines_is_that_with_the_sides_that_meet(slave, degree):
@@ -45,6 +46,7 @@ def test_tube_in_a_tube_with_whole_outlines_is_that_with_the_sides_that_meet(sla
     assert found[0][1] > 1e-4 * E
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["spiral", pytest.param("wall", marks=pytest.mark.serial)])
 def test_spiral_is_touched_by_a_wall_at_its_outer_winding_only(slave):
     """Two windings, and a wall whose back faces the inner ones through both of them."""
@@ -72,6 +74,7 @@ def test_spiral_is_touched_by_a_wall_at_its_outer_winding_only(slave):
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_spiral_that_is_pressed_does_not_find_its_own_back():
     """Windings overlap in iterates: the back of the outer one was taken for a partner."""

@@ -93,6 +93,7 @@ def test_ranks_do_not_matter():
         assert one == pytest.approx(other, rel=1e-8, abs=1e-10)
 
 
+@pytest.mark.once
 def test_linear_bulk_is_the_same():
     found = []
     for linear_bulk in (True, False):
@@ -149,6 +150,7 @@ def test_energy_and_work_balance():
     assert "friction" in str(record)
 
 
+@pytest.mark.once
 def test_the_tangent_is_exact():
     made = dropped_block(3)
     motion = made.dynamics("conserving")

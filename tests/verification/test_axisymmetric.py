@@ -60,6 +60,7 @@ SLAVES = [["upper/bottom", "lower/top"], ["lower/top", "upper/bottom"]]
 ENDS = ["lower/bottom", "upper/top"]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree, cell", product([1, 2], ["triangle", "quadrilateral"]))
 @pytest.mark.parametrize("material", MATERIALS)
 def test_axial_pressure_is_uniform(material, degree, cell):
@@ -79,6 +80,7 @@ def test_axial_pressure_is_uniform(material, degree, cell):
         assert np.abs(u.x.array - exact.x.array).max() < 1e-12
 
 
+@pytest.mark.once
 def test_all_round_pressure_passes_a_conical_interface():
     mu, lmbda = lame(E, NU)
     a = 0.95
@@ -98,6 +100,7 @@ def test_all_round_pressure_passes_a_conical_interface():
         assert np.abs(z / pressure - 1).max() < EXACT
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tied_cylinders_are_one(degree):
     a, _ = uniaxial(revolved.neo_hookean)
@@ -202,6 +205,7 @@ def exact_pressure():
     return fit(brentq(lambda q: fit(q)[1], 0.97, 1.0, xtol=1e-15))[0]
 
 
+@pytest.mark.once
 def test_press_fit_of_tubes_is_that_of_lame():
     """The error of displacements of degree 2 is of fourth order in nodal forces."""
     counts, exact = (4, 8, 128), lame_pressure()
@@ -211,6 +215,7 @@ def test_press_fit_of_tubes_is_that_of_lame():
     assert abs(errors[2]) < ROUNDED
 
 
+@pytest.mark.once
 def test_press_fit_of_tubes_at_finite_strain():
     counts, exact = (4, 8, 128), exact_pressure()
     errors = [pressed_on(n, revolved.neo_hookean, overlap=True) / exact - 1 for n in counts]

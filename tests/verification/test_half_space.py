@@ -117,6 +117,7 @@ def error_of_hertz(r, p, w, force):
     return np.sqrt((p - exact) ** 2 @ w / (exact**2 @ w))
 
 
+@pytest.mark.once
 def test_rigid_sphere_on_a_half_space():
     """a^3 = 3 F R / (4 E*), p0 = 1.5 F / (pi a^2); at the edge p is of class C^1/2: first order."""
     force, errors, peaks = 4 / 3 * SLOPE, [], []
@@ -140,6 +141,7 @@ def test_rigid_sphere_with_displacements_of_degree_2():
     assert p[r.argmin()] == pytest.approx(1.5 * (p @ w) / np.pi, rel=0.003)
 
 
+@pytest.mark.once
 def test_elastic_ball_on_a_half_space():
     """On the axis the pressure of linear displacements is of first order."""
     force, errors, peaks = 2 / 3 * SLOPE, [], []
@@ -153,6 +155,7 @@ def test_elastic_ball_on_a_half_space():
     assert abs(peaks[1]) < 0.025 and np.log2(peaks[0] / peaks[1]) > 0.9
 
 
+@pytest.mark.once
 def test_rigid_cone_on_a_half_space():
     """Sneddon: F = pi / 2 E* a^2 s for the slope s, p = E* s / 2 arcosh(a / r)."""
     force = np.pi / 2 * SLOPE
@@ -164,6 +167,7 @@ def test_rigid_cone_on_a_half_space():
     assert p[between] == pytest.approx(SLOPE / 2 * np.arccosh(1 / r[between]), rel=0.03)
 
 
+@pytest.mark.once
 def test_flat_punch_on_a_half_space():
     """Boussinesq: F = 2 E* a d, p = F / (2 pi a sqrt(a^2 - r^2)); singular: first order in F."""
     force, errors = 2 * SLOPE, []

@@ -22,8 +22,8 @@ class ShapeCase(Case):
     Attributes:
         rules: Law of each pair.
         planes: Rigid planes by name, a point and a normal, among the masters.
-        ends_free: Whether nothing touches at the end, and no body is strained.
-        pressure: What the first pair bears at the end, if that is known [stress].
+        ends_free: Whether there is no contact at the end, and no strain.
+        pressure: Pressure of the first pair at the end, if known [stress].
     """
 
     rules: list[Rule] = field(default_factory=list)
@@ -33,22 +33,22 @@ class ShapeCase(Case):
 
     @property
     def stop(self) -> float:
-        """The last time for which there is a motion."""
+        """Final time of the prescribed motion."""
         return float(max(len(prescribed.motion) for prescribed in self.prescribed) - 1)
 
     @property
     def smallest(self) -> float:
-        """Steps in which what moves goes a thousandth of its way."""
+        """Smallest step: a thousandth of the motion."""
         return 1e-3
 
     @property
     def can_be_swapped(self) -> bool:
-        """Planes are no slaves."""
+        """Planes cannot be slaves."""
         return not self.planes and super().can_be_swapped
 
 
 def motion_along(way: Sequence[Any]) -> Array:
-    """Places at times 0, 1, 2 and so on, shape (times, 2); the first is where it is."""
+    """Positions at times 0, 1, 2 and so on, shape (times, 2); the first is the initial one."""
     return np.array([(0.0, 0.0), *way], float)
 
 
@@ -67,7 +67,7 @@ def shape_case(
     prescribed: list[Prescribed],
     step: float = 0.0,
 ) -> ShapeCase:
-    """Put a scene together; a part of them has friction."""
+    """Assemble a scene; some scenes have friction."""
     mu = float(rng.choice([0.0, 0.0, rng.uniform(0.1, 0.5)]))
     step = step or float(rng.choice([0.1, 0.2, 0.25]))
     about = {"family": family, **about, "friction": mu, "step": step}

@@ -110,7 +110,7 @@ def spiral(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
 
 
 def _whole(body: Shape) -> Shape:
-    """The same with its outline as one surface."""
+    """The body with its outline as one surface."""
     return body.covered(outline=body.sides["around"])
 
 
@@ -210,7 +210,7 @@ def hook(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     about = {"scene": "hook", "barb": barb, "wide": wide, "ridge": ridge_high}
     pairs = [("hook/outline", "catch/outline")]
     case = shape_case(rng, seed, family, about, bodies, pairs, prescribed)
-    # the hook comes to rest behind the ridge; whether the arm still leans on it, depends on lift
+    # the hook comes to rest behind the ridge; contact with the arm depends on lift
     return case
 
 
@@ -253,7 +253,7 @@ def tubes(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
 
 
 def _widening(body: Shape, a: float, b: float, inside: bool) -> float:
-    """How far a pressure of one on one of its faces moves that face of a tube in plane strain."""
+    """Displacement of a face of a tube under unit pressure on this face, in plane strain."""
     E, nu = body.E / (1 - body.nu**2), body.nu / (1 - body.nu)
     r = a if inside else b
     ratio = (a**2 + b**2) / (b**2 - a**2)
@@ -293,5 +293,5 @@ def pad(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
 
 
 def _side(body: Shape, x: Array, row: int) -> Array:
-    """Numbers of the nodes of a row of the grid that a body was made of."""
+    """Numbers of the nodes of a row of a body's grid."""
     return np.arange(len(body.x)).reshape(x.shape[:2])[row]
