@@ -162,6 +162,21 @@ def test_two_rings_exchange_momentum_exactly(mu):
         assert motion.energies().total == pytest.approx(energy, rel=3e-3)
 
 
+def test_steps_that_are_cut_keep_the_angular_momentum():
+    """The next attempt starts from the moments of the accepted state."""
+    made = rings(24)
+    motion = made.dynamics("conserving")
+    made.set_velocity(motion, {"left": (1.0, 0.0, 0.0)})
+    for _ in range(22):
+        motion.step(0.02)
+    assert made.problem.contacts[0].pressure.max() > 0.0
+    start = motion.momentum()
+    options = fm.SteppingOptions(step=0.1, smallest=1e-3, largest=0.1)
+    record = motion.run(0.7, options, tolerance=0.01)
+    assert any(step.failures for step in record.steps)
+    assert motion.momentum() == pytest.approx(start, abs=1e-11)
+
+
 def test_supports_and_obstacles_turn_bodies():
     """Moments of supports and obstacles are no error: a block that meets a plane askew turns."""
     turned = []
