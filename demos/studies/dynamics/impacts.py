@@ -20,7 +20,7 @@ from demos.studies.dynamics.other_schemes import ImplicitContact, NodalReturn, S
 from demos.studies.dynamics.scenes import RHO, E, Scene, bar, dropped_block
 
 C = np.sqrt(E / RHO)  # speed of waves along the bar
-# Steps over the time of a wave through a cell.
+# Time steps over the time of a wave through a cell [1].
 STEPS = (2.0, 1.0, 0.5)
 
 
@@ -61,7 +61,7 @@ class Result(NamedTuple):
 def move(
     made: Scene, method: Method, stop: float, dt: float, velocities: dict[str, Any]
 ) -> Result | None:
-    """Run a scene by a method in steps ``dt``; ``None`` if it does not get to the end."""
+    """Run a scene by a method in steps ``dt``; ``None`` if it fails before the end."""
     options = {"scheme": method.scheme, "rho_inf": method.rho_inf, "energy": made.energy}
     options["velocity"] = made.velocity
     motion = method.kind(made.problem, RHO, **options)
@@ -115,7 +115,7 @@ def study(
     print("|---|" + "---:|" * (columns.count("|") + 5), flush=True)
     curves: dict[str, list[tuple[float, float, float]]] = {}
     made = build()
-    move(made, METHODS[0], 0.2 * stop, 0.1 * stop, velocities)  # forms are compiled, kernels loaded
+    move(made, METHODS[0], 0.2 * stop, 0.1 * stop, velocities)  # compiles forms, loads kernels
     for method in METHODS:
         for step in STEPS:
             made = build()

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Scenes that every rung of the ladder can pose: Hertz, press fit, ironing, rolling, and others.
+"""Scenes for the models of the hierarchy: Hertz, press fit, ironing, rolling, and others.
 
 The others have bodies of revolution, mass, a law with memory, or contact of a body with itself.
 
-A soft body, the slave, meets a stiff tool: a meshed body, or a rigid circle in its place. Lengths
+A soft body, the slave, is in contact with a stiff tool: a meshed body or a rigid circle. Lengths
 are in any unit, the soft body has Young's modulus 1; nu = 0.3, plane strain. Facets of the tool are
-as short as the slave's: longer ones are further from the circle than elasticity moves them.
+as short as the slave's: longer ones would deviate from the circle by more than the elastic
+displacement.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ class Rung:
     """A model.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         rigid: Whether the tool is an obstacle.
         strain: "linear" or "finite".
         sliding: "small" or "finite".
-        linearization: That of Newton's method.
-        climbs: Whether solves begin on cheaper rungs.
-        leaves_out: Coefficient of friction of the full model that the rung is compared with.
+        linearization: Linearization of Newton's method.
+        climbs: Whether solves begin with cheaper models.
+        leaves_out: Coefficient of friction of the full model for comparison.
     """
 
     name: str
@@ -46,7 +47,7 @@ class Rung:
 
 
 FULL = Rung("full")
-# What the automatic climb and the verdicts allow, in the norm of energy.
+# Tolerance of the automatic choice and the verdicts, in the energy norm [1].
 TOLERANCE = 0.02
 RUNGS = (
     Rung("rigid obstacle", rigid=True),
@@ -65,17 +66,18 @@ class Scene:
     """A soft body and a tool, and how the tool moves.
 
     Attributes:
-        name: What it is called.
-        load: What its number means.
+        name: Its name.
+        load: Meaning of the load's number.
         unit: Its unit.
-        soft, tool: The bodies, for a load and a number of cells in the place of one along a side.
+        soft, tool: Functions that create the bodies for a load and a refinement factor of the
+            cells.
         slave, master: The surfaces.
         circle: Radius and centre of the rigid obstacle, for a load.
-        grip: Boundary of the tool that is moved; "" if nothing is.
+        grip: Boundary of the tool that is moved; "" if there is none.
         fixed: Boundaries and components of the soft body that are fixed.
-        symmetry: The same of the tool.
+        symmetry: Fixed boundaries and components of the tool.
         motion: Motion (x, y, angle) of the tool at time 0 ... 1 of a load.
-        interference: Whether the meshed overlap comes by and by instead.
+        interference: Whether instead the meshed overlap is applied gradually.
         ratio: Young's modulus of the tool.
         steps: Load steps.
         geometry: "plane" or "axisymmetric".
@@ -118,7 +120,7 @@ class Scene:
 
 
 def graded_block(columns: int, rows: int, width: float, height: float) -> np.ndarray:
-    """A block below y = 0, its rows thinner towards the top."""
+    """A block below y = 0, with rows that get thinner towards the top."""
     return mapped(
         columns,
         rows,
@@ -168,12 +170,12 @@ def no_tool(load: float, k: int) -> Grid:
 
 
 def ironed(load: float, t: float) -> tuple[float, float, float]:
-    """Down in the first half of the time, along in the second."""
+    """Motion down in the first half of the time, along in the second."""
     return load * max(2 * t - 1, 0.0), -0.08 * min(2 * t, 1.0), 0.0
 
 
 def rolled(load: float, t: float) -> tuple[float, float, float]:
-    """Down in the first half, rolling by ``load`` degrees in the second."""
+    """Motion down in the first half, rolling by ``load`` degrees in the second."""
     angle = np.radians(load) * max(2 * t - 1, 0.0)
     return angle, -0.02 * min(2 * t, 1.0), -angle
 
