@@ -23,8 +23,9 @@ from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Flags
 
-# Results that are kept: of the last state, and of two initial guesses.
-RECENT = 3
+# Results that are kept: of the last state, and of two initial guesses, each of them also with the
+# multiplier nodes that its cover asks for.
+RECENT = 5
 # Position of the obstacle if there are no frozen operators.
 NO_PLACE = np.full(3, np.nan)
 
@@ -118,12 +119,14 @@ class Integration:
         if self.obstacle is not None:
             return self._integrate(x, m, multiplier_nodes, linearization, view)
         places = np.concatenate([x, m]) if view is None else view.outline[0]
+        searched = None
         for before, nodes, terms, operators in self._recent:
             same = terms == linearization and np.array_equal(before, places)
             if same and np.array_equal(nodes, multiplier_nodes):
                 self.view = view
                 return operators
-        operators = self._integrate(x, m, multiplier_nodes, linearization, view)
+            searched = operators if same else searched
+        operators = self._integrate(x, m, multiplier_nodes, linearization, view, searched)
         self._recent.appendleft((places, multiplier_nodes, linearization, operators))
         return operators
 
@@ -185,13 +188,17 @@ class Integration:
         multiplier_nodes: Flags,
         linearization: Linearization,
         view: View | None,
+        searched: MortarOperators | None = None,
     ) -> MortarOperators:
-        """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective)."""
+        """Operators with slave nodes at ``x`` and master nodes at ``m`` (collective).
+
+        ``searched``: see ``evaluate_mortar``.
+        """
         self.view = view
         if self.obstacle is None:
             return evaluate_mortar(
                 self.slave, self.master, x, m, multiplier_nodes, self.planes, self.options,
-                linearization, view,
+                linearization, view, searched,
             )  # fmt: skip
         return evaluate_obstacle(
             self.slave, self.master, self.obstacle, self.arm, x, multiplier_nodes, self.planes,
