@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The contact problem that a user sets up: UFL residual, Dirichlet conditions, contact pairs.
+"""The contact problem: UFL residual, Dirichlet conditions, contact pairs.
 
-More than 350 lines by its documentation, and a class of more than 20 methods: everything that users
-do with a problem, one method each, and nothing else.
+The module exceeds 350 lines by its documentation, and the class 20 methods: it has one method for
+each operation of users on a problem.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
 from fenics_mortar.equations.setup import check_given, equations_of
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.state import State
-from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.la import options as solvers
 from fenics_mortar.la.choice import Algorithm, system_of
 from fenics_mortar.mesh.thickness import Geometry
@@ -52,10 +52,11 @@ class ContactProblem:
         u: Displacement, or a mixed function with the displacement and further unknowns, such as a
             pressure. Its present value is the initial guess of the next solve.
         pairs: Contact and tied pairs.
-        bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; values may change.
+        bcs: Dirichlet conditions, of dolfinx or from ``dirichlet``; their values may change.
         petsc_options_prefix: Prefix of the options of the linear solver.
         petsc_options: Options of the linear solver, in addition to those of ``solver``. With a
-            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults hold, as GMRES.
+            ``pc_type`` other than "lu" and "cholesky" PETSc's own defaults apply, for example
+            GMRES.
         algorithm: "condensed" (Foltyn & Vlach 2016, Alg. 2; dual multipliers only) or "saddle"
             (Alg. 1). Default: condensed if D can be inverted node by node.
         solver: "direct" (MUMPS), "iterative" (GMRES with multigrid, see ``multigrid``) or "auto".
@@ -66,18 +67,18 @@ class ContactProblem:
         newton: Tolerances and limits of Newton's method.
         jacobian: UFL form of the bulk tangent; the derivative of ``residual`` by default.
         displacement: Index of the displacement's sub-space if ``u`` is a mixed function.
-        linear_bulk: Whether the bulk tangent is constant and may be factored once; see ``reduced``.
-            Default: detected from ``residual`` and used where it pays, but never with
-            solver="iterative".
+        linear_bulk: Whether the bulk tangent is constant and may be factorized once; see
+            ``reduced``. Default: detected from ``residual`` and used if it saves time, but never
+            with solver="iterative".
         geometry: "plane", or "axisymmetric": the mesh is the meridian half plane x >= 0 of bodies
             of revolution about x = 0. Interface integrals are then weighted by 2 pi r: pressures
-            are stresses, and forces are those of the whole bodies; ``residual`` has to have
-            2 pi X[0] in its measures and the hoop strain. Radial components on the axis have to be
-            prescribed as 0. Obstacles are bodies of revolution, e.g. a ``Circle`` about a point of
-            the axis is a sphere. See ``mesh.thickness``.
+            are stresses, and forces act on the whole bodies; ``residual`` must contain 2 pi X[0] in
+            its measures and the hoop strain. Radial components on the axis must be prescribed as 0.
+            Obstacles are bodies of revolution, e.g. a ``Circle`` about a point of the axis is a
+            sphere. See ``mesh.thickness``.
         thickness: Out-of-plane thickness of plane bodies, by which interface integrals are
-            weighted as the measures of ``residual`` have to be: a positive length, or a function of
-            reference positions (n, 2); ``None`` is one, without a unit.
+            weighted; the measures of ``residual`` must contain it, too. A positive length, or a
+            function of reference positions (n, 2); ``None`` means one, without a unit.
         adequacy: An ``AdequacyCheck`` that estimates the model error after each solve
             (``report.adequacy``) and may start each solve on a cheaper model.
 
@@ -141,7 +142,7 @@ class ContactProblem:
         )  # fmt: skip
         bulk, contacts = self.equations.bulk, self.equations.contacts
         if solver == "iterative" and linear_bulk is None:
-            linear_bulk = False  # the factors may exceed the memory
+            linear_bulk = False  # the factors might exceed the memory
         system = system_of(
             bulk, contacts, petsc_options_prefix, petsc_options, algorithm, solver, linear_bulk
         )
@@ -172,9 +173,9 @@ class ContactProblem:
 
     @property
     def time(self) -> float:
-        """Time of the loads [time], for laws with a memory or a rate; set it before ``solve``.
+        """Time of the loads [time], for laws with memory or rates; set it before ``solve``.
 
-        A step of the law is as long as the time since the last accepted state. ``follow_path`` and
+        The step of a law is the time since the last accepted state. ``follow_path`` and
         ``Dynamics`` set it.
         """
         return max((c.state.load_time for c in self.equations.contacts), default=0.0)
@@ -209,10 +210,11 @@ class ContactProblem:
         Collective.
 
         Args:
-            predict: Extrapolate the initial guess from the last two solves where the loads continue
-                in their direction, see ``continuation``; the last state is the guess otherwise.
-            accept_violations: Return a state that violates its certificate instead of raising; see
-                ``report.certificate``.
+            predict: Whether to extrapolate the initial guess from the last two solves if the loads
+                continue in their direction, see ``continuation``; otherwise the guess is the last
+                state.
+            accept_violations: Whether to return a state that violates its certificate instead of
+                raising an error; see ``report.certificate``.
 
         Returns:
             The record of the Newton iterations.
@@ -220,7 +222,7 @@ class ContactProblem:
         Raises:
             NotConvergedError: On all ranks, with the record, if Newton's method does not converge
                 or converges to a state that violates its certificate. ``u`` and the multipliers
-                keep the values of the last iterate; slip still counts from the last accepted
+                keep the values of the last iterate; slip is still counted from the last accepted
                 state. Before the next solve reset ``u``, or ``restore`` a value of ``state``.
             MortarError: On all ranks, if displacement, loads or prescribed values are not finite,
                 if input differs between ranks, if the mesh was moved after set-up, or if bodies
@@ -233,12 +235,12 @@ class ContactProblem:
         remarks = self._inputs.check(
             self.newton, accept_violations=accept_violations, predict=predict
         )
-        with undone_if_interrupted(self.equations, self._adequacy):
+        with restored_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
             if report is None:
                 solve = partial(self._solver.solve, remarks, accept_violations=accept_violations)
                 starts_elsewhere = self._adequacy is not None or self.newton.tentative
-                in_motion = self.equations.bulk.inertia is not None  # loads that are not seen
+                in_motion = self.equations.bulk.inertia is not None  # forces beyond the forms
                 if predict and not starts_elsewhere and not in_motion:
                     report = self._continuation.solve(solve)
                 else:
@@ -249,7 +251,7 @@ class ContactProblem:
         return report
 
     def accept(self) -> None:
-        """Take the last evaluated state as the accepted one: slip counts from it (collective)."""
+        """Accept the last evaluated state: slip is counted from it (collective)."""
         self._solver.accept()
 
     def state(self) -> State:
@@ -308,7 +310,7 @@ class ContactProblem:
             u[:] = kept
 
     def adopt(self, other: ContactProblem) -> None:
-        """Take over the present state of ``other``, a variant of this problem (collective)."""
+        """Adopt the present state of ``other``, a variant of this problem (collective)."""
         pairs = zip(self.equations.contacts, other.equations.contacts, strict=True)
         for contact, theirs in pairs:
             if isinstance(contact, Contact) and isinstance(theirs, Contact):
@@ -323,10 +325,11 @@ class ContactProblem:
         return self._adequacy
 
     def certificate(self) -> Certificate:
-        """Measure balance, signs, penetration and crossings of the last evaluated state.
+        """Measure balance, signs, penetration and crossings of the present state (collective).
 
-        Collective.
+        Balance is that with the present loads.
         """
+        self.equations.residual.forces()
         return self._solver.certificate()
 
     def estimate(self) -> ErrorEstimate:
@@ -369,8 +372,8 @@ class ContactProblem:
 
         For sensitivities. Unknowns, rows and units are those of ``equations.linearized``; active
         sets, branches and multipliers are those of the present state, which is not changed. The
-        relative residual is that of rounding with a direct solver, ``ksp_rtol`` (1e-8 by default)
-        with an iterative one.
+        relative residual is of the order of rounding with a direct solver, and at most ``ksp_rtol``
+        (1e-8 by default) with an iterative one.
 
         Args:
             rhs: Right-hand side.
@@ -385,7 +388,7 @@ class ContactProblem:
                 leaves a body free, or if z or q differ between ranks.
         """
         self._renew_if_interrupted()
-        with undone_if_interrupted(self.equations, self._adequacy):
+        with restored_if_interrupted(self.equations, self._adequacy):
             e = self.equations
             e.evaluate_operators()
             e.bulk.free_garbage()
@@ -403,5 +406,5 @@ class ContactProblem:
             Remainders and slopes of each block: bulk, n, g, D, M and the whole system.
         """
         self._renew_if_interrupted()
-        with undone_if_interrupted(self.equations, self._adequacy):
+        with restored_if_interrupted(self.equations, self._adequacy):
             return check_tangent(self.equations, **options)

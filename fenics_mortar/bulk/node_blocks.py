@@ -74,7 +74,7 @@ def _values(matrix: PETSc.Mat, size: int) -> Array:
     get, restore = _VALUES[matrix.getType()]
     address = ctypes.c_void_p()
     get(matrix.handle, ctypes.byref(address))
-    values = np.frombuffer((ctypes.c_double * size).from_address(address.value or 0))
+    values = np.ctypeslib.as_array((ctypes.c_double * size).from_address(address.value or 0))
     restore(matrix.handle, ctypes.byref(address))
     return values
 

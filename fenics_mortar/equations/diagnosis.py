@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reasons why a solve failed, in words; all functions are collective."""
+"""Messages on the reasons of a failed solve; all functions are collective."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.interface import Interface
 from fenics_mortar.contact.laws import Branches
-from fenics_mortar.contact.words import describe_overlap
+from fenics_mortar.contact.messages import describe_overlap
 from fenics_mortar.rigid.driven import DrivenObstacles
 from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, place
 
-# Number of last iterations in which a node that opened and closed wavers.
-WAVERING = 4
+# Number of last iterations in which nodes that open and close are reported.
+RECENT_SETS = 4
 # Active set and branches of each pair in one iteration.
 Sets = list[tuple[Flags, Branches]]
 
@@ -43,7 +43,7 @@ def check_diagonal(diagonal: Array, bulk: Bulk, floating: FloatingBodies) -> Non
     if bulk.comm.allreduce(float(diagonal[dofs].max(initial=-np.inf)), MPI.MAX) < 0.0:
         raise MortarError(
             "all stiffnesses are negative: check the signs of the residual, which is internal "
-            "less applied forces, of the jacobian, and of Young's modulus"
+            "minus applied forces, of the jacobian, and of Young's modulus"
         )
     loose = np.zeros(diagonal.size, bool)
     loose[dofs] = (diagonal[dofs] == 0.0) & ~bulk.prescribed[dofs]
@@ -99,7 +99,7 @@ def _describe_peeling(contacts: Sequence[Interface], recent: Sequence[Sets]) -> 
         bound = contact.now.friction_limit(np.zeros(contact.slave.num_nodes))
         if wavers.size and 0.0 < bound[wavers[0]] < np.inf:
             return (
-                f"{wavers.size} nodes of '{contact.slave.name}' keep closing and opening, one at "
+                f"{wavers.size} nodes of '{contact.slave.name}' close and open repeatedly, one at "
                 f"{place(contact.operators.x[wavers[0]])}: {contact.pair.law!r} admits shear "
                 "without pressure, which may peel them off each time they close; take smaller "
                 "steps, or Coulomb(mu, max_shear=...), whose limit vanishes with the pressure"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Linear bulk, factored once: Newton's method on the contact dofs alone.
+"""Linear bulk with one factorization: Newton's method on the contact dofs alone.
 
 For constant symmetric K the displacement is linear in the contact forces q on the dofs S of the
 surfaces and in the prescribed values of the dofs H. After a full step the residual is r_S = -q and
@@ -12,9 +12,9 @@ where d_S is the step without contact force and A = (K^-1)_SS the compliance, a 
 
     d_S = -A r_S - W^T (prescribed - present)_H - (K^-1 r_I)_S,      W = K_HF (K^-1)_FS,
 
-with the free dofs F and I = F without S. The last term is needed for new loads only. A is the
-inverse of the Schur complement of K on S. Products of W are stored for the changes of prescribed
-values so far, few of which are independent along a path. The displacement inside the bodies is
+with the free dofs F and I = F without S. The last term is nonzero for new loads only. A is the
+inverse of the Schur complement of K on S. Products of W with earlier changes of prescribed values
+are stored; few of these are independent along a path. The displacement inside the bodies is
 computed at the end of Newton's method.
 """
 
@@ -43,7 +43,7 @@ from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
 
 # Relative motion of a facet's ends over its length above which a step may invert cells [1]: the
-# areas of cells there change by about as much, and may change by 0.8, see ``Bulk.move``.
+# areas of adjacent cells change by about this fraction, and may change by 0.8, see ``Bulk.move``.
 DISTORTION = 0.25
 
 
@@ -71,11 +71,11 @@ class ReducedEquations:
         return Compliance(self._bulk, self._dofs, prefix)
 
     def evaluate(self, *, start: bool) -> Status:
-        """See ``ContactEquations``; after a step the residual is known from contact alone."""
+        """See ``ContactEquations``; after a step the residual follows from contact alone."""
         if start:
             self._force = None
             self._bulk.assemble_residual()
-        return self._general.look(start=start)
+        return self._general.evaluate_without_bulk(start=start)
 
     def advance(self) -> Step:
         """Solve the small system; move the surfaces and the prescribed dofs."""
@@ -103,7 +103,7 @@ class ReducedEquations:
         return self._general.step(self._bulk.largest(moved), part)
 
     def _distorts(self, step: Array) -> bool:
-        """Whether a step may invert cells: facets change by much of their length.
+        """Whether a step may invert cells, by the relative motion of facet ends.
 
         Local, equal on all ranks.
         """
@@ -116,9 +116,9 @@ class ReducedEquations:
         return False
 
     def _move_all(self, moved: Array) -> float:
-        """Take as large a fraction of the step as cells allow; return it (collective).
+        """Apply the largest fraction of the step that no cell limits; return it [1] (collective).
 
-        The next step begins with the residual that is left.
+        The next step begins with the remaining residual.
 
         Args:
             moved: Increments of contact dofs and prescribed ones.
@@ -216,8 +216,8 @@ class ReducedEquations:
     ) -> tuple[Array, Array, Array] | None:
         """The solution on rank 0; ``None`` if the system is singular.
 
-        Unknowns are the multipliers that may act and the dofs in their rows and forces: where
-        a law has neither displacements nor a right-hand side, the multiplier is zero.
+        Unknowns are the multipliers that may act and the dofs in their rows and forces: if a row of
+        the law has neither displacements nor a right-hand side, its multiplier is zero.
         """
         nodes = np.unique(np.concatenate([C.row, np.flatnonzero(rhs)]) // 2)
         a = np.intersect1d(components(nodes[:, None]), B_T.col)
@@ -245,7 +245,7 @@ class ReducedEquations:
         return d - force[t] @ A_t, zeta, force
 
     def finish(self) -> None:
-        """Find the displacement inside the bodies."""
+        """Compute the displacement inside the bodies."""
         if self._force is not None:
             self._find_inside()
 

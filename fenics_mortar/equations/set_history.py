@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Active sets and residuals of the iterations of a solve; how to leave cycles of sets."""
+"""Active sets and residuals of the iterations of a solve, and a remedy for cycles of sets."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from fenics_mortar.contact.contact import Contact
 from fenics_mortar.contact.laws import STICK
 from fenics_mortar.contact.tied import Tie
-from fenics_mortar.equations.diagnosis import WAVERING, Sets
+from fenics_mortar.equations.diagnosis import RECENT_SETS, Sets
 
 # Largest c_n after a cycle of the active set [1].
 LESS_WEIGHT = 1e-3
-# Largest number of linearized contact problems in a solve: walls and arches need one or a few; more
-# only cost time if there is no equilibrium.
+# Largest number of linearized contact problems in a solve: walls and arches need one or a few; if
+# there is no equilibrium, more would only take time.
 MAX_CALLS = 8
 
 
@@ -51,14 +51,14 @@ class SetHistory:
 
     @property
     def recent(self) -> list[Sets]:
-        """Sets of the last ``WAVERING`` iterations."""
-        return self._sets[-WAVERING:]
+        """Sets of the last ``RECENT_SETS`` iterations."""
+        return self._sets[-RECENT_SETS:]
 
     @property
     def is_unsettled(self) -> bool:
         """Whether sets change although the residual does not decrease tenfold.
 
-        If it does, the sets have settled except for nodes at roundoff.
+        If the residual decreases tenfold, the sets have settled except for nodes at roundoff.
         """
         residuals = self.residuals
         if not self._changed or len(residuals) < 2 or self._calls == MAX_CALLS:
@@ -72,9 +72,9 @@ class SetHistory:
     def merge(self, period: int) -> str:
         """Leave a cycle of the active set or of branches; return a remark.
 
-        All nodes that were active in the cycle are active for one iteration. c_n is reduced in this
-        and later solves: a large c_n opens nodes for small gaps left by a step. Nodes that changed
-        branch in the cycle stick for one iteration.
+        All nodes that were active in the cycle are set active for one iteration. c_n is reduced in
+        this and later solves: a large c_n opens nodes for small gaps left by a step. Nodes that
+        changed branch in the cycle stick for one iteration.
         """
         wavering = opening = 0
         for i, contact in enumerate(self._contacts):
@@ -93,5 +93,5 @@ class SetHistory:
         stuck = f"; {wavering} nodes between sticking and sliding stick in it" * bool(wavering)
         return (
             f"the active set does not settle (last {period} iterations); all nodes active in them "
-            f"stay so for one iteration, and c_n is at most {LESS_WEIGHT:g} from now on{stuck}"
+            f"remain active for one iteration, and c_n is limited to {LESS_WEIGHT:g}{stuck}"
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Set-up of a problem: arguments are checked, pairs are bound to the mesh (collective)."""
+"""Set-up of a problem: check of arguments, binding of pairs to the mesh (collective)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fenics_mortar.contact.tied_pair import TiedPair
 from fenics_mortar.equations.arguments import check_arguments, check_options
 from fenics_mortar.equations.general import ContactEquations
 from fenics_mortar.equations.inputs import check_roles
-from fenics_mortar.equations.line_of_sight import show_outlines
+from fenics_mortar.equations.line_of_sight import set_outlines
 from fenics_mortar.interface.mortar import LINEARIZATIONS
 from fenics_mortar.mesh.space import DisplacementSpace
 from fenics_mortar.mesh.thickness import Geometry, thickness_of
@@ -32,7 +32,7 @@ from fenics_mortar.utils.errors import check_same_words, together
 def check_given(
     given: dict[str, Any], pairs: Sequence[ContactPair | TiedPair], adequacy: Any
 ) -> None:
-    """Refuse arguments of a wrong kind, or that differ between ranks (collective).
+    """Reject arguments of a wrong type, or that differ between ranks (collective).
 
     Args:
         given: Arguments of ``ContactProblem`` by name, without pairs and adequacy.
@@ -98,5 +98,5 @@ def equations_of(
     bulk.input_data.check()
     equations = ContactEquations(bulk, contacts, LINEARIZATIONS[linearization], newton)
     outline, labels = equations.crossings.outline, equations.floating.labels
-    show_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
+    set_outlines(contacts, outline, outline.gather(bulk.space.spread(labels)))
     return equations

@@ -12,7 +12,7 @@ from fenics_mortar.utils.arrays import Array
 def facet_measures(X: Array, thickness: Array | None = None) -> Array:
     """Integrals of the shape functions over facets at ``X`` (m, K, 2), (m, K) [length] (local).
 
-    With ``thickness`` (m, K) [length] those of the shape functions times it.
+    With ``thickness`` (m, K) [length], integrals of the shape functions times the thickness.
     """
     if X.shape[1] == 2 and thickness is None:
         return np.repeat(np.linalg.norm(X[:, 1] - X[:, 0], axis=1)[:, None] / 2, 2, axis=1)

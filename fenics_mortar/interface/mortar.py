@@ -59,8 +59,9 @@ class Linearization:
         segments: Whether to include the motion of the segment ends on the slave facets.
         frozen: Whether D, M and n are constant in the tangent: a fixed-point iteration for these
             (Popp, Gee & Wall 2009).
-        exact: Whether to keep also slopes that Newton's method is better without: those of
-            adhesion that fades fast, see ``ContactFields.law_rows``. For derivatives of a solution.
+        exact: Whether to include also the derivatives of rapidly decreasing adhesion, which
+            Newton's method converges better without; see ``ContactFields.law_rows``. For
+            derivatives of a solution.
     """
 
     normals: bool = True
@@ -89,14 +90,15 @@ class MortarOperators:
         slave, master: The two surfaces.
         x, m: Current positions of their nodes, shapes (slave nodes, 2), (master nodes, 2).
         n: Unit normals of the slave nodes, shape (slave nodes, 2).
-        dn: Derivatives of n by positions of the K - 1 nodes before, the node itself and the K - 1
-            nodes after, shape (slave nodes, 2, 4 K - 2) [1 / length].
+        dn: Derivatives of n with respect to positions of the K - 1 nodes before, the node itself
+            and the K - 1 nodes after, shape (slave nodes, 2, 4 K - 2) [1 / length].
         segments: Segments of this rank's share of the slave facets.
         D: Slave matrices of the facets of this share, shape (f, K, K) [length].
         M: Master matrices of its segments, shape (n, K, K) [length].
-        dD: Derivative of D by the nodes of each segment, shape (n, K, K, C) [1].
+        dD: Derivative of D with respect to the nodes of each segment, shape (n, K, K, C) [1].
         dM: Derivative of M for each pair of segments, shape (p, K, K, C) [1].
-        dgap: Derivative of the weighted gap by the nodes of each segment, shape (n, K, C) [length].
+        dgap: Derivative of the weighted gap with respect to the nodes of each segment, shape
+            (n, K, C) [length].
         diagonal: D[j, j] of every slave node, shape (slave nodes,) [length].
         gap: Weighted gap of every slave node, shape (slave nodes,) [length^2].
         cover: Integral of N_j over the covered part, shape (slave nodes,) [length].
@@ -181,7 +183,7 @@ class MortarOperators:
         Args:
             x: Positions of the slave nodes, shape (slave nodes, 2) [length].
             s: Segments.
-            points: Places in each segment, -1 ... 1, shape (q,).
+            points: Coordinates in each segment, -1 ... 1, shape (q,).
 
         Returns:
             Gaps, shape (n, q) [length].
@@ -305,8 +307,8 @@ class MortarOperators:
         """Displacement dofs of the columns of ``dn``, shape (slave nodes, 4 K - 2)."""
         return self.slave.near_dofs[:, : 2 * (2 * self.slave.degree + 1)]
 
-    def less_offset(self, offset: Array) -> MortarOperators:
-        """Operators for the gap less an offset, interpolated between nodes (collective).
+    def minus_offset(self, offset: Array) -> MortarOperators:
+        """Operators for the gap minus an offset, interpolated between nodes (collective).
 
         The weighted gap becomes g_j - sum_k D[j, k] offset_k.
 
@@ -315,7 +317,7 @@ class MortarOperators:
         """
         s, nodes = self.segments, self.facet_nodes
         change = np.einsum("ejk,ek->ej", self.D, offset[nodes])
-        nodal = np.zeros(self.slave.num_nodes)  # bincount of nothing has integers
+        nodal = np.zeros(self.slave.num_nodes)  # bincount of an empty array returns integers
         nodal += np.bincount(nodes.ravel(), change.ravel(), self.slave.num_nodes)
         self.slave.comm.Allreduce(MPI.IN_PLACE, nodal)
         derivative = np.einsum("sjkq,sk->sjq", self.dD, offset[s.slave])

@@ -114,8 +114,8 @@ def find_segments(
         view: Limits of the search behind the slave facets; none by default.
 
     Returns:
-        The segments; of overlapping ones only the nearest. With "elements"
-        a facet with fewer partners than nodes has none: its dual basis would not exist. Lengths in
+        The segments. Of overlapping segments only the nearest is kept. With "elements" a facet with
+        fewer partners than nodes has no segments, since its dual basis would not exist. Lengths in
         xi below ``ROUNDING`` are ignored: covered and missing lengths of facets, overlaps of
         segments, distances of fixed points from master nodes.
 
@@ -155,7 +155,7 @@ def find_segments(
     )
 
 
-class _Pieces(NamedTuple):
+class _Rules(NamedTuple):
     """Ends and quadrature of segments on their slave facets; see ``Segments``."""
 
     ends: Array
@@ -165,18 +165,18 @@ class _Pieces(NamedTuple):
     spans: Indices
 
 
-def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Pieces]:
-    """Offsets, master facets and pieces of segments with one Gauss rule for all."""
+def _intersections(search_for: tuple[Any, ...], points: int) -> tuple[Indices, Indices, _Rules]:
+    """Offsets, master facets and quadrature of intersections, with the same Gauss rule for all."""
     offsets, masters, fixed, ends = search.find_segments_within(*search_for)
     s, w = gauss_rule(points)
     spans = np.tile([0, points], (len(masters), 1))
-    return offsets, masters, _Pieces(ends, fixed, s, w, spans)
+    return offsets, masters, _Rules(ends, fixed, s, w, spans)
 
 
 def _runs(
     search_for: tuple[Any, ...], xi: Array, w: Array, *, min_points: int
-) -> tuple[Indices, Indices, _Pieces]:
-    """Offsets, master facets and pieces of runs of points of the rule ``xi``, ``w``."""
+) -> tuple[Indices, Indices, _Rules]:
+    """Offsets, master facets and quadrature of runs of points of the rule ``xi``, ``w``."""
     offsets, masters, runs = search.find_points(*search_for, xi, min_points)
     cuts = np.concatenate([[-1.0], np.cumsum(w)[:-1] - 1.0, [1.0]])
     ends, lengths = cuts[runs], np.diff(runs, axis=1)[:, 0]
@@ -186,7 +186,7 @@ def _runs(
     centres, halves = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2.0
     s, weights = (xi[which] - centres[owner]) / halves[owner], w[which] / halves[owner]
     spans = np.stack([starts, stops], axis=1)
-    return offsets, masters, _Pieces(ends, np.ones(ends.shape, bool), s, weights, spans)
+    return offsets, masters, _Rules(ends, np.ones(ends.shape, bool), s, weights, spans)
 
 
 @cache

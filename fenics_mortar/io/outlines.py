@@ -11,9 +11,10 @@ from fenics_mortar.bulk.residual import Bulk
 from fenics_mortar.obstacles.obstacle import Obstacle
 from fenics_mortar.utils.arrays import Array, Indices
 
-# Obstacles are drawn up to this distance from the bodies, over the extent of the bodies.
+# Largest distance from the bodies up to which obstacles are drawn, over the extent of the bodies
+# [1].
 MARGIN = 0.15
-# Points per direction of the grid on which the outlines of obstacles are searched.
+# Number of points per direction of the grid on which outlines of obstacles are searched.
 GRID = 400
 
 
@@ -30,7 +31,8 @@ def bounding_box(bulk: Bulk) -> tuple[Array, Array]:
 def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices, Array]:
     """Outline phi = 0 of an obstacle in a box, as line segments (local).
 
-    Outside the box it is a line of zero length at the pivot: files without points are unreadable.
+    For an obstacle outside the box it is a line of zero length at the pivot, since files without
+    points are unreadable.
 
     Args:
         obstacle: The obstacle.
@@ -38,7 +40,7 @@ def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Indices
         high: Upper corner, shape (2,) [length].
 
     Returns:
-        Points in the obstacle's own frame (n, 2) [length], ends of the segments (m, 2), and
+        Points in the obstacle's frame (n, 2) [length], ends of the segments (m, 2), and
         displacements of the points (n, 2) [length].
     """
     lines = _zeros(obstacle, low, high) or [np.tile(obstacle.pivot + obstacle.place[:2], (2, 1))]

@@ -24,12 +24,13 @@ from fenics_mortar.utils.files import try_together, write_whole
 
 INK, GREY, PRESSURE = "#222222", "#999999", "#c8102e"
 SEQUENTIAL, DIVERGING = "YlGnBu", "RdBu_r"
-# A field has both signs if its values of the rarer sign reach this fraction of the others [1]:
-# smaller ones come from the discretization, and half of the colours would remain unused.
+# A field has both signs if the largest value of one sign is at least this fraction of the largest
+# of the other sign [1]: smaller values may be discretization errors, and half of the colours would
+# not be used.
 SIGNED = 0.2
 # Mean width of a letter of the legend, of 9 points [inch].
 LETTER = 0.07
-# Place of the legend, below numbers and label of the axis [inch].
+# Position of the legend, below numbers and label of the axis [inch].
 LEGEND = -0.45
 
 
@@ -61,7 +62,7 @@ def plot(
         units: Units of length and stress, e.g. ``("mm", "MPa")``, for the labels of the axes and of
             the largest pressure.
         limits: Smallest and largest value of the colours [unit of ``stress``]; by default those of
-            the field, with equal positive and negative ones where it has both signs.
+            the field, symmetric about zero if it has both signs.
         cmap: Colour map of matplotlib, or its name.
         ax: Axes of matplotlib on the first rank, instead of a new figure; other ranks may pass
             ``None``. Without ``path`` no file is written.
@@ -121,7 +122,7 @@ def plot(
 
 
 def _check(path: Any, scale: Any, units: Any, limits: Any, ax: Any, *, first: bool) -> None:
-    """Refuse arguments of ``plot`` (local)."""
+    """Reject arguments of ``plot`` (local)."""
     if path is not None:
         check_kind("path", path, (str, Path), "the name of a file")
     elif first and ax is None:
@@ -149,7 +150,7 @@ def _new_axes(size: Array) -> Any:
 
 
 def _colours(values: Array, limits: Any, cmap: Any) -> dict[str, Any]:
-    """Colour map and norm of a field: diverging about zero where it has both signs."""
+    """Colour map and norm of a field, diverging about zero if it has both signs."""
     from matplotlib.colors import Normalize, TwoSlopeNorm
 
     low, high = (values.min(), values.max()) if limits is None else limits

@@ -21,7 +21,7 @@ and at the inner node on the two end nodes.
 The normal of a facet is weighted by the length of the *other* edge (``OPPOSITE``: with straight
 facets, n is then the normal of the circle through the three nodes, exact on any mesh of a circle;
 Yang, Laursen & Meng 2005), by one (``UNIT``: Popp, Gee & Wall 2009 as implemented by most codes),
-or by the length of its own edge (``OWN``).
+or by the length of the facet's edge itself (``OWN``).
 """
 
 import numpy as np

@@ -184,7 +184,7 @@ def sample_gaps(geometry, connectivity, places, points, gaps):
         geometry: (x (k, 2), n (k, 2), m (l, 2)): slave positions and normals, master positions.
         connectivity: (slave nodes (n, K), master nodes (n, K)) of the segments.
         places: Ends of the segments on the slave facets, shape (n, 2).
-        points: Places in the segments, -1 ... 1, shape (p,).
+        points: Coordinates in the segments, -1 ... 1, shape (p,).
         gaps: Gaps along the unit normal, shape (n, p) [length]; filled.
     """
     x, n, m = geometry

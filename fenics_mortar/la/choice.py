@@ -34,10 +34,10 @@ def system_of(
         bulk: The bodies.
         contacts: All pairs.
         prefix: Prefix of PETSc's options.
-        options: Options of the linear solver that the user gave.
+        options: Options of the linear solver given by the user.
         algorithm: Condensed or saddle-point system; ``None``: condensed if possible.
-        solver: Direct or iterative; "auto" chooses by the size of the problem.
-        linear_bulk: Whether the bulk is factored once.
+        solver: Direct or iterative; "auto" depends on the size of the problem.
+        linear_bulk: Whether the bulk is factorized only once.
 
     Raises:
         ValueError: On all ranks, for an iterative solver and a surface in contact with itself.
@@ -72,9 +72,9 @@ def _in_contact_with_itself(contacts: Sequence[Interface]) -> str:
 
 
 def _is_small(bulk: Bulk, prefix: str, options: dict[str, Any] | None) -> bool:
-    """Whether factors without pivoting are tried first: few unknowns on one rank (collective).
+    """Whether factorization without pivoting is tried first: few unknowns, one rank (collective).
 
-    Their elimination order is AMD's, of SuiteSparse; newer PETSc lists it under its own name.
+    Its elimination order is AMD of SuiteSparse, which newer PETSc lists under a separate name.
     """
     given = PETSc.Options(prefix).getAll() or options
     few = bulk.comm.size == 1 and bulk.r.getSize() <= FEW

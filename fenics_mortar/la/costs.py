@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Predicted costs of a linear bulk: factored once, or anew in every Newton iteration.
+"""Predicted costs of a linear bulk: one factorization, or one in every Newton iteration.
 
-Per unknown, factors by MUMPS cost nearly the same from 5,000 to 160,000 unknowns in the plane; the
-compliance of the contact dofs is dense, of cubic cost. Only the ratio of the constants counts.
+In the plane, the cost of MUMPS per unknown is nearly constant from 5,000 to 160,000 unknowns. The
+compliance of the contact dofs is a dense matrix with cubic cost. Only ratios of the constants
+matter.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ class Costs:
 
     Attributes:
         iteration: Tangent, factorization and solution of an iteration, per unknown [us].
-        first: What the first one costs beyond that, the elimination order, per unknown [us].
+        first: Additional cost of the first iteration, the elimination order, per unknown [us].
         once: Both factorizations of the constant bulk and their orders, per unknown [us].
         dense: Schur complement and inverse, per cube of the contact dofs [us].
-        expected: Iterations of a solve; from 4 for a contact that hardly changes, to 9.
+        expected: Iterations of a solve; between 4, for a contact that hardly changes, and 9.
         per_factor: Memory of unsymmetric factors over n log2(n) of n unknowns [bytes].
         per_entry: Memory of the dense matrices that exist at a time, per entry [bytes].
     """
@@ -43,7 +44,7 @@ class Costs:
         return 1e-6 * (self.once * unknowns + self.dense * contact_dofs**3)
 
     def fits(self, unknowns: int, contact_dofs: int) -> bool:
-        """Whether dense matrices of the contact dofs need no more memory than factors."""
+        """Whether dense matrices of the contact dofs need at most the memory of the factors."""
         factors = self.per_factor * unknowns * np.log2(max(unknowns, 2))
         return bool(self.per_entry * contact_dofs**2 <= factors)
 

@@ -13,17 +13,17 @@ from fenics_mortar.la.multigrid import OPTIONS
 from fenics_mortar.utils import compat
 
 Solver = Literal["auto", "direct", "iterative"]
-# The elimination order is kept while values change, so that MUMPS needs more memory than its
-# analysis estimates: 50 %.
+# The elimination order is reused while values change; MUMPS then needs up to 50 % more memory than
+# estimated by its analysis.
 DIRECT = {
     "ksp_type": "preonly",
     "pc_type": "lu",
     "pc_factor_mat_solver_type": "mumps",
     "mat_mumps_icntl_14": 50,
 }
-# Factors of PETSc itself without pivoting, for few unknowns on one rank, where MUMPS spends most of
-# its time on analysis, pivoting and copies. Only an exact zero is refused as a pivot; small pivots
-# show in the residual of the solution.
+# PETSc's own factorization without pivoting, for few unknowns on one rank, where MUMPS spends most
+# of its time on analysis, pivoting and copies. Only an exact zero pivot is an error; small pivots
+# are detected by the residual of the solution.
 SMALL = {
     "ksp_type": "preonly",
     "pc_type": "lu",
@@ -44,10 +44,10 @@ ITERATIVE = {
 # over iterative (two blocks): 1.0 with 10,000 unknowns, 1.5 with 41,000, 1.9 with 161,000.
 MANY = 100_000
 # Number of unknowns up to which ``SMALL`` factors a condensed system, and mean number of entries in
-# a row of the factors above which MUMPS takes over: its dense kernels gain with it. Milliseconds of
-# the processor for factors and a solution, ``SMALL`` in blocks and MUMPS: 0.5 and 1.9 with 1,300
-# unknowns, 26 and 40 with 18,200 and 97 entries, 50 and 53 with 20,800 and 116 entries; on
-# unstructured meshes 20 and 20 with 6,700 and 126 entries, 53 and 38 with 11,900 and 147.
+# a row of the factors above which MUMPS is used, since its dense kernels are faster for long rows.
+# CPU time in milliseconds of factorization and solution, ``SMALL`` in blocks and MUMPS: 0.5 and 1.9
+# with 1,300 unknowns, 26 and 40 with 18,200 and 97 entries, 50 and 53 with 20,800 and 116 entries;
+# on unstructured meshes 20 and 20 with 6,700 and 126 entries, 53 and 38 with 11,900 and 147.
 FEW = 20_000
 LONG_ROWS = 120
 # Options with this prefix belong to another solver, see ``la.factored``.
@@ -57,13 +57,13 @@ _added: set[tuple[str, str]] = set()
 
 
 def with_defaults(prefix: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Options together with ``DIRECT``, or alone where they choose no factorization (local).
+    """Options together with ``DIRECT``, or alone if they do not choose a factorization (local).
 
-    A ``pc_type`` of the user other than "lu" and "cholesky" does not fit MUMPS and "preonly";
-    beside it PETSc's own defaults hold.
+    A ``pc_type`` of the user other than "lu" and "cholesky" does not fit MUMPS and "preonly"; with
+    it PETSc's own defaults apply.
 
     Args:
-        prefix: Prefix of the options; those in PETSc's database come first.
+        prefix: Prefix of the options; those in PETSc's database take precedence.
         options: Values by name.
     """
     kind = options.get("pc_type", DIRECT["pc_type"])

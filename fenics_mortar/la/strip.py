@@ -15,7 +15,7 @@ from fenics_mortar.contact.interface import Interface
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Indices
 
-# Each rank factors the whole strip: little work, and solves need one exchange only.
+# Each rank factorizes the whole strip: this takes little time, and a solve needs one exchange only.
 STRIP = {
     "pc_type": "redundant",
     "redundant_pc_type": "lu",

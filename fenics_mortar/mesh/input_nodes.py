@@ -13,7 +13,7 @@ from fenics_mortar.utils.arrays import Array, Indices
 
 
 def node_dofs(V: Any, nodes: npt.ArrayLike) -> Indices:
-    """See ``MeshData.node_dofs``."""
+    """Local dofs of nodes of the mesh input, shape (k,); see ``MeshData.node_dofs`` (local)."""
     dofs, numbers = _numbered_dofs(V)
     wanted = np.asarray(nodes, np.int64)
     order = np.argsort(numbers, kind="stable")
@@ -24,7 +24,7 @@ def node_dofs(V: Any, nodes: npt.ArrayLike) -> Indices:
 
 
 def nodal_values(u: Any, nodes: npt.ArrayLike) -> Array:
-    """See ``MeshData.nodal_values``."""
+    """Nodal values, shape (k, components); see ``MeshData.nodal_values`` (collective)."""
     V = u.function_space
     size, owned = V.dofmap.index_map_bs, V.dofmap.index_map.size_local
     dofs = node_dofs(V, nodes)

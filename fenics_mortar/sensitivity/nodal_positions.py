@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Positions of the nodes of the mesh as a control: shape derivatives.
+"""Nodal positions of the mesh as a control: shape derivatives.
 
-Values at the nodes stay while the nodes move. Residual and UFL objectives are differentiated by
-UFL's coordinate derivative; contact depends on the positions x = X + u alone, in the step and in
-the state that slip counts from.
+Nodal values are constant while the nodes move. Residual and UFL objectives are differentiated by
+UFL's coordinate derivative. Contact depends only on the positions x = X + u, at the end of the step
+and in the state from which slip is counted.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class NodalPositions:
 
     Values are those of a displacement of the mesh at the owned dofs of ``u``, [length]. Prescribed
     values, loads, offsets, thickness and the choices at set-up do not move with the mesh. The
-    displacement has to be of degree 1, without further unknowns, on straight cells.
+    displacement must be of degree 1, without further unknowns, on straight cells.
     """
 
     name, is_distributed = "nodal positions", True
@@ -48,7 +48,7 @@ class NodalPositions:
         return space.positions()[: space.num_owned].copy()
 
     def set(self, problem: ContactProblem, values: Array) -> None:
-        """Refused: surfaces and integrals belong to the mesh at set-up.
+        """Raise an error: surfaces and integrals belong to the mesh at set-up.
 
         Raises:
             MortarError: Always.
@@ -88,7 +88,7 @@ class NodalPositions:
 
 
 class _Derivatives:
-    """Derivatives of the residual of the bodies by positions, and of forms of rank 0.
+    """Derivatives, with respect to positions, of the bodies' residual and of forms of rank 0.
 
     Args:
         bulk: The bodies.

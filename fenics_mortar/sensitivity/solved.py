@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Whether the present state of a problem is a solution for the present values of its data.
+"""Check that the present state of a problem is a solution for the present values of its data.
 
-Derivatives are those of a solution: at a state of other loads, materials or laws than the present
-ones they would be wrong without a sign.
+Derivatives are those of a solution. At a state for other loads, materials or laws than the present
+ones they would be wrong without any indication.
 """
 
 from __future__ import annotations
 
-from fenics_mortar.equations.undo import undone_if_interrupted
+from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.problem import ContactProblem
 from fenics_mortar.utils.errors import MortarError
 
@@ -17,7 +17,7 @@ MARGIN = 1e3
 
 
 def check_solved(problem: ContactProblem) -> None:
-    """Refuse a state that is no solution; one evaluation of the residual (collective).
+    """Reject a state that is not a solution; one evaluation of the residual (collective).
 
     Raises:
         MortarError: On all ranks, if the last solve failed, or if displacement, loads, prescribed
@@ -28,7 +28,7 @@ def check_solved(problem: ContactProblem) -> None:
         raise MortarError(
             "the present state is not the result of a solve: record a state after solve()"
         )
-    with undone_if_interrupted(e, problem.adequacy):
+    with restored_if_interrupted(e, problem.adequacy):
         e.evaluate_operators()
         e.bulk.assemble_residual()
         if e.floating.bodies:
@@ -38,7 +38,7 @@ def check_solved(problem: ContactProblem) -> None:
     allowed = MARGIN * max(tolerance * e.residual.force, e.residual.attainable)
     if not residual <= allowed:
         raise MortarError(
-            f"the present state is no solution: residual {residual:.1e}, allowed {allowed:.1e}. "
+            f"the present state is not a solution: residual {residual:.1e}, allowed {allowed:.1e}. "
             "Displacement, loads, prescribed values, material or law were changed after solve(): "
             "record before changing them, or solve again"
         )

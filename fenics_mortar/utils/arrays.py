@@ -17,7 +17,7 @@ class Value:
     """Base of frozen dataclasses whose arrays are read-only."""
 
     def __post_init__(self) -> None:
-        """Replace arrays that can be written to by copies that can not."""
+        """Replace writable arrays by read-only copies."""
         for name, value in vars(self).items():
             vars(self)[name] = protected(value)
 
@@ -33,7 +33,7 @@ class Value:
 
 
 def protected(value: Any) -> Any:
-    """The value; of an array that can be written to a copy that can not."""
+    """A read-only copy of a writable array, and any other value itself (local)."""
     if isinstance(value, np.ndarray) and value.flags.writeable:
         value = value.copy()
         value.flags.writeable = False

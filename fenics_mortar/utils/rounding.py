@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Relative differences below which numbers count as equal, each named once."""
+"""Relative differences below which numbers are considered equal."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ SOLVED = 1e-6
 # Positions are the same within this fraction of a facet: coordinates in files may have as few as
 # seven digits.
 SAME_PLACE = 1e-6
-# Half a facet [facet lengths]: a mesh resolves positions no better. Faceted curves that touch each
-# other are nearer; deeper overlaps, and wider gaps between nodes in contact, are errors.
+# Half a facet [facet lengths], the resolution of a mesh. Faceted curves in contact are nearer to
+# each other; deeper overlaps, and wider gaps between nodes in contact, are errors.
 HALF_FACET = 0.5
 # Frames that differ by less than this angle [radian] need not be rotated into each other: vectors
 # differ by 2 % across and 0.02 % along, paths of length L by L / 200.
 SMALL_ANGLE = 0.02
-# Steps of an iteration per unknown. Halving an interval of length 2 to rounding takes 54, Newton's
-# method for a few numbers 3 to 5, Lemke's method less than one pivot per variable.
+# Maximum number of steps of an iteration per unknown. Bisection of an interval of length 2 down to
+# rounding takes 54, Newton's method for a few numbers 3 to 5, Lemke's method less than one pivot
+# per variable.
 MAX_STEPS = 60

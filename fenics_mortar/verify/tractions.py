@@ -17,7 +17,7 @@ from fenics_mortar.interface.facing import Points, Rule, points_behind, points_o
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.utils.arrays import Array, Flags
 
-# Covered length of a facet, of its length 2 in the reference element, below which it is bare.
+# Covered length of a facet, of length 2 in the reference element, below which it is uncovered [1].
 MIN_COVER = 0.02
 
 
@@ -45,15 +45,15 @@ def facet_tractions(
 ) -> Array:
     """Traction with given nodal forces, at points of all facets (collective).
 
-    Where the surface is covered, the traction is in the span of the displacement's functions (a
-    projection), elsewhere it is zero: a pressure may end in a jump. On partly covered facets the
-    moments are equal up to the number of points.
+    On the covered surface the traction is a projection on the span of the displacement's shape
+    functions, elsewhere it is zero: a pressure may end in a jump. On partly covered facets moments
+    are reproduced up to the order of the quadrature points.
 
     Args:
         surface: The surface.
         forces: Nodal forces, shape (nodes, 2) [stress length].
-        clamped: Clamped nodes, whose forces are not used, shape (nodes,): at the end of a surface
-            the traction is extrapolated there from the next two nodes.
+        clamped: Clamped nodes, shape (nodes,), bool. Their forces are not used; at a clamped end of
+            a surface the traction is extrapolated from the next two nodes.
         here: Points on the covered parts, this rank's share.
         rule: Gauss rule with q points on a facet.
 
@@ -100,7 +100,7 @@ def _solve_on_covered(surface: Surface, blocks: Array, forces: Array, clamped: F
 
 def _covers(pair: Interface) -> list[Points]:
     """Points on the parts of slave and master that face each other (local)."""
-    o, segments = pair.as_faced, pair.intersections()
+    o, segments = pair.partner_operators, pair.intersections()
     behind = [points_behind(o, segments)] if pair.master.num_nodes else []
     return [points_of(segments), *behind]
 

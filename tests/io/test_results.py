@@ -265,7 +265,7 @@ def test_outlines_of_obstacles_move_with_them(shared_path):
     ("fields", "message"),
     [
         ({"displacement": 1}, "'displacement'"),
-        ({"": 1}, "non-empty text"),
+        ({"": 1}, "non-empty string"),
         ({"number": 1.0}, "field 'number'"),
         ({"rank 3": "third"}, r"shape is \(2, 2, 2\)"),
         ({"test": "test"}, "test or trial function"),
@@ -292,7 +292,7 @@ def test_a_path_of_no_use_raises_on_all_ranks(shared_path):
         ResultsWriter(shared_path / "file" / "series", scene.problem)
     with pytest.raises(fm.MortarError, match="folder"):
         plot(scene.problem, shared_path / "file" / "picture.png")
-    with pytest.raises(fm.MortarError, match="no name of a file"):
+    with pytest.raises(fm.MortarError, match="is not a file name"):
         ResultsWriter("", scene.problem)
     with pytest.raises(fm.MortarError, match=r"series\.pvd"):
         ResultsWriter(shared_path / "series", scene.problem).write(0.0)

@@ -22,8 +22,8 @@ class ShapeCase(Case):
     Attributes:
         rules: Law of each pair.
         planes: Rigid planes by name, a point and a normal, among the masters.
-        ends_free: Whether nothing touches at the end, and no body is strained.
-        pressure: What the first pair bears at the end, if that is known [stress].
+        ends_free: Whether there is no contact at the end, and no strain.
+        pressure: Pressure of the first pair at the end, if known [stress].
     """
 
     rules: list[Rule] = field(default_factory=list)
@@ -33,17 +33,17 @@ class ShapeCase(Case):
 
     @property
     def stop(self) -> float:
-        """The last time for which there is a motion."""
+        """Final time of the prescribed motion."""
         return float(max(len(prescribed.motion) for prescribed in self.prescribed) - 1)
 
     @property
     def smallest(self) -> float:
-        """Steps in which what moves goes a thousandth of its way."""
+        """Smallest step: a thousandth of the motion."""
         return 1e-3
 
     @property
     def can_be_swapped(self) -> bool:
-        """Planes are no slaves."""
+        """Planes cannot be slaves."""
         return not self.planes and super().can_be_swapped
 
 
@@ -143,7 +143,7 @@ def spiral(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
 
 
 def _whole(body: Shape) -> Shape:
-    """The same with its outline as one surface."""
+    """The body with its outline as one surface."""
     return body.covered(outline=body.sides["around"])
 
 
@@ -237,7 +237,7 @@ def hook(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
     about = {"scene": "hook", "barb": barb, "wide": wide, "ridge": ridge_high}
     pairs = [("hook/outline", "catch/outline")]
     case = _shape_case(rng, seed, family, about, bodies, pairs, prescribed)
-    # the hook comes to rest behind the ridge; whether the arm still leans on it, depends on lift
+    # the hook comes to rest behind the ridge; contact with the arm depends on lift
     return case
 
 
@@ -280,7 +280,7 @@ def tubes(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
 
 
 def _widening(body: Shape, a: float, b: float, inside: bool) -> float:
-    """How far a pressure of one on one of its faces moves that face of a tube in plane strain."""
+    """Displacement of a face of a tube under unit pressure on this face, in plane strain."""
     E, nu = body.E / (1 - body.nu**2), body.nu / (1 - body.nu)
     r = a if inside else b
     ratio = (a**2 + b**2) / (b**2 - a**2)
@@ -320,12 +320,12 @@ def pad(rng: np.random.Generator, seed: int, family: str) -> ShapeCase:
 
 
 def _side(body: Shape, x: Array, row: int) -> Array:
-    """Numbers of the nodes of a row of the grid that a body was made of."""
+    """Numbers of the nodes of a row of a body's grid."""
     return np.arange(len(body.x)).reshape(x.shape[:2])[row]
 
 
 def _motion(way: Sequence[Any]) -> Array:
-    """Places at times 0, 1, 2 and so on, shape (times, 2); the first is where it is."""
+    """Positions at times 0, 1, 2 and so on, shape (times, 2); the first is the initial one."""
     return np.array([(0.0, 0.0), *way], float)
 
 
@@ -344,7 +344,7 @@ def _shape_case(
     prescribed: list[Prescribed],
     step: float = 0.0,
 ) -> ShapeCase:
-    """Put a scene together; a part of them has friction."""
+    """Assemble a scene; some scenes have friction."""
     mu = float(rng.choice([0.0, 0.0, rng.uniform(0.1, 0.5)]))
     step = step or float(rng.choice([0.1, 0.2, 0.25]))
     about = {"family": family, **about, "friction": mu, "step": step}
