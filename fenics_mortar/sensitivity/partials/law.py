@@ -27,10 +27,11 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.rounding import EPSILON
 
-# Steps of difference quotients, relative to the parameter [1], and largest relative difference from
-# the complex step [1]: errors of the quotients are of the order of the step. The shorter ones are
-# for nodes near a kink, and for parameters that are zero everywhere, which have no size.
-QUOTIENTS, SAME_DERIVATIVE = (1e-6, 1e-9, 1e-12), 1e-3
+# Steps of difference quotients, relative to the parameter [1]: errors of the quotients are of the
+# order of the step. The shorter ones are for nodes near a kink, and for parameters that are zero
+# everywhere, which have no size. The square root of the largest one is the largest relative
+# difference from the complex step.
+QUOTIENTS = (1e-6, 1e-9, 1e-12)
 
 
 # Arguments of laws that are converted to complex numbers, so that arrays created like them are
@@ -223,7 +224,7 @@ def differentiate(
     for quotient in QUOTIENTS:
         step = quotient * size / np.abs(direction).max()
         rounding = 10.0 * EPSILON * np.maximum(np.abs(start).max(axis=1), terms) / step
-        allowed = SAME_DERIVATIVE * np.abs(derivative).max(axis=1) + rounding
+        allowed = np.sqrt(QUOTIENTS[0]) * np.abs(derivative).max(axis=1) + rounding
         for sign in (step, -step):
             moved = np.real(function(value + sign * direction))
             contradicts &= np.abs((moved - start) / sign - derivative) > allowed[:, None]
