@@ -91,8 +91,7 @@ P = load * np.pi * (b**2 - a**2)
 new, worn = 2 / 3 * P * (b**3 - a**3) / (b**2 - a**2), P * (a + b) / 2
 theory = P / (2 * np.pi * (b - a) * radius)
 if comm.rank == 0:
-    print(f"T / mu [Nm]: {torques[0] / 1e3:.1f} to {torques[-1] / 1e3:.1f}", end=", ")
-    print(f"by the handbook {new / 1e3:.1f} to {worn / 1e3:.1f}")
+    print(f"T / mu [Nmm]: new {torques[0]:.0f} ({new:.0f}), worn {torques[-1]:.0f} ({worn:.0f})")
     Path("results").mkdir(exist_ok=True)
     left, right = (figure := Figure((9, 3.4), layout="constrained")).subplots(1, 2)
     left.set(xlabel="r [mm]", ylabel="pressure [MPa]", ylim=(0.6, 1.5))
