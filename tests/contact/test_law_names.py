@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Names that laws declare, and the name a law has in messages."""
+"""Names declared by laws, and names of laws in messages."""
 
 import pytest
 from refusal import refused

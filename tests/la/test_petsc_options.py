@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Options of PETSc: read, told where they are misspelt, refused in words."""
+"""Options of PETSc: read, reported if misspelt, rejected with a message."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ def test_misspelt_option_of_petsc_is_told_once():
 
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 def test_misspelt_option_is_told_where_the_linear_bulk_is_factored_once(sliding):
-    """The solver of the whole system never runs there."""
+    """The solver of the whole system is not used in this case."""
     options = {"ksp_rtoll": 1e-3, "ksp_type": "preonly"}
     on_line = PETSc.Options("test_")
     on_line["compliance_mat_mumps_icntl_144"] = 1

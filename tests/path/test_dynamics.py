@@ -119,7 +119,7 @@ def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
     assert impacts >= 10
     assert np.abs(total - total[0]).max() < 0.03
     in_flight = np.convolve(active, np.ones(9), "same") == 0.0
-    assert np.median(np.abs(total - total[0])[in_flight]) < 1e-10  # what is owed is returned
+    assert np.median(np.abs(total - total[0])[in_flight]) < 1e-10  # owed energy is returned
     assert abs(total[-1] - total[0]) < 1e-3
 
 
@@ -140,7 +140,7 @@ def test_two_rings_exchange_momentum():
             moments -= dt * (x[:, 0] * f[:, 1] - x[:, 1] * f[:, 0]).sum()
             change = motion.momentum(dt) - start
             errors.append((*change[:2], change[2] - moments))
-            assert abs(moments) < 5e-4  # of the facets; about 1 moves from ring to ring
+            assert abs(moments) < 5e-4  # error of the facets; 1 is transferred
         errors = np.abs(errors).max(axis=0)
         assert errors[:2].max() < 1e-12
         assert errors[2] < allowed
@@ -151,7 +151,7 @@ def test_two_rings_exchange_momentum():
 
 @pytest.mark.serial
 def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
-    """Each half period friction takes 2 mu N / k from the amplitude, until the spring is weaker."""
+    """In each half period friction reduces the amplitude by 2 mu N / k, until it sticks."""
     stiffness, pressure, mu = 0.4, 0.1, 0.3
     made, _ = oscillator(fm.Coulomb(mu), pressure=pressure, stiffness=stiffness)
     sliding, half = mu * pressure / stiffness, np.pi / np.sqrt(stiffness)
@@ -217,7 +217,7 @@ def test_drag_slows_a_body_exponentially():
     [pytest.param("massless", 1.0, marks=pytest.mark.long), ("generalized_alpha", 0.5)],
 )
 def test_the_rate_in_time_is_two(scheme, rho_inf):
-    """A neo-Hookean block that turns and vibrates in free flight, against finer steps."""
+    """A neo-Hookean block that rotates and vibrates in free flight, compared with finer steps."""
     found = []
     for number in (40, 80, 160):
         made = free_block(cells=2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Every demo as its own process, in serial or on several ranks; each ends in assertions."""
+"""Every demo as a separate process, in serial or on several ranks; each ends with assertions."""
 
 import os
 import subprocess
@@ -15,12 +15,12 @@ ON_RANKS = {"demo_tied": 3}
 LONG = ("demo_ball", "demo_identify", "demo_ironing", "demo_seal", "demo_snap_fit")
 # a demo promises a minute; a loaded machine gets four
 LIMIT = 240
-# what MPI leaves in the environment: a process that mpirun starts would take it for its own
+# MPI variables of the environment, which processes started by mpirun must not inherit
 OF_THIS_RUN = ("OMPI_COMM", "OMPI_MCA_ess", "PMIX")
 
 
 def run(folder, ranks, *arguments):
-    """Run python as a process of its own, or as one on each of several ranks."""
+    """Run Python as a separate process, or as one on each of several ranks."""
     command = [sys.executable, *map(str, arguments)]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The tutorial runs from top to bottom and prints what its pages show."""
+"""The tutorial runs completely and prints the output shown on its pages."""
 
 import os
 import re
@@ -9,9 +9,9 @@ import pytest
 from test_demos import run
 
 SCRIPT = Path(__file__).resolve().parents[2] / "demos" / "guide" / "tutorial.py"
-# Numbers that the form of the linear algebra decides, of converged residuals, are not compared.
+# Numbers below this are rounding, such as converged residuals, and are not compared.
 ROUNDING = 1e-7
-TOLERANCE = 0.02  # of all others: the least that a reader would notice
+TOLERANCE = 0.02  # relative, of all others: the smallest difference noticed by a reader
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
 
