@@ -1,17 +1,16 @@
 # # Identify friction and stiffness from a force-displacement curve
 #
-# This demo computes the gradient of a misfit through a path of sliding contact.
+# This demo computes the gradient of a misfit through a load path with sliding contact.
 #
 # ## Problem
-# A block is pressed on another one and drawn sideways: first it sticks and some of its nodes slide,
-# then all do. The forces P and Q on it are known in all steps. Young's modulus E of both blocks and
-# the coefficient of friction mu are unknown: they minimize the misfit
+# A block is pressed on another one and sheared: at first most of its nodes stick, in the end all
+# slide. The normal force P and the shear force Q on it are known in all steps. Young's modulus E of
+# both blocks and the coefficient of friction mu are unknown: they minimize the misfit
 #
 # J = 1/2 sum_k (P_k - P_k measured)^2 + (Q_k - Q_k measured)^2.
 #
-# Here the "measured" forces are computed with E = 210 and mu = 0.35, without noise. L-BFGS-B of
-# scipy needs J and its gradient, which the adjoint method computes by one transposed solve per
-# step.
+# The "measured" forces are those of E = 210 and mu = 0.35 here, without noise. L-BFGS-B of scipy
+# needs J and its gradient, computed by the adjoint method: one transposed solve per step.
 #
 # ## Implementation
 
@@ -60,7 +59,7 @@ forces = [fm.sensitivity.TotalForce(0, axis) for axis in np.eye(2)]
 mu = fm.sensitivity.LawParameter(0, "mu")
 
 
-def misfit(parameters):  # and its derivatives with respect to E / 100 and mu
+def misfit(parameters):  # and its derivatives by E / 100 and mu
     E.value, law.mu = 100 * parameters[0], parameters[1]
     problem.restore(unloaded)
     path = fm.RecordedPath(problem)

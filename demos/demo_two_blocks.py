@@ -3,7 +3,7 @@
 # This demo shows how to
 # - name bodies and contact surfaces in gmsh and read them under `mpirun`,
 # - write any bulk energy in UFL,
-# - define contact of two surfaces in one line,
+# - put two surfaces in contact with one line,
 # - solve load steps by the semismooth Newton method, and look at the results.
 #
 # ## Problem
@@ -33,8 +33,7 @@ from meshes import two_blocks
 comm = MPI.COMM_WORLD
 # -
 
-# The mesh is made on the first rank; a file is read in the same way:
-# `fm.read_gmsh("blocks.msh", comm)`.
+# The mesh is made on the first rank; a file works the same: `fm.read_gmsh("blocks.msh", comm)`.
 
 model = None
 if comm.rank == 0:
@@ -66,7 +65,7 @@ fixed = fem.Constant(blocks.mesh, (0.0, 0.0))
 push = fem.Constant(blocks.mesh, (0.0, 0.0))
 bcs = [fm.dirichlet(V, blocks, "lower/bottom", fixed), fm.dirichlet(V, blocks, "upper/top", push)]
 
-# Contact is one line: the slave carries the multiplier, its points are projected onto the master.
+# Contact is one line: the slave carries the multiplier, its points are projected to the master.
 
 contact = fm.ContactPair(blocks, slave="upper/bottom", master="lower/top")
 problem = fm.ContactProblem(residual, u, [contact], bcs=bcs, petsc_options_prefix="two_blocks_")

@@ -325,10 +325,11 @@ class ContactProblem:
         return self._adequacy
 
     def certificate(self) -> Certificate:
-        """Measure balance, signs, penetration and crossings of the last evaluated state.
+        """Measure balance, signs, penetration and crossings of the present state (collective).
 
-        Collective.
+        Balance is that with the present loads.
         """
+        self.equations.residual.forces()
         return self._solver.certificate()
 
     def estimate(self) -> ErrorEstimate:

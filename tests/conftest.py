@@ -21,11 +21,13 @@ from mpi4py import MPI  # noqa: E402
 
 import pytest  # noqa: E402
 
-# Without JIT a kernel takes a hundred times as long: of many cases of a test one in this number
-# runs.
+# Without JIT a kernel takes a hundred times as long: one in this number of a test's cases is run.
 ONE_OF = 12
-# Cases of a test function in the short run; 0, as in a plain pytest: all, and long tests, too.
+# Cases of a test function in the short run; 0, as in a plain pytest: all, with the long tests.
+# Tests marked once are left out of the short run if it has one case, and on several ranks.
 CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
+# Whether long tests are in the short run, too, in serial.
+LONG = os.environ.get("FENICS_MORTAR_LONG", "0") == "1"
 # Number of cases on several ranks, where only the partition matters: the first and the last one.
 CASES_ON_RANKS = 2
 # One half of all kernels each: two processes compile them, others load them from the cache.
@@ -46,7 +48,11 @@ def pytest_collection_modifyitems(items):
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         items[:] = [item for cases in by_function(items) for item in cases[::ONE_OF]]
     alone = MPI.COMM_WORLD.size == 1
-    without = {"ranks" if alone else "serial", *(["long"] if CASES else [])}
+    without = {"ranks" if alone else "serial"}
+    if CASES and not (alone and LONG):
+        without.add("long")
+    if CASES == 1 or (CASES and not alone):
+        without.add("once")
     items[:] = [item for item in items if without.isdisjoint(item.keywords)]
     functions = enumerate(by_function(items))
     items[:] = [item for number, cases in functions for item in some(cases, number)]

@@ -23,6 +23,7 @@ from fenics_mortar.rigid.proximal import solve_with_springs, solve_with_weak_spr
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import NotConvergedError
 from fenics_mortar.verify.certificate import Certificate, certify
+from fenics_mortar.verify.tipping import tipping_bodies
 
 
 class Solver:
@@ -76,8 +77,9 @@ class Solver:
         """Measure balance, signs, penetration and crossings of the last evaluated state."""
         e = self._equations
         certificate = certify(e.bulk, e.contacts, e.floating.labels, e.motions.residual())
-        springs = e.springs.largest()
-        return replace(certificate, springs=springs, crossings=e.crossings.find())
+        tipping = tipping_bodies(e.floating, certificate.pairs)
+        springs, crossings = e.springs.largest(), e.crossings.find()
+        return replace(certificate, springs=springs, crossings=crossings, tipping=tipping)
 
     def solve(self, remarks: Sequence[str], *, accept_violations: bool) -> NewtonReport:
         """Solve from the present state; see ``ContactProblem.solve``.

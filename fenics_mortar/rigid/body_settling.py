@@ -20,7 +20,14 @@ from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.limit_analysis import Touching, unresisted_motion
 from fenics_mortar.rigid.moves import closest_move
 from fenics_mortar.rigid.options import RIGID
-from fenics_mortar.rigid.responses import closing, is_ahead, loose_bodies, opening, slipping
+from fenics_mortar.rigid.responses import (
+    closing,
+    is_ahead,
+    loose_bodies,
+    nearly_touching,
+    opening,
+    slipping,
+)
 from fenics_mortar.utils.arrays import Array, Flags
 from fenics_mortar.utils.errors import MortarError, NotConvergedError
 from fenics_mortar.utils.rounding import SOLVED
@@ -200,8 +207,13 @@ class BodySettling:
         return force
 
     def _touching(self, contact: Contact, pressure: float) -> Touching:
-        """Active nodes of a pair for limit analysis, with friction at a typical pressure."""
-        bodies, on, weight = self._bodies, contact.active, contact.operators.weight
+        """Nodes that touch for limit analysis, with friction at a typical pressure.
+
+        With an active node those of the same pair touch that do after a motion that counts as rest.
+        """
+        on = contact.active
+        on, weight = on | (nearly_touching(contact) & bool(on.any())), contact.operators.weight
+        bodies = self._bodies
         opens, slips = (
             np.concatenate([rate(bodies, contact, body) for body in bodies.bodies]).T[on]
             for rate in (opening, slipping)

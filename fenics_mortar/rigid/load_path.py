@@ -62,8 +62,11 @@ def follow_loads(problem: FrictionProblem, start: Sets, gap: Array) -> Sets | Tu
         gap: Gaps of the accepted state, zero or positive, shape (n,) [length].
 
     Returns:
-        Sets and multipliers, or the turn of the path before the present loads.
+        Sets and multipliers, or the turn of the path before the present loads; ``start`` if the
+        problem has no nodes.
     """
+    if not problem.slope.size:
+        return start
     M, q = as_complementarity(problem)
     z, w = _unknowns(problem, start, gap)
     change = np.abs(q - (w - M @ z)).max()

@@ -15,7 +15,7 @@ from fenics_mortar.contact.fields import ContactFields
 from fenics_mortar.rigid.body_motions import BodyMotions
 from fenics_mortar.rigid.options import RIGID
 from fenics_mortar.rigid.springs import unresisted
-from fenics_mortar.utils.arrays import Array
+from fenics_mortar.utils.arrays import Array, Flags
 
 
 def closing(bodies: BodyMotions, contact: Contact, body: FloatingBody) -> Array:
@@ -37,6 +37,13 @@ def is_ahead(bodies: BodyMotions, contact: Contact, body: FloatingBody, motion: 
     """Whether a motion (motions,) of the body closes the gap of a node (collective)."""
     rates = motion @ closing(bodies, contact, body)
     return bool((rates > RIGID.resisted * np.linalg.norm(motion)).any())
+
+
+def nearly_touching(contact: Contact) -> Flags:
+    """Slave nodes whose gap closes in a motion that counts as rest, (slave nodes,) (local)."""
+    gap = np.nan_to_num(contact.now.closing_gap, nan=np.inf)
+    near = gap < RIGID.overlap * contact.slave.nodal_lengths
+    return np.asarray(near & contact.multiplier_nodes)
 
 
 def loose_bodies(bodies: BodyMotions, *, sticking: bool = True) -> list[FloatingBody]:

@@ -49,6 +49,7 @@ class Certificate(Markdown):
             equilibrium, but may not be reached by a path of equilibria.
         crossings: Crossings of outlines.
         passages: Bodies that passed through each other during the step, as messages.
+        tipping: Bodies that pressures on the covered surfaces cannot balance, as messages.
     """
 
     pairs: list[PairCertificate]
@@ -58,6 +59,7 @@ class Certificate(Markdown):
     drift: float = 0.0
     crossings: list[Crossing] = field(default_factory=list)
     passages: list[str] = field(default_factory=list)
+    tipping: list[str] = field(default_factory=list)
 
     def violations(
         self,
@@ -88,7 +90,7 @@ class Certificate(Markdown):
         if self.inverted:
             found.append(f"{self.inverted} cells are inverted")
         found += [str(crossing) for crossing in self.crossings if crossing.facets > penetration]
-        return found + self.passages
+        return found + self.passages + self.tipping
 
     def remarks(self) -> list[str]:
         """Describe where the mesh is too coarse or the solution may not be unique (local)."""

@@ -122,6 +122,7 @@ def uniaxial(nu):
     return a, p, -(mu * (STRETCH - 1 / STRETCH) + p * a) / a
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("nu", [0.4999, 0.5])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 @pytest.mark.parametrize("basis", ["dual", "standard"])
@@ -140,6 +141,7 @@ def test_uniaxial_pressure_of_incompressible_blocks_is_uniform(basis, cell, nu):
     assert report.num_iterations <= 5 and not report.certificate.violations()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("algorithm", ["condensed", "saddle"])
 def test_tangent_is_exact(algorithm):
     scene = blocks(partial(neo_hookean, nu=0.4999), algorithm=algorithm)
@@ -165,12 +167,14 @@ def test_results_do_not_depend_on_the_number_of_ranks():
     assert np.abs(z - exact).max() < 1e-10 * np.abs(exact).max()
 
 
+@pytest.mark.once
 def test_condensed_and_saddle_agree():
     residual = partial(neo_hookean, nu=0.5)
     one, other = (pressed(residual, algorithm=a)[0].u for a in ("condensed", "saddle"))
     assert np.abs(one.x.array - other.x.array).max() < 1e-9 * np.abs(one.x.array).max()
 
 
+@pytest.mark.once
 def test_displacement_may_be_another_part():
     exact, _ = pressed(partial(neo_hookean, nu=0.4999))
     scene, _ = pressed(partial(neo_hookean, nu=0.4999, part=1), parts=TAYLOR_HOOD[::-1], part=1)
@@ -178,6 +182,7 @@ def test_displacement_may_be_another_part():
     assert np.abs(z - exact.contact.z).max() < 1e-10 * np.abs(z).max()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
 def test_convergence_does_not_depend_on_the_scale_of_the_pressure_equation(scale):
     """Residuals are forces and increments lengths for any unit of the pressure's rows."""
@@ -191,6 +196,7 @@ def test_convergence_does_not_depend_on_the_scale_of_the_pressure_equation(scale
     assert np.abs(z - exact).max() < 1e-8 * np.abs(exact).max()
 
 
+@pytest.mark.once
 def test_three_fields_give_what_two_give():
     parts = (("Lagrange", 2, (2,)), ("DG", 0), ("DG", 0))
     three, report = pressed(partial(three_fields, nu=0.4), parts=parts)
@@ -200,6 +206,7 @@ def test_three_fields_give_what_two_give():
     assert report.num_iterations <= 7
 
 
+@pytest.mark.once
 def test_linear_bulk_is_factored_once():
     once, each_time = (
         blocks(partial(linear_elastic, nu=0.5), linear_bulk=reduced) for reduced in (True, False)
@@ -214,6 +221,7 @@ def test_linear_bulk_is_factored_once():
     assert np.abs(once.contact.z - each_time.contact.z).max() < 1e-9 * np.abs(exact).max()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("driven", [False, True])
 def test_rigid_obstacle_presses_an_incompressible_block(driven):
     data = read(two_blocks.build, width_lower=1.0, gap=3.0, n_lower=4, layers_lower=3)
@@ -236,6 +244,7 @@ def test_rigid_obstacle_presses_an_incompressible_block(driven):
     assert all(slope > 1.9 for slope in slopes.values()), slopes
 
 
+@pytest.mark.once
 def test_linear_displacements_alone_lock_where_mixed_ones_do_not():
     """Forces at one displacement, nu = 0.4999: P2-P1 on the coarse mesh is within 1 % of a fine
     one; P1 on the coarse one is several times too stiff."""
@@ -259,6 +268,7 @@ def test_linear_displacements_alone_lock_where_mixed_ones_do_not():
     assert linear.contact.total_force[1] > 3 * forces[1]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("gap", [0.0, 0.3])
 def test_body_without_conditions_is_supported_by_contact_alone(gap):
     """A traction drives the upper block down; at a free top the bodies' pressure is the load."""
@@ -298,6 +308,7 @@ def test_state_is_read_on_any_number_of_ranks(shared_path):
     assert np.abs(alone.u.x.array - exact.x.array).max() < 1e-13
 
 
+@pytest.mark.once
 def test_files_hold_the_displacement_and_the_pressure(shared_path):
     scene = blocks(partial(neo_hookean, nu=0.5), cell="triangle")
     fill(scene.u)

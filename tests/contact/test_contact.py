@@ -10,6 +10,7 @@ import fenics_mortar as fm
 MESH = {"n_upper": 7, "n_lower": 9, "layers_upper": 3, "layers_lower": 3}
 
 
+@pytest.mark.once
 def test_touching_nodes_are_active_at_the_start_and_open_ones_are_not():
     touching = pressed_blocks(**MESH)
     touching.problem.equations.evaluate(start=True)
@@ -40,6 +41,7 @@ def test_complementarity_holds_node_by_node():
     assert np.abs(contact.pressure * contact.gap).max() < 1e-10 * contact.pressure.max()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("c_n", [1e-8, 1e-5, 1.0, 1e3, 1e8])
 def test_result_does_not_depend_on_the_weight_of_the_gap(c_n):
     """With too large a weight the set cycles: the cycle is left and recorded."""
@@ -80,6 +82,7 @@ def test_total_force_is_what_the_nodes_carry():
     assert scene.contact.total_force[1] > 0.0  # the upper block is pushed up
 
 
+@pytest.mark.once
 def test_node_whose_cover_grows_presses_on(monkeypatch):
     """An edge slides by a facet, and the cover of the node under it increases strongly.
 
@@ -143,6 +146,7 @@ def test_force_of_a_node_whose_cover_grows_is_w_z_to_first_order(monkeypatch):
     assert force[presses] == pytest.approx(expected[presses], rel=1e-4)
 
 
+@pytest.mark.once
 def test_operators_are_those_of_the_nodes_that_carry_multipliers(monkeypatch):
     """If a node's function is handed over or returned, all operators are integrated again."""
     scene = pressed_blocks(gap=0.01, **{**MESH, "layers_lower": 1})

@@ -47,6 +47,7 @@ def test_four_blocks_meet_in_a_point_whatever_their_roles(roles):
     ]
 
 
+@pytest.mark.once
 def test_four_blocks_are_as_stiff_as_one():
     """Only top and bottom are fixed; the middle may not open."""
     found, stretch = [], np.diag([0.0, 0.1])
@@ -69,6 +70,7 @@ def force_on(problem, height):
     return comm.allreduce(float((bulk + contact)[dofs[np.abs(X[:, 1] - height) < 1e-9, 1]].sum()))
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave, system", [("tool", "Condensed"), ("ground", "Saddle")])
 def test_a_tool_slides_over_the_joint_of_tied_halves_as_over_one_base(slave, system):
     problem, reports = tool_on_halves(slave=slave)
@@ -84,6 +86,7 @@ def test_a_tool_slides_over_the_joint_of_tied_halves_as_over_one_base(slave, sys
     assert min(slopes.values()) > 1.95, slopes
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["tool", "ground"])
 def test_a_contact_surface_goes_on_across_the_joint(slave):
     """With friction, too: one curve, on which the two corners are one node."""

@@ -39,6 +39,7 @@ def assignments(module):
                         yield part.attr, node.lineno
 
 
+@pytest.mark.once
 def test_no_module_assigns_to_the_state_of_an_interface():
     found = [
         f"{module.relative_to(PACKAGE)}:{line}: {name}"
@@ -96,6 +97,7 @@ def everything(problem):
     return found
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("pair", [{}, {"law": fm.Coulomb(0.3)}, {"sliding": "small"}])
 def test_restored_state_gives_back_every_number(pair):
     """After other loads, another offset, a cycle's weight of the gap and a failed solve."""

@@ -187,6 +187,7 @@ def test_direction_of_gmsh_lines_does_not_matter(cell):
     assert (usual.X[usual.facets[:, 0], 0] > usual.X[usual.facets[:, 1], 0]).all()
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_orientation_of_cells_does_not_matter(cell):
     results = []

@@ -85,6 +85,7 @@ def plates(outlines, slave="lower", height=0.1, degree=1, **options):
     return Scene(grids, [pair], fixed, degree=degree, **options)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["lower", "upper"])
 @pytest.mark.parametrize("options", [
     {}, {"strain": "linear"}, {"integration": "elements"}, {"integration": "nodes"},
@@ -103,6 +104,7 @@ def test_plates_with_whole_outlines_are_those_with_the_sides_that_meet(options, 
     assert abs(found[0][1][1]) > 1.0
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["lower", "upper"])
 @pytest.mark.parametrize("degree, depths", [(1, [0.025, 0.05, 0.075, 0.1]), (2, [0.025, 0.05])])
 def test_thin_plates_are_pressed_deep(slave, degree, depths):
@@ -132,6 +134,7 @@ def test_thin_plate_is_pressed_by_more_than_its_thickness_in_one_step(slave):
     assert abs(scene.contact.total_force[1]) > 1.0
 
 
+@pytest.mark.once
 def test_a_radius_is_a_bound_behind_as_well():
     """With a radius below the overlap of two bodies no partner is found."""
     data = read(lambda: mapped_grids.build([
@@ -149,6 +152,7 @@ def test_a_radius_is_a_bound_behind_as_well():
         assert problem.equations.contacts[0].covered.any() == found
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("coated", ["slave", "master"])
 def test_tied_bodies_are_as_thick_as_both_together(coated):
     """Pressed in one step by more than the coating is thick."""
@@ -172,6 +176,7 @@ def test_tied_bodies_are_as_thick_as_both_together(coated):
     assert abs(scene.contact.total_force[1]) > 1.0
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["left", "right"])
 @pytest.mark.parametrize("outlines", [False, True])
 def test_beam_goes_past_a_beam(slave, outlines):
@@ -269,6 +274,7 @@ def on_its_corner(tilt, reach, wall):
     return scene.contact
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("tilt, reach", [(-10.0, 0.1), (-25.0, 0.1), (-10.0, 0.3)])
 def test_corner_that_touches_does_not_feel_a_wall_that_its_other_side_sees(tilt, reach):
     """The wall is opposite to the facet that faces the floor, 3 to 4 facets away."""
@@ -295,6 +301,7 @@ def tubes(outlines, slave="inner", degree=1, **options):
     return Scene(grids, [pair], [(axes[0], 1), (axes[1], 0)], degree=degree, **options)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["inner", "outer"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tube_in_a_tube_with_whole_outlines_is_that_with_the_sides_that_meet(slave, degree):
@@ -309,6 +316,7 @@ def test_tube_in_a_tube_with_whole_outlines_is_that_with_the_sides_that_meet(sla
     assert found[0][1] > 1e-4 * E
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["spiral", pytest.param("wall", marks=pytest.mark.serial)])
 def test_spiral_is_touched_by_a_wall_at_its_outer_winding_only(slave):
     """Two windings, and a wall whose back faces the inner ones through both of them."""
@@ -336,6 +344,7 @@ def test_spiral_is_touched_by_a_wall_at_its_outer_winding_only(slave):
     assert forces[0] == pytest.approx(forces[1], rel=1e-8)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_spiral_that_is_pressed_does_not_find_its_own_back():
     """Windings overlap in iterates: the back of the outer one was taken for a partner."""

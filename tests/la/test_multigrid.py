@@ -29,6 +29,7 @@ def largest(values):
     return comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("slave", ["upper", "lower"])
 @pytest.mark.parametrize(
     "degree, pair",
@@ -83,6 +84,7 @@ def pressed(k, upper, lower, inclination, basis="dual"):
     return 8.0 * count / digits
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "upper, lower, inclination, basis",
     [
@@ -171,6 +173,7 @@ def test_iterations_do_not_grow_where_the_contact_is_curved(cylinder, block, mos
     assert fine <= 1.2 * coarse
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("options", [{"solver": "iterative"}, {"linear_bulk": True}])
 def test_rigid_obstacle_is_pressed_into_a_block(options):
     """An obstacle has no dofs: nodes on it have no partners to follow."""
@@ -218,6 +221,7 @@ def test_size_and_system_decide_how_to_solve(monkeypatch, many, options, expecte
     assert solver_of(pressed_blocks(problem=problem, **scene, **MESH).problem) == expected
 
 
+@pytest.mark.once
 def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypatch):
     options = {"newton": fm.NewtonOptions()}
     u, reports = [], []
@@ -238,6 +242,7 @@ def test_factors_take_over_where_iterations_fail_and_the_report_says_so(monkeypa
         scene.problem.solve()
 
 
+@pytest.mark.once
 def test_errors_of_petsc_in_the_set_up_lead_to_factors_or_an_error_of_ours(monkeypatch):
     """PETSc has no such factorization: an error, not a diverged solve."""
     monkeypatch.setattr("fenics_mortar.la.choice.MANY", 0)

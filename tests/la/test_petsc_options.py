@@ -47,6 +47,7 @@ def test_misspelt_option_is_told_where_the_linear_bulk_is_factored_once(sliding)
     assert not any("did not use" in note for note in scene.problem.solve().notes)
 
 
+@pytest.mark.once
 def test_options_that_petsc_uses_are_not_told_of():
     problem = solved_with({"ksp_type": "gmres", "ksp_rtol": 1e-9, "pc_type": "lu"})
     assert not any("PETSc" in note for note in problem.solve().notes)
@@ -102,6 +103,7 @@ print(problem.equations.system.ksp.getType(), *report.notes)
 """
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_options_of_the_command_line_are_read():
     given = ["-test_ksp_type", "gmres", "-test_ksp_rtoll", "1e-3"]

@@ -22,12 +22,13 @@ from fenics_mortar.models.model_error import (
     shear_demand,
     strained,
 )
-from meshes import mapped_grids
+from meshes import mapped_grids, two_blocks
 from meshes.mapped_grids import Grid, block, sector
 
 RUNGS = [("linear", "finite"), ("finite", "small"), ("linear", "small")]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("strain, sliding", RUNGS)
 @pytest.mark.parametrize("push", [(0.0, -0.02), (0.0, -0.15), (0.1, -0.1)])
 def test_estimates_are_within_a_factor_of_the_true_error(push, strain, sliding):
@@ -42,6 +43,7 @@ def test_estimates_are_within_a_factor_of_the_true_error(push, strain, sliding):
     assert true[ENERGY] > 1e-5
 
 
+@pytest.mark.once
 def test_a_check_leaves_the_state_and_later_steps_as_they_are():
     problem, _ = blocks((0.05, -0.1), sliding="small")
     alone, _ = blocks((0.05, -0.1), sliding="small")
@@ -60,6 +62,7 @@ def test_a_check_leaves_the_state_and_later_steps_as_they_are():
     assert np.abs(u - w).max() < 1e-10 * np.abs(u).max()  # rounding of MUMPS
 
 
+@pytest.mark.once
 def test_the_table_says_enough_and_not_enough():
     """One row per assumption and their sum; slip and rotation are those of the scene."""
     _, report = blocks((0.1, -0.1), sliding="small")
@@ -74,6 +77,7 @@ def test_the_table_says_enough_and_not_enough():
     assert report.adequacy.verdict(report.adequacy.assumptions[1]) == "refine the mesh first"
 
 
+@pytest.mark.once
 def test_the_full_model_assumes_nothing():
     _, report = blocks((0.0, -0.05), strain="finite")
     assert report.adequacy.assumptions == [] and report.adequacy.suffices
@@ -130,6 +134,7 @@ def soft_on(tool, *, angle=0.0):
     )
 
 
+@pytest.mark.once
 def test_a_meshed_tool_says_what_it_is_worth_that_an_obstacle_is_rigid():
     """Correct up to second order, a tenth here, for any frame of the tool's mesh."""
     full, _ = soft_on("meshed")
@@ -309,6 +314,7 @@ def test_only_a_pair_whose_law_is_to_stick_asks_for_friction():
         assert (shear_demand(scene.problem) > 0.0) == asks
 
 
+@pytest.mark.once
 def test_friction_counts_the_slip_of_all_steps():
     """Shear of four steps, of which the last makes a quarter."""
     found = []
@@ -328,3 +334,17 @@ def test_friction_counts_the_slip_of_all_steps():
     (assumption,) = report.adequacy.assumptions
     for name in QUANTITIES:
         assert 0.8 < assumption.errors[name] / true[name] < 1.25, (name, true, assumption.errors)
+
+
+def test_a_tie_has_no_friction_to_neglect():
+    data = read(two_blocks.build, **MESH)
+    V = fm.vector_space(data.mesh, 1)
+    u = fem.Function(V)
+    bcs = [fm.dirichlet(V, data, name, (0.0, 0.0)) for name in ("lower/bottom", "upper/top")]
+    problem = fm.ContactProblem(
+        internal(u, neo_hookean(u, 100.0, 0.3)), u,
+        [fm.TiedPair(data, "upper/bottom", "lower/top")],
+        bcs=bcs, petsc_options_prefix="test_",
+    )  # fmt: skip
+    problem.solve()
+    assert fm.AdequacyCheck(friction=0.3).assess(problem).assumptions == []

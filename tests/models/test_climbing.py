@@ -80,6 +80,7 @@ def test_climb_ends_on_a_rung_between():
     assert not steps  # the cheaper model is not tried again, and this one not checked again
 
 
+@pytest.mark.once
 def test_climb_stops_at_the_error_of_the_mesh():
     """The error of the mesh is known or estimated, and stated in the table."""
     for known in ({}, {"discretisation": 0.5}):
@@ -91,6 +92,7 @@ def test_climb_stops_at_the_error_of_the_mesh():
         assert adequacy.verdict(assumption) == "refine the mesh first"
 
 
+@pytest.mark.once
 def test_the_error_of_the_mesh_is_not_that_of_the_model():
     """Slip of facets with small sliding causes residuals that are not errors of the mesh."""
     problem, push, _ = climbing(tolerance=1e-4)
@@ -103,6 +105,7 @@ def test_the_error_of_the_mesh_is_not_that_of_the_model():
     assert true < adequacy.discretisation
 
 
+@pytest.mark.once
 def test_climb_goes_on_where_a_rung_fails(monkeypatch):
     """A cheap model without solution has no effect."""
     (full, push, _), (problem, same_push, _) = climbing(), climbing(tolerance=0.5)

@@ -287,6 +287,7 @@ def test_what_is_no_obstacle_is_refused_in_words(make, words):
         make()
 
 
+@pytest.mark.once
 def test_distance_may_use_its_arrays_again():
     store = np.zeros(1000)
 

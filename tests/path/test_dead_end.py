@@ -2,6 +2,7 @@
 """Ends of paths: surfaces that slip off each other, and friction without equilibrium."""
 
 from dataclasses import fields
+from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -10,7 +11,7 @@ import pytest
 
 from demos.studies.stability import family
 from demos.studies.stability.model import Body, Grid, Scene, Support, block, fm, legs, pose_problem
-from fenics_mortar.path.dead_end import reason_for_end
+from fenics_mortar.path.dead_end import _slid_away, reason_for_end
 
 # Load increment beyond a state, over the whole load [1].
 ONWARD = 1e-4
@@ -106,3 +107,29 @@ def test_cantilevers_have_an_equilibrium_beyond_their_dead_end():
     fm.follow_path(at.problem, at.set_loads, fm.SteppingOptions(1 / 12))
     assert not at.forces.any()
     assert not at.problem.certificate().violations()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("stopped_by", "told"), [("wall", False), ("friction", True), ("", True)])
+def test_a_body_that_slid_to_a_wall_is_at_rest_and_one_that_only_stopped_is_not(stopped_by, told):
+    """Its friction carried force before the step; the wall did not."""
+
+    def pair(name, slip, force):
+        state = SimpleNamespace(z=np.full((2, 2), force), active=np.array([True, False]))
+        law = SimpleNamespace(has_friction=name == "friction")
+        slave = SimpleNamespace(nodal_lengths=np.array([0.5, 0.5]))
+        active = np.array([False, name == stopped_by])
+        now = SimpleNamespace(
+            pair=SimpleNamespace(law=law), slip=np.array([slip, 0.0]), slave=slave, active=active
+        )
+        return now, state
+
+    contacts, states = zip(pair("friction", 2.0, 1.0), pair("wall", 0.0, 0.0), strict=True)
+    floating = SimpleNamespace(
+        moved=[SimpleNamespace(label=0)],
+        contacts_of=lambda body: contacts,
+        name_of=lambda label: "the block",
+    )
+    equations = SimpleNamespace(contacts=contacts, floating=floating)
+    reason = _slid_away(SimpleNamespace(equations=equations), SimpleNamespace(interfaces=states))
+    assert ("slid by 4.00 facets" in reason) == told

@@ -44,6 +44,7 @@ def totals(record):
 # The mass matrix
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_massless_nodes_leave_the_inertia_of_rigid_bodies(degree):
     made = rings(12, 4, degree=degree)
@@ -93,6 +94,7 @@ def test_a_bar_rebounds_from_a_wall_as_waves_say():
     assert record.num_iterations < 2.5 * len(record.steps)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_the_trapezoidal_rule_with_massive_contact_gains_energy():
     made = bar(20)
@@ -123,6 +125,7 @@ def test_a_bouncing_block_keeps_its_energy_over_ten_impacts():
     assert abs(total[-1] - total[0]) < 1e-3
 
 
+@pytest.mark.once
 @pytest.mark.serial
 def test_two_rings_exchange_momentum():
     for scheme, allowed in (("massless", 1e-11), ("conserving", 1e-4)):
@@ -155,18 +158,18 @@ def test_an_oscillator_with_friction_comes_to_rest_where_it_sticks():
     stiffness, pressure, mu = 0.4, 0.1, 0.3
     made, _ = oscillator(fm.Coulomb(mu), pressure=pressure, stiffness=stiffness)
     sliding, half = mu * pressure / stiffness, np.pi / np.sqrt(stiffness)
-    start, places = 5.5 * sliding, []
+    start, places = 3.5 * sliding, []
 
     def note(time, report):
         places.append((time, made.mean(0)))
 
     made.u.x.array[::2] = start
-    _, record = run(made, 4.0 * half, half / 40, rho_inf=0.5, on_step=note)
+    _, record = run(made, 2.8 * half, half / 30, rho_inf=0.5, on_step=note)
     time, place = np.array(places).T
-    for number, amplitude in ((1, -3.5), (2, 1.5), (3, 0.5), (4, 0.5)):
+    for number, amplitude in ((1.0, -1.5), (2.0, -0.5), (2.8, -0.5)):
         now = np.interp(number * half, time, place)
         assert now == pytest.approx(amplitude * sliding, abs=0.02 * start)
-    assert np.ptp(place[time > 3.2 * half]) < 1e-3 * start  # it sticks
+    assert np.ptp(place[time > 2.2 * half]) < 1e-3 * start  # it sticks
     lost = 0.5 * stiffness * (start**2 - place[-1] ** 2)
     assert record.friction_work == pytest.approx(lost, rel=0.01)
 
@@ -200,6 +203,7 @@ def test_a_belt_carries_an_oscillator_until_it_slides_about_its_rest():
     assert np.abs(place - exact).max() < 0.03 * speed / omega
 
 
+@pytest.mark.once
 def test_drag_slows_a_body_exponentially():
     errors = []
     for dt in (0.1, 0.05):
@@ -211,6 +215,7 @@ def test_drag_slows_a_body_exponentially():
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
 
+@pytest.mark.once
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("scheme", "rho_inf"),
@@ -219,12 +224,12 @@ def test_drag_slows_a_body_exponentially():
 def test_the_rate_in_time_is_two(scheme, rho_inf):
     """A neo-Hookean block that rotates and vibrates in free flight, compared with finer steps."""
     found = []
-    for number in (40, 80, 160):
+    for number in (20, 40, 80):
         made = free_block(cells=2)
         motion = made.dynamics(scheme, rho_inf)
         made.set_velocity(motion, {"block": (0.5, 0.2, 3.0)})
         for _ in range(number):
-            motion.step(0.2 / number)
+            motion.step(0.1 / number)
         found.append(made.u.x.array.copy())
     coarse, fine = (np.abs(found[i] - found[i + 1]).max() for i in (0, 1))
     assert 3.2 < coarse / fine < 5.0
@@ -310,6 +315,7 @@ def test_ranks_do_not_matter():
         assert one == pytest.approx(other, rel=1e-8, abs=1e-10)
 
 
+@pytest.mark.once
 def test_linear_bulk_is_the_same():
     found = []
     for linear_bulk in (True, False):
@@ -366,6 +372,7 @@ def test_energy_and_work_balance():
     assert "friction" in str(record)
 
 
+@pytest.mark.once
 def test_the_tangent_is_exact():
     made = dropped_block(3)
     motion = made.dynamics("conserving")

@@ -74,6 +74,7 @@ def test_function_of_the_values_of_all_steps():
     )
 
 
+@pytest.mark.once
 @pytest.mark.parametrize(
     "options",
     [
@@ -98,6 +99,7 @@ def test_interference():
     check(scene, sensitivity.PeakPressure(0), ["interference", "E"], [0.02, 30.0])
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("law", ["none", "Coulomb"])
 def test_obstacle(law):
     """Position and radius of an obstacle, and the history of the slip along it."""

@@ -61,6 +61,7 @@ SLAVES = [["upper/bottom", "lower/top"], ["lower/top", "upper/bottom"]]
 ENDS = ["lower/bottom", "upper/top"]
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree, cell", product([1, 2], ["triangle", "quadrilateral"]))
 @pytest.mark.parametrize("material", MATERIALS)
 def test_axial_pressure_is_uniform(material, degree, cell):
@@ -80,6 +81,7 @@ def test_axial_pressure_is_uniform(material, degree, cell):
         assert np.abs(u.x.array - exact.x.array).max() < 1e-12
 
 
+@pytest.mark.once
 def test_all_round_pressure_passes_a_conical_interface():
     mu, lmbda = lame(E, NU)
     a = 0.95
@@ -99,6 +101,7 @@ def test_all_round_pressure_passes_a_conical_interface():
         assert np.abs(z / pressure - 1).max() < EXACT
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("degree", [1, 2])
 def test_tied_cylinders_are_one(degree):
     a, _ = uniaxial(revolved.neo_hookean)
@@ -203,6 +206,7 @@ def exact_pressure():
     return fit(brentq(lambda q: fit(q)[1], 0.97, 1.0, xtol=1e-15))[0]
 
 
+@pytest.mark.once
 def test_press_fit_of_tubes_is_that_of_lame():
     """The error of displacements of degree 2 is of fourth order in nodal forces."""
     counts, exact = (4, 8, 128), lame_pressure()
@@ -212,6 +216,7 @@ def test_press_fit_of_tubes_is_that_of_lame():
     assert abs(errors[2]) < ROUNDED
 
 
+@pytest.mark.once
 def test_press_fit_of_tubes_at_finite_strain():
     counts, exact = (4, 8, 128), exact_pressure()
     errors = [pressed_on(n, revolved.neo_hookean, overlap=True) / exact - 1 for n in counts]
@@ -323,6 +328,7 @@ def error_of_hertz(r, p, w, force):
     return np.sqrt((p - exact) ** 2 @ w / (exact**2 @ w))
 
 
+@pytest.mark.once
 def test_rigid_sphere_on_a_half_space():
     """a^3 = 3 F R / (4 E*), p0 = 1.5 F / (pi a^2); at the edge p is of class C^1/2: first order."""
     force, errors, peaks = 4 / 3 * SLOPE, [], []
@@ -346,6 +352,7 @@ def test_rigid_sphere_with_displacements_of_degree_2():
     assert p[r.argmin()] == pytest.approx(1.5 * (p @ w) / np.pi, rel=0.003)
 
 
+@pytest.mark.once
 def test_elastic_ball_on_a_half_space():
     """On the axis the pressure of linear displacements is of first order."""
     force, errors, peaks = 2 / 3 * SLOPE, [], []
@@ -359,6 +366,7 @@ def test_elastic_ball_on_a_half_space():
     assert abs(peaks[1]) < 0.025 and np.log2(peaks[0] / peaks[1]) > 0.9
 
 
+@pytest.mark.once
 def test_rigid_cone_on_a_half_space():
     """Sneddon: F = pi / 2 E* a^2 s for the slope s, p = E* s / 2 arcosh(a / r)."""
     force = np.pi / 2 * SLOPE
@@ -370,6 +378,7 @@ def test_rigid_cone_on_a_half_space():
     assert p[between] == pytest.approx(SLOPE / 2 * np.arccosh(1 / r[between]), rel=0.03)
 
 
+@pytest.mark.once
 def test_flat_punch_on_a_half_space():
     """Boussinesq: F = 2 E* a d, p = F / (2 pi a sqrt(a^2 - r^2)); singular: first order in F."""
     force, errors = 2 * SLOPE, []

@@ -9,6 +9,7 @@ from spoilt_law import Spoilt, rubbing_blocks
 import fenics_mortar as fm
 
 
+@pytest.mark.once
 def test_solve_to_a_wrong_state_raises_unless_told_not_to():
     """The law's friction limit, unlike its tangential row, is too small: shears exceed it."""
     law = Spoilt("friction_limit", lambda bound: 0.5 * bound)

@@ -47,7 +47,9 @@ GROUPS = {
 }
 # Classes whose instances are created by the package, not by users.
 MET = (Iteration, InterfaceState, PairView, State, PathStep, OperatorMatrices)
-OF_CLASSES = ("   :members:", "   :inherited-members: ABC, BaseException, Exception, tuple")
+# Members of laws and obstacles are described once, at their base classes.
+NOT_REPEATED = "ABC, BaseException, Exception, tuple, Law, Obstacle"
+OF_CLASSES = ("   :members:", "   :show-inheritance:", f"   :inherited-members: {NOT_REPEATED}")
 STEPS = ("two_blocks", "finite_strain", "friction", "enough", "research")
 
 
@@ -182,7 +184,8 @@ class Gathered:
         script = SITE.parent / "tutorial.py"
         notebook = jupytext.read(script)
         (self._folder / "tutorial").mkdir(exist_ok=True)
-        jupytext.write(notebook, self._folder / "tutorial" / "tutorial.ipynb", fmt="ipynb")
+        alone = standing_alone(jupytext.read(script))
+        jupytext.write(alone, self._folder / "tutorial" / "tutorial.ipynb", fmt="ipynb")
         steps: list[list] = []
         for cell in notebook.cells:
             if cell.cell_type == "markdown" and cell.source.startswith("# "):
@@ -304,6 +307,15 @@ def pictures_of(demo: str) -> list[Path]:
     folder = ROOT / "demos" / "pictures"
     return [path for path in (folder / f"{demo}.png", *sorted(folder.glob(f"{demo}_*.png")))
             if path.exists()]  # fmt: skip
+
+
+def standing_alone(notebook: Any) -> Any:
+    """The notebook with pictures that it draws itself, and without links to pages of the site."""
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = cell.source.replace("](../pictures/", "](results/")
+            cell.source = LINK.sub(lambda m: m[0] if m[1] else m[2], cell.source)
+    return notebook
 
 
 def as_markdown(cells: list) -> str:

@@ -114,14 +114,14 @@ def draw_panel(axes: Any, families: Sequence[Family], cells: Cells, rows: int) -
     """One column of families."""
     row, methods = 0, methods_of(cells)
     for family in families:
-        axes.text(-1.9, row + 0.62, family.title, fontsize=7.5, weight="bold", va="center")
+        axes.text(-2.6, row + 0.62, family.title, fontsize=7.5, weight="bold", va="center")
         for value in map(str, family.values):
             row += 1
             axes.text(-0.1, row + 0.5, words(value), fontsize=7, ha="right", va="center")
             for column, method in enumerate(methods):
                 draw_cell(axes, column, row, cells.get((family.name, value, method)))
         row += 1
-    axes.set(xlim=(-2.0, len(methods)), ylim=(rows, -0.1))
+    axes.set(xlim=(-2.7, len(methods)), ylim=(rows, -0.1))
     axes.xaxis.tick_top()
     axes.set_xticks(np.arange(len(methods)) + 0.5)
     axes.set_xticklabels([m.title for m in methods.values()], rotation=55, ha="left", fontsize=7.5)
