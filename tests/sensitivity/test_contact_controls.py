@@ -191,7 +191,7 @@ def test_adhesion_of_open_nodes():
         problem.equations.linearization = linearization
         problem.equations.evaluate_operators()
         slopes.append(contact.now.law_rows[1].by_gap[contact.attracted])
-    assert contact.now.fades_fast[contact.attracted].all()
+    assert contact.now.decreases_fast[contact.attracted].all()
     assert (slopes[0] != 0.0).all() and (slopes[1] == 0.0).all()
 
 
