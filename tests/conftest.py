@@ -22,7 +22,7 @@ from mpi4py import MPI  # noqa: E402
 import pytest  # noqa: E402
 
 # Without JIT a kernel takes a hundred times as long: one in this number of a test's cases is run.
-ONE_OF = 12
+ONE_OF = 20
 # Cases of a test function in the short run; 0, as in a plain pytest: all, with the long tests.
 # Tests marked once are left out of the short run if it has one case, and on several ranks.
 CASES = int(os.environ.get("FENICS_MORTAR_CASES", "0"))
@@ -88,20 +88,21 @@ def count_of(cases):
         return 0
     each = "each" in first.keywords
     if MPI.COMM_WORLD.size == 1:
-        return 0 if each else CASES
+        return 0 if each else min(CASES, 1) if "once" in first.keywords else CASES
     return 1 if CASES and not each else CASES_ON_RANKS
 
 
 def some(cases, number):
     """Cases from the first to the last one, which differ most.
 
-    A single case is alternately the first or the last one of the functions.
+    A single case is alternately the first or the last one of the functions; of tests marked once
+    it is the last one.
     """
     last, count = len(cases) - 1, count_of(cases)
     if not 0 < count <= last:
         return cases
     if count == 1:
-        return [cases[last * (number % 2)]]
+        return [cases[last if "once" in cases[0].keywords else last * (number % 2)]]
     return [cases[round(i * last / (count - 1))] for i in range(count)]
 
 

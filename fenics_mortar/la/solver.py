@@ -99,6 +99,8 @@ class LinearSolver:
             self.ksp.getPC().setPythonContext(self.multigrid)
         self._finest, *_ = self.ksp.getTolerances()
         self._is_direct = self.ksp.getType() == "preonly"
+        asked = [*options, *PETSc.Options(self._prefix).getAll()]
+        self._is_shown = any(name.startswith("ksp_view") for name in asked)
 
     def _begin_anew(self) -> None:
         """Read PETSc's options and make vectors at the next solve (local)."""
@@ -108,6 +110,9 @@ class LinearSolver:
 
     def _reset(self) -> None:
         self.ksp.reset()
+        if self._is_shown:  # a reset makes PETSc forget that it shall show the solver
+            with options_added(self._prefix, self._options, self._used):
+                self.ksp.setFromOptions()
         self._begin_anew()
 
     def describe(self) -> str:
