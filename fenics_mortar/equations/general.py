@@ -25,6 +25,7 @@ from fenics_mortar.contact.redundancy import Redundancy
 from fenics_mortar.contact.tied import Tie
 from fenics_mortar.equations.diagnosis import check_diagonal, diagnose
 from fenics_mortar.equations.linearized_contact import LinearizedContact
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.equations.remedies import Remedies
 from fenics_mortar.equations.residual import Residual
 from fenics_mortar.equations.set_history import SetHistory
@@ -39,6 +40,7 @@ from fenics_mortar.rigid.floating import FloatingBodies
 from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import together
+from fenics_mortar.utils.rounding import TINY
 from fenics_mortar.verify.crossing import Crossings
 
 # Motions for a problem without obstacles.
@@ -266,7 +268,7 @@ class ContactEquations:
         """
         moved = self.motions.largest() if self.motions.obstacles else 0.0
         displacement = max(self.bulk.largest(self.bulk.u.x.array), moved)
-        size = max(displacement, 1e-8 * self._shortest_facet, 1e-300)
+        size = max(displacement, EQUATIONS.at_rest * self._shortest_facet, TINY)
         return Step(increment / size, part, note)
 
     # States

@@ -31,6 +31,7 @@ from scipy.sparse import coo_array
 
 from fenics_mortar.contact.rows import Rows
 from fenics_mortar.equations.general import ContactEquations
+from fenics_mortar.equations.options import EQUATIONS
 from fenics_mortar.interface.mortar import Block
 from fenics_mortar.la.compliance import Compliance
 from fenics_mortar.la.contact_dofs import ContactDofs
@@ -41,10 +42,6 @@ from fenics_mortar.newton.loop import Status, Step
 from fenics_mortar.utils.arrays import Array, Indices
 from fenics_mortar.utils.clock import clock
 from fenics_mortar.utils.errors import MortarError
-
-# Relative motion of a facet's ends over its length above which a step may invert cells [1]: the
-# areas of adjacent cells change by about this fraction, and may change by 0.8, see ``Bulk.move``.
-DISTORTION = 0.25
 
 
 class ReducedEquations:
@@ -111,7 +108,7 @@ class ReducedEquations:
             for side in (contact.slave, contact.master):
                 u = step[self._dofs.number(side.dofs)]
                 change = np.hypot(*(u[side.facets[:, -1]] - u[side.facets[:, 0]]).T)
-                if (change > DISTORTION * side.lengths).any():
+                if (change > EQUATIONS.distortion * side.lengths).any():
                     return True
         return False
 

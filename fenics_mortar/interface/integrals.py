@@ -8,11 +8,11 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+from fenics_mortar.interface.behind import View
 from fenics_mortar.interface.corners import links_at_corners
 from fenics_mortar.interface.mortar import Linearization, MortarOperators
 from fenics_mortar.interface.options import WEIGHTINGS, MortarOptions, Weighting
 from fenics_mortar.interface.segments import Segments, find_segments
-from fenics_mortar.interface.sight import View
 from fenics_mortar.interface.surfaces import Surface
 from fenics_mortar.kernels import facets, normals
 from fenics_mortar.utils.arrays import Array, Indices

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Mortar operators of a slave surface on a rigid obstacle, with their derivatives.
 
-The slave is integrated facet by facet, on Gauss points or on the nodes, with the multiplier
-functions of a fully covered facet. For phi, V and arm see ``obstacles.obstacle``.
+The slave is integrated facet by facet, on Gauss points or nodes, with the multiplier functions of
+fully covered facets and the out-of-plane thickness. For phi, V, arm see ``obstacles.obstacle``.
 
 ==========  ==========================================================================
 symbol      meaning
 ==========  ==========================================================================
 Phi         C N with C = H diag(d) mass^-1 (dual) or H (standard), where d_j = int N_j,
-            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours;
-            integrals are weighted by the out-of-plane thickness
+            mass_jk = int N_j N_k and H adds functions without multiplier to neighbours
 D[j, k]     int Phi_j N_k: H[j, k] d_k of dual functions
 g[j]        int Phi_j phi: the weighted gap
 n           -grad phi / |grad phi| at the slave node

@@ -12,11 +12,11 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from fenics_mortar.la.costs import COSTS
 from fenics_mortar.la.multigrid import ContactPreconditioner
 from fenics_mortar.la.options import (
     COMPLIANCE,
     DIRECT,
-    LONG_ROWS,
     SMALL,
     options_added,
     with_defaults,
@@ -38,7 +38,10 @@ REASONS = {
     for name, number in vars(PETSc.KSP.ConvergedReason).items()
     if name.isupper() and isinstance(number, int)
 }
-NO_FACTORS = (-9, -11)
+NO_FACTORS = (
+    PETSc.KSP.ConvergedReason.DIVERGED_NANORINF,
+    PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED,
+)
 
 
 class LinearSolver:
@@ -180,7 +183,7 @@ class LinearSolver:
     def _has_long_rows(self) -> bool:
         """Whether the rows of the factors are long enough for MUMPS to be faster."""
         factors = self.ksp.getPC().getFactorMatrix()
-        return bool(factors.getInfo()["nz_used"] > LONG_ROWS * factors.getSize()[0])
+        return bool(factors.getInfo()["nz_used"] > COSTS.long_rows * factors.getSize()[0])
 
     def _attempt(self, matrix: PETSc.Mat, values: Array, transpose: bool) -> tuple[PETSc.Vec, str]:
         """A solution, and the failure as the end of a sentence; "" if the solution is accepted."""

@@ -27,9 +27,9 @@ from fenics_mortar.utils.arrays import Array
 from fenics_mortar.utils.errors import call_together
 from fenics_mortar.utils.rounding import EPSILON
 
-# Step of difference quotients, relative to the parameter [1], and largest relative difference from
-# the complex step [1]: errors of the quotients are of the order of the step.
-QUOTIENT, SAME_DERIVATIVE = 1e-6, 1e-3
+# Step of difference quotients, relative to the parameter [1]: errors of the quotients are of the
+# order of the step. Its square root is the largest relative difference from the complex step.
+QUOTIENT = 1e-6
 
 
 # Arguments of laws that are converted to complex numbers, so that arrays created like them are
@@ -188,7 +188,7 @@ def differentiate(
         moved = np.real(function(value + sign * direction))
         errors.append(np.abs((moved - start) / sign - derivative))
     rounding = 10.0 * EPSILON * np.maximum(np.abs(start).max(axis=1), terms) / step
-    allowed = SAME_DERIVATIVE * np.abs(derivative).max(axis=1) + rounding
+    allowed = np.sqrt(QUOTIENT) * np.abs(derivative).max(axis=1) + rounding
     if (np.minimum(*errors) > allowed[:, None]).any():
         raise ValueError(
             f"{words} contradicts difference quotients; expected the law to be analytic in the "
