@@ -102,8 +102,8 @@ class LinearSolver:
             self.ksp.getPC().setPythonContext(self.multigrid)
         self._finest, *_ = self.ksp.getTolerances()
         self._is_direct = self.ksp.getType() == "preonly"
-        asked = [*options, *PETSc.Options(self._prefix).getAll()]
-        self._is_shown = any(name.startswith("ksp_view") for name in asked)
+        names = [*options, *PETSc.Options(self._prefix).getAll()]
+        self._is_shown = any(name.startswith("ksp_view") for name in names)
 
     def _begin_anew(self) -> None:
         """Read PETSc's options and make vectors at the next solve (local)."""
@@ -113,7 +113,7 @@ class LinearSolver:
 
     def _reset(self) -> None:
         self.ksp.reset()
-        if self._is_shown:  # a reset makes PETSc forget that it shall show the solver
+        if self._is_shown:  # the reset removes PETSc's viewers
             with options_added(self._prefix, self._options, self._used):
                 self.ksp.setFromOptions()
         self._begin_anew()

@@ -149,7 +149,7 @@ def test_ranks_agree(pair):
 @pytest.mark.serial
 @pytest.mark.long
 def test_four_ranks_agree(tmp_path):
-    """The test above on more ranks than the others run on, and than there may be cores."""
+    """The test above on more ranks than other tests use, possibly more than there are cores."""
     test = f"{__file__}::test_ranks_agree[pair0]"
     finished = run(tmp_path, 4, "-m", "pytest", "-q", "-p", "no:cacheprovider", test)
     assert finished.returncode == 0, finished.stdout[-2000:] + finished.stderr[-2000:]

@@ -67,7 +67,7 @@ def test_state_of_redundant_shears_is_kept_by_a_further_solve():
 
 
 def test_marks_of_the_last_solve_are_cleared_where_the_next_begins():
-    """A mark is kept while the node sticks: within a solve."""
+    """Within a solve a mark remains as long as the node sticks."""
     problem = small_blocks(pair={"law": fm.Coulomb(0.5)}).problem
     contact = problem.equations.contacts[0]
     for start in (False, True):

@@ -30,7 +30,7 @@ def test_surfaces_that_just_touch_are_loaded(seed, mu):
 
 
 def test_without_nodes_there_is_nothing_to_follow():
-    """As where a path ends while all surfaces are apart."""
+    """For example if all surfaces are separated at the end of a path."""
     p = FrictionProblem(np.zeros((0, 0)), np.zeros(0), np.zeros(0))
     assert follow_loads(p, *unloaded(0)).active.size == 0
 

@@ -230,7 +230,7 @@ def test_limit_analysis_of_a_case_is_the_same_in_its_units_and_where_it_is_turne
 
 @pytest.mark.serial
 def test_confirmed_are_dead_ends_where_bodies_give_way_alone():
-    """Not earlier, not beyond, and none that slid; of few nodes, for which the program is small."""
+    """Only at the limit load, without slip before; few nodes, so that the program is small."""
     case = supported_case(10)
     assert 1.2 < case.end < 2.0
     late, early = case.end + 0.2, 0.5 * case.end
