@@ -185,7 +185,13 @@ class ContactProblem:
 
     # Solving
 
-    def solve(self, *, accept_violations: bool = False, predict: bool = True) -> NewtonReport:
+    def solve(
+        self,
+        *,
+        accept_violations: bool = False,
+        predict: bool = True,
+        sensitivity: Any | None = None,
+    ) -> NewtonReport:
         """Solve for the present loads and prescribed values; update ``u`` and the multipliers.
 
         Collective.
@@ -195,6 +201,8 @@ class ContactProblem:
                 continue in their direction, see ``continuation``; it is the last state otherwise.
             accept_violations: Whether to return a state that violates its certificate instead of
                 raising an error; see ``report.certificate``.
+            sensitivity: A ``fm.sensitivity.Numerics``: the dependence of a quantity on choices of
+                the numerics is then ``report.sensitivity``.
 
         Returns:
             The record of the Newton iterations.
@@ -213,7 +221,7 @@ class ContactProblem:
         self._present.renew_if_interrupted()
         self.equations.bulk.input_data.check()
         remarks = self._inputs.check(
-            self.newton, accept_violations=accept_violations, predict=predict
+            self.newton, sensitivity, accept_violations=accept_violations, predict=predict
         )
         with restored_if_interrupted(self.equations, self._adequacy):
             report = None if self._adequacy is None else self._adequacy.solve_cheaper()
@@ -223,6 +231,8 @@ class ContactProblem:
                 report = self._continuation.solve(solve, guess=predict)
             if self._adequacy is not None:
                 report.adequacy = self._adequacy.assess(self)
+            if sensitivity is not None:
+                report.sensitivity = sensitivity.of(self)
         return report
 
     def accept(self) -> None:

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from fenics_mortar.bulk.checks import refuse_inertia
 from fenics_mortar.equations.general import ContactEquations
-from fenics_mortar.equations.linearized import LinearizedEquations, LinearVector
+from fenics_mortar.equations.linearized import LinearVector
 from fenics_mortar.equations.solver import Solver
 from fenics_mortar.equations.undo import restored_if_interrupted
 from fenics_mortar.utils.arrays import Array
@@ -79,8 +79,7 @@ class PresentState:
         with restored_if_interrupted(e, self._adequacy):
             e.evaluate_operators()
             e.bulk.free_garbage()
-            linearized = LinearizedEquations(e.bulk, e.contacts, e.motions, e.system)
-            return linearized.solve(rhs, transpose=transpose)
+            return e.linearized().solve(rhs, transpose=transpose)
 
     def check_tangent(self, **options: Any) -> TangentCheck:
         """See ``ContactProblem.check_tangent``."""

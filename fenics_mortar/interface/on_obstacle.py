@@ -318,6 +318,38 @@ def integrate_facets(
     return D, dD, g, dg, -np.einsum("ejp,ep,epc,epmc->ejm", Psi, W, gradient, V), d
 
 
+def gap_weights(
+    x: Array,
+    weights: Array,
+    rule: tuple[Array, Array],
+    options: MortarOptions,
+    thickness: tuple[Array, float] | None = None,
+) -> tuple[Array, Array]:
+    """Weights of distances at q points of f facets in the weighted gaps (local).
+
+    Args:
+        x: See ``integrate_facets``.
+        weights: See ``integrate_facets``.
+        rule: See ``integrate_facets``.
+        options: See ``integrate_facets``.
+        thickness: See ``integrate_facets``.
+
+    Returns:
+        The points (f, q, 2) [length], and the weights (f, K, q) [length].
+    """
+    (N, dN), size = _shapes(rule[0], x.shape[1]), x.shape[1]
+    tangent, at = np.einsum("kp,ekc->epc", dN, x), np.einsum("kp,ekc->epc", N, x)
+    W = rule[1] * np.sqrt((tangent**2).sum(axis=2))
+    if thickness is not None:
+        W = W * (thickness[0] @ N)
+    A = np.broadcast_to(np.eye(size), (len(x), size, size))
+    basis, by = options.kinds
+    if basis == DUAL and by != BY_STANDARD:
+        mass = np.einsum("ep,jp,kp->ejk", W, N, N)
+        A = np.einsum("ep,jp->ej", W, N)[:, :, None] * np.linalg.inv(mass)
+    return at, (weights @ A @ N) * W[:, None]
+
+
 def thickness_of(slave: Surface, x: Array, nodes: Indices) -> tuple[Array, float] | None:
     """Thickness at the ``nodes`` (f, K) of facets, and its derivative; ``None`` without one."""
     if slave.thickness is None:

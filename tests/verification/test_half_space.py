@@ -35,7 +35,7 @@ def point_load(force):
     return field
 
 
-def pressed_space(count, body, force, *, reach, degree=1, size=30.0):
+def pressed_space(count, body, force, *, reach, degree=1, size=30.0, growth=0.2):
     """A half space under a rigid ``body``; far away it has the displacement by a point load.
 
     Args:
@@ -45,8 +45,9 @@ def pressed_space(count, body, force, *, reach, degree=1, size=30.0):
         reach: Part of the surface that may touch, r < reach.
         degree: Degree of displacements.
         size: Extent of the mesh.
+        growth: Growth of the cells away from the body, from one to the next [1].
     """
-    x = graded(1.0 / count, round(reach * count), 0.2, size)
+    x = graded(1.0 / count, round(reach * count), growth, size)
     grid = np.stack(np.meshgrid(x, -x[::-1], indexing="ij"), axis=2)
     mesh = read(build, grids=[Grid("space", grid)]).mesh
     edge = size * (1 - 1e-9)
@@ -74,12 +75,12 @@ def pressed_space(count, body, force, *, reach, degree=1, size=30.0):
     return contact.operators.x[:, 0], contact.pressure, contact.operators.weight, problem
 
 
-def elastic_ball(count):
+def elastic_ball(count, growth=0.2):
     """A ball on a half space of the same material, E* = 1/2, by far fields of point loads."""
     force, size = 2 / 3 * SLOPE, 30.0
     grids = []
     for name, n in (("ball", count), ("space", round(0.7 * count))):
-        x = graded(1.0 / n, round(1.5 * n), 0.2, size)
+        x = graded(1.0 / n, round(1.5 * n), growth, size)
         r, depth = np.meshgrid(x, -x[::-1], indexing="ij")
         sphere = 1 / SLOPE - np.sqrt(1 / SLOPE**2 - r**2)
         z = depth if name == "space" else sphere - depth * (1 - sphere / size)
