@@ -63,7 +63,7 @@ class LinearSolver:
         ksp: PETSc's solver.
         forcing: Allowed relative residual of the next solve if it is iterative, or by GMRES with
             the factors of an earlier iteration [1].
-        same_step: Whether the next matrix is that of a further iteration of the same load step.
+        same_step: Whether the next matrix belongs to a further iteration of the same load step.
         may_factor: Whether MUMPS is used permanently after a failure of an iterative solver, or of
             one without pivoting.
         remark: Message on such a change of the solver or on unused options; else "".
@@ -193,7 +193,7 @@ class LinearSolver:
         return kept and self.forcing > 0.0 and matrix.getSize()[0] >= MIN_LAGGED
 
     def _solve_with_last_factors(self, matrix: PETSc.Mat, values: Array) -> Array | None:
-        """Solution by GMRES with the last factors, ``None`` where that takes too many steps."""
+        """Solution by GMRES with the last factors, ``None`` if it takes too many steps."""
         if self._lagged is None:
             self._lagged = LaggedFactors(self.ksp.getPC())
         rhs, solution, *_ = self._vectors
