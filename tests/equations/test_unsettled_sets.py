@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Active sets that do not settle where no body floats: those of the linearized problem."""
+"""Active sets that do not settle without floating bodies: sets of the linearized problem."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def plates(cell, law):
 @pytest.mark.parametrize("mu", [0.0, 0.3, 2.0])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_thin_plates_that_touch_settle(cell, mu):
-    """Bent plates open and close over wide parts at once; the force grows as the push."""
+    """Bent plates open and close over wide parts simultaneously; the force grows with the push."""
     problem, push = plates(cell, fm.Coulomb(mu) if mu else None)
     forces = []
     for depth in (1e-6, 2e-6):

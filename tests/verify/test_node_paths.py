@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Ways of bodies in a step, at random: nothing that slides is told of, all that goes through is."""
+"""Random paths of bodies in a step: sliding is not reported, passages are."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from fenics_mortar.verify.node_paths import Motions, own_frame, passed_through
 
 
 def count_passages(x0, x1, segments, after, before, bodies):
-    """Ways that went through, looked for as in ``Crossings.passages``."""
+    """Number of paths through bodies, searched as in ``Crossings.passages``."""
     motions, of_segments = Motions(x0, x1, bodies), bodies[segments[:, 0]]
     everything = np.ones(len(segments), bool)
     looks = [
@@ -80,7 +80,7 @@ def test_block_that_is_moved_through_a_plate_is_seen_however_both_turn(seed):
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(60))
 def test_ring_and_shaft_that_turn_do_not_go_through_each_other(seed):
-    """Of one radius, with facets that do not match, each by its own angle."""
+    """Equal radii with nonmatching facets, each rotated by a different angle."""
     random = np.random.default_rng(seed)
     counts, angles = random.integers(12, 80, 2), random.uniform(-3.1, 3.1, 2)
     loops = [circle(0.0, 0.0, 1.0, counts[0], random.uniform(0.0, 6.0))]
