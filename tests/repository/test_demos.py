@@ -19,8 +19,8 @@ DEMOS = sorted((Path(__file__).resolve().parents[2] / "demos").glob("demo_*.py")
 ON_RANKS = {"demo_tied": 2}
 # four to thirty seconds each: of many steps, solves or meshes
 LONG = (
-    "demo_ball", "demo_identify", "demo_interference", "demo_ironing", "demo_profile", "demo_seal",
-    "demo_snap_fit",
+    "demo_ball", "demo_identify", "demo_interference", "demo_ironing", "demo_profile",
+    "demo_rollers", "demo_seal", "demo_snap_fit", "demo_tied", "demo_wear",
 )  # fmt: skip
 # a demo promises a minute; a loaded machine gets four
 LIMIT = 240
