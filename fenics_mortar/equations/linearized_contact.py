@@ -62,13 +62,15 @@ class LinearizedContact:
 
     @property
     def applies(self) -> bool:
-        """Whether nodes are few and all laws are Coulomb's or frictionless.
+        """Whether some nodes, but few, may touch, and all laws are Coulomb's or frictionless.
 
         If bodies float, one law has to have friction: without it a round body on facets may have no
         equilibrium near by, and the sets of the linearized problem would let it roll on.
         """
         touching = [_may_touch(contact) for contact in self._contacts]
         tied = [c.active for c in self._system.contacts if not isinstance(c, Contact)]
+        if not any(nodes.any() for nodes in touching):
+            return False
         if sum(int(nodes.sum()) for nodes in [*touching, *tied]) > MAX_NODES:
             return False
         laws = [contact.pair.law for contact in self._contacts]
